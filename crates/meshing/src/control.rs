@@ -1,0 +1,81 @@
+//! Progress and cancellation, polled by the kernels.
+//!
+//! The crate owns no clock, no thread and no logger: whoever calls a kernel passes a [`Control`],
+//! hears of each stage as it begins and advances, and may answer that the work is no longer
+//! wanted. Kernels poll at least every few thousand elementary steps, so that a cancelled call
+//! returns within milliseconds.
+
+use std::fmt;
+use thiserror::Error;
+
+/// The stages of a method, in the order in which they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stage {
+    /// Significance of every lattice point, normalised to a density.
+    Density,
+    /// Choice of the initial points by error diffusion.
+    Diffuse,
+    /// Preferred-directions Delaunay triangulation of the initial points.
+    Triangulate,
+    /// Greedy point removal.
+    Simplify,
+    /// The picture rebuilt from the mesh.
+    Rasterize,
+}
+
+impl Stage {
+    /// Every stage, in order.
+    pub const ALL: [Self; 5] =
+        [Self::Density, Self::Diffuse, Self::Triangulate, Self::Simplify, Self::Rasterize];
+
+    /// The stage's name in lower case, as logs, metrics and `Server-Timing` carry it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Density => "density",
+            Self::Diffuse => "diffuse",
+            Self::Triangulate => "triangulate",
+            Self::Simplify => "simplify",
+            Self::Rasterize => "rasterize",
+        }
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.name())
+    }
+}
+
+/// The work was cancelled through its [`Control`].
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("cancelled")]
+pub struct Cancelled;
+
+/// What a kernel asks while it works.
+pub trait Control: Sync {
+    /// Hears that `done` of `total` steps of `stage` are behind; `done == 0` when the stage
+    /// begins.
+    ///
+    /// Called often: an implementation must return at once.
+    ///
+    /// # Errors
+    /// [`Cancelled`] makes the kernel stop and its caller get that error.
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled>;
+}
+
+/// A control that listens to nothing and never cancels.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unattended;
+
+impl Control for Unattended {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        Ok(())
+    }
+}
+
+impl<C: Control + Send + ?Sized> Control for std::sync::Arc<C> {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        (**self).poll(stage, done, total)
+    }
+}

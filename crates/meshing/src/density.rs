@@ -1,0 +1,140 @@
+//! An image's density of sample points: significance, aggregated over components and normalised.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::filter::{Filter, Order};
+use crate::image::Image;
+use crate::luma::luma;
+use crate::method::{Parameters, Policy};
+use crate::significance::{Significance, vector_gradient};
+
+/// What the largest significance is raised by before it divides, so that a picture without any
+/// detail has density 0 and not 0/0.
+const NORMALISATION_FLOOR: f64 = 1e-12;
+
+/// How densely sample points should lie: fields of `width * height` numbers in `0.0..=1.0`, row 0
+/// at the bottom.
+///
+/// There is one field, but one per component where the policy diffuses each component on its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Density {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) fields: Vec<Vec<f64>>,
+}
+
+/// How the significance of several components becomes one.
+#[derive(Clone, Copy)]
+enum Aggregation {
+    Maximum,
+    Mean,
+    /// Not at all: one field per component.
+    Apart,
+}
+
+impl Density {
+    /// Computes the density that the parameters' policy and filters give an image.
+    ///
+    /// The policy must be defined for the image's number of components, see
+    /// [`Parameters::plan`]; the vector gradient is computed of any number.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub fn new(
+        image: &Image,
+        parameters: &Parameters,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        use Aggregation::{Apart, Maximum, Mean};
+        use Significance::{Mmsodd, Mol};
+        let filter = Filter::new(parameters);
+        let of = |significance, aggregation| {
+            aggregate(image, &filter, significance, aggregation, control)
+        };
+        let fields = match parameters.policy {
+            Policy::PsaD | Policy::PsdMaxD => of(Mmsodd, Maximum)?,
+            Policy::PsaL | Policy::PsdMaxL => of(Mol, Maximum)?,
+            Policy::PsdAvgD => of(Mmsodd, Mean)?,
+            Policy::PsdAvgL => of(Mol, Mean)?,
+            Policy::PseD => of(Mmsodd, Apart)?,
+            Policy::PseL => of(Mol, Apart)?,
+            Policy::PsbD => aggregate(&luma(image), &filter, Mmsodd, Maximum, control)?,
+            Policy::PsbL => aggregate(&luma(image), &filter, Mol, Maximum, control)?,
+            Policy::Psc => vec![vector_gradient(&filter, image.components(), image.width())],
+        };
+        let mut density = Self { width: image.width(), height: image.height(), fields };
+        if image.is_flat() {
+            density.clear();
+        }
+        density.normalise();
+        Ok(density)
+    }
+
+    /// Columns.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The fields, each `width * height` numbers in `0.0..=1.0`, row 0 at the bottom.
+    #[must_use]
+    pub fn fields(&self) -> &[Vec<f64>] {
+        &self.fields
+    }
+
+    /// Sets all fields to 0: a picture of one colour has no feature, though the extension of it
+    /// by zeros would make one of its border.
+    fn clear(&mut self) {
+        self.fields.iter_mut().flatten().for_each(|value| *value = 0.0);
+    }
+
+    /// Divides all fields by their common maximum.
+    fn normalise(&mut self) {
+        let largest = self.fields.iter().flatten().copied().fold(0.0, f64::max);
+        let divisor = largest + NORMALISATION_FLOOR;
+        self.fields.iter_mut().flatten().for_each(|value| *value /= divisor);
+    }
+}
+
+/// The significance of each component, brought together in one field or left apart.
+fn aggregate(
+    image: &Image,
+    filter: &Filter,
+    significance: Significance,
+    aggregation: Aggregation,
+    control: &dyn Control,
+) -> Result<Vec<Vec<f64>>, Cancelled> {
+    let (width, count) = (image.width(), image.component_count());
+    let field_count = if matches!(aggregation, Aggregation::Apart) { count } else { 1 };
+    let mut fields = vec![vec![0.0; image.pixel_count()]; field_count];
+    let mut values = vec![0.0; width];
+    for (c, component) in image.components().iter().enumerate() {
+        control.poll(Stage::Density, c, count)?;
+        let field = &mut fields[c.min(field_count - 1)];
+        filter.for_each_row(component, width, Order::Second, |y, row| {
+            significance.evaluate(row, filter.divisor(), &mut values);
+            merge(&mut field[y * width..][..width], &values, aggregation);
+        });
+    }
+    if matches!(aggregation, Aggregation::Mean) {
+        fields.iter_mut().flatten().for_each(|value| *value /= count as f64);
+    }
+    control.poll(Stage::Density, count, count)?;
+    Ok(fields)
+}
+
+/// Brings one component's row into the field's.
+fn merge(field: &mut [f64], values: &[f64], aggregation: Aggregation) {
+    for (sum, &value) in field.iter_mut().zip(values) {
+        *sum = match aggregation {
+            Aggregation::Maximum => sum.max(value),
+            Aggregation::Mean => *sum + value,
+            Aggregation::Apart => value,
+        };
+    }
+}

@@ -1,0 +1,123 @@
+//! From an image to its mesh: the stages of every method, in order.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::face_error::FaceErrors;
+use crate::image::Image;
+use crate::luma::luma;
+use crate::mesh::{Mesh, Shape};
+use crate::method::{Meshed, ParameterError, Parameters, Plan};
+use crate::metrics::Fidelity;
+use crate::sample_points::sample_points;
+use crate::simplify::{StopRule, simplify};
+use crate::triangulation::Triangulation;
+use thiserror::Error;
+
+/// A mesh made of an image, with what is known of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// How close the picture rebuilt from the mesh is to the image.
+    pub fidelity: Fidelity,
+    /// The numbers that the parameters meant for this image.
+    pub plan: Plan,
+}
+
+/// Why no mesh was made.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum GenerateError {
+    /// A parameter is out of its bounds or not defined for such an image.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The control cancelled the work.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Makes a mesh of an image: chooses the initial points, triangulates them and removes the least
+/// useful ones.
+///
+/// The same image and parameters give the same mesh, vertices by row, then column, faces in
+/// ascending order, on every machine.
+///
+/// # Errors
+/// When a parameter is out of its bounds or not defined for such an image, or the control cancels.
+pub fn generate(
+    image: &Image,
+    parameters: &Parameters,
+    control: &dyn Control,
+) -> Result<Model, GenerateError> {
+    let plan = parameters.plan(image.shape())?;
+    let triangulation = match parameters.meshed {
+        Meshed::Components => triangulate_image(image, parameters, plan, control)?,
+        Meshed::Luma => triangulate_image(&luma(image), &on_luma(parameters), plan, control)?,
+    };
+    let fidelity = Fidelity::of_sum(squared_error(image, &triangulation), image);
+    let mesh = carry_samples(image, triangulation);
+    Ok(Model { mesh, fidelity, plan })
+}
+
+/// Chooses, triangulates and simplifies.
+fn triangulate_image(
+    image: &Image,
+    parameters: &Parameters,
+    plan: Plan,
+    control: &dyn Control,
+) -> Result<Triangulation, Cancelled> {
+    let points = sample_points(image, parameters, plan.initial_size, control)?;
+    control.poll(Stage::Triangulate, 0, 1)?;
+    let triangulation = Triangulation::new(points);
+    let Plan { size, initial_size, minimum_psnr_db } = plan;
+    let bad_point_removal = parameters.bad_point_removal;
+    if initial_size == size && minimum_psnr_db.is_none() && !bad_point_removal {
+        // A one-shot mesh has the size that error diffusion gave it, a few points more or fewer.
+        return Ok(triangulation);
+    }
+    simplify(image, triangulation, StopRule { size, minimum_psnr_db, bad_point_removal }, control)
+}
+
+/// The parameters of a colour method for the luma, an image of one component.
+fn on_luma(parameters: &Parameters) -> Parameters {
+    let policy = parameters.policy.of_one_component();
+    Parameters { policy, meshed: Meshed::Components, ..parameters.clone() }
+}
+
+/// The squared error of an image's approximation over a triangulation.
+fn squared_error(image: &Image, triangulation: &Triangulation) -> u64 {
+    let mut errors = FaceErrors::new(image);
+    let faces = triangulation.origins.chunks_exact(3);
+    faces
+        .map(|face| {
+            let corner = |i: usize| triangulation.points[face[i] as usize];
+            errors.squared_error([corner(0), corner(1), corner(2)])
+        })
+        .sum()
+}
+
+/// The mesh of a triangulation whose vertices carry the image's samples.
+fn carry_samples(image: &Image, triangulation: Triangulation) -> Mesh {
+    let faces = triangulation.faces();
+    let points = triangulation.points;
+    let samples = points
+        .iter()
+        .flat_map(|p| {
+            let components = 0..image.component_count();
+            components.map(|c| image.sample(c, p.x as usize, p.y as usize))
+        })
+        .collect();
+    Mesh::from_kernel(image.shape(), points, samples, faces)
+}
+
+impl Image {
+    /// Width, height, number of components and precision.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        Shape {
+            width: self.width(),
+            height: self.height(),
+            component_count: self.component_count(),
+            precision: self.precision(),
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! Planar integer images: the input of every method and the output of rasterisation.
+//!
+//! This is the one statement of the coordinate convention: `x` grows to the right from 0 to
+//! `width - 1`, `y` grows **upwards** from 0 to `height - 1`, so row 0 is the bottom row of the
+//! picture. Decoders, whose rows come from the top, flip once with [`Image::from_top_down`];
+//! nothing inside this crate flips again.
+
+use thiserror::Error;
+
+/// The most columns or rows an image may have, so that `2 * area` of any triangle and every
+/// product of two coordinates fit comfortably into 64 bits.
+pub const MAX_SIDE: usize = 1 << 20;
+
+/// An image of any number of components, each sample an integer of 1 to 16 bits.
+///
+/// Components are stored one after the other, each row by row from the bottom.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    width: usize,
+    height: usize,
+    precision: u8,
+    components: Vec<Vec<u16>>,
+}
+
+/// Why samples do not make an image.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// One row or one column cannot be triangulated.
+    #[error(
+        "an image of {width}x{height} cannot be meshed: two columns and two rows are the least"
+    )]
+    TooSmall {
+        /// Columns given.
+        width: usize,
+        /// Rows given.
+        height: usize,
+    },
+    /// A side is longer than [`MAX_SIDE`].
+    #[error("an image of {width}x{height} is too large: {MAX_SIDE} columns and rows are the most")]
+    TooLarge {
+        /// Columns given.
+        width: usize,
+        /// Rows given.
+        height: usize,
+    },
+    /// The precision lies outside 1..=16.
+    #[error("a precision of {0} bits is not supported: 1 to 16 are")]
+    Precision(u8),
+    /// There is no component.
+    #[error("an image needs at least one component")]
+    NoComponents,
+    /// A component does not hold `width * height` samples.
+    #[error("component {component} holds {actual} samples where {expected} are needed")]
+    SampleCount {
+        /// Index of the component.
+        component: usize,
+        /// Samples found.
+        actual: usize,
+        /// Samples needed.
+        expected: usize,
+    },
+    /// A sample does not fit the precision.
+    #[error(
+        "component {component} holds the sample {sample}, more than the {maximum} that {precision} bits allow"
+    )]
+    SampleRange {
+        /// Index of the component.
+        component: usize,
+        /// The sample found.
+        sample: u16,
+        /// The largest sample allowed, `2^precision - 1`.
+        maximum: u16,
+        /// Bits per sample.
+        precision: u8,
+    },
+}
+
+impl Image {
+    /// Makes an image of components whose rows run from the bottom to the top.
+    ///
+    /// `components[c][y * width + x]` is the sample of component `c` at `(x, y)`, in
+    /// `0..=2^precision - 1`.
+    ///
+    /// # Errors
+    /// When a side is under 2 or over [`MAX_SIDE`], the precision is not 1..=16, there is no
+    /// component, or a component has the wrong length or a sample out of range.
+    pub fn new(
+        width: usize,
+        height: usize,
+        precision: u8,
+        components: Vec<Vec<u16>>,
+    ) -> Result<Self, ImageError> {
+        check_shape(width, height, precision)?;
+        if components.is_empty() {
+            return Err(ImageError::NoComponents);
+        }
+        let maximum = largest_sample(precision);
+        for (component, samples) in components.iter().enumerate() {
+            let expected = width * height;
+            if samples.len() != expected {
+                let actual = samples.len();
+                return Err(ImageError::SampleCount { component, actual, expected });
+            }
+            if let Some(&sample) = samples.iter().find(|&&sample| sample > maximum) {
+                return Err(ImageError::SampleRange { component, sample, maximum, precision });
+            }
+        }
+        Ok(Self { width, height, precision, components })
+    }
+
+    /// Makes an image of components whose rows run from the top to the bottom, as files have
+    /// them; the one place where rows are flipped.
+    ///
+    /// # Errors
+    /// As [`Image::new`].
+    pub fn from_top_down(
+        width: usize,
+        height: usize,
+        precision: u8,
+        mut components: Vec<Vec<u16>>,
+    ) -> Result<Self, ImageError> {
+        check_shape(width, height, precision)?;
+        for samples in &mut components {
+            flip_rows(samples, width);
+        }
+        Self::new(width, height, precision, components)
+    }
+
+    /// An image of parts that a kernel of this crate has made valid.
+    pub(crate) fn from_kernel(
+        width: usize,
+        height: usize,
+        precision: u8,
+        components: Vec<Vec<u16>>,
+    ) -> Self {
+        Self { width, height, precision, components }
+    }
+
+    /// An image of the same shape but for its components, which a kernel of this crate made of
+    /// this image's samples.
+    pub(crate) fn with_components(&self, components: Vec<Vec<u16>>) -> Self {
+        Self { components, ..*self }
+    }
+
+    /// Tells whether every component is one sample repeated.
+    pub(crate) fn is_flat(&self) -> bool {
+        let repeats = |samples: &Vec<u16>| samples.iter().all(|&sample| sample == samples[0]);
+        self.components.iter().all(repeats)
+    }
+
+    /// Number of columns, at least 2.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of rows, at least 2.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Number of lattice points, `width * height`.
+    #[must_use]
+    pub fn pixel_count(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Bits per sample, 1 to 16.
+    #[must_use]
+    pub fn precision(&self) -> u8 {
+        self.precision
+    }
+
+    /// The largest sample the precision allows, `2^precision - 1`.
+    #[must_use]
+    pub fn max_sample(&self) -> u16 {
+        largest_sample(self.precision)
+    }
+
+    /// Number of components, at least 1.
+    #[must_use]
+    pub fn component_count(&self) -> usize {
+        self.components.len()
+    }
+
+    /// The components in order, each `width * height` samples, row 0 at the bottom.
+    #[must_use]
+    pub fn components(&self) -> &[Vec<u16>] {
+        &self.components
+    }
+
+    /// The samples of component `c` in row `y`, from left to right.
+    ///
+    /// # Panics
+    /// When `c` or `y` is out of range.
+    #[must_use]
+    pub fn row(&self, c: usize, y: usize) -> &[u16] {
+        &self.components[c][y * self.width..][..self.width]
+    }
+
+    /// The sample of component `c` at `(x, y)`.
+    ///
+    /// # Panics
+    /// When `c` or the position is out of range.
+    #[must_use]
+    pub fn sample(&self, c: usize, x: usize, y: usize) -> u16 {
+        self.row(c, y)[x]
+    }
+}
+
+/// The largest sample of `precision` bits (1..=16).
+pub(crate) fn largest_sample(precision: u8) -> u16 {
+    u16::MAX >> (16 - precision)
+}
+
+/// Checks what can be known of an image before its samples.
+pub(crate) fn check_shape(width: usize, height: usize, precision: u8) -> Result<(), ImageError> {
+    if width < 2 || height < 2 {
+        return Err(ImageError::TooSmall { width, height });
+    }
+    if width > MAX_SIDE || height > MAX_SIDE {
+        return Err(ImageError::TooLarge { width, height });
+    }
+    if !(1..=16).contains(&precision) {
+        return Err(ImageError::Precision(precision));
+    }
+    Ok(())
+}
+
+/// Reverses the order of whole rows in place.
+fn flip_rows(samples: &mut [u16], width: usize) {
+    let mut rows = samples.chunks_exact_mut(width);
+    while let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {
+        first.swap_with_slice(last);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_given_from_the_top_end_up_with_the_bottom_row_first() {
+        let image = Image::from_top_down(2, 3, 8, vec![vec![1, 2, 3, 4, 5, 6]]).unwrap();
+        assert_eq!(image.row(0, 0), [5, 6]);
+        assert_eq!(image.row(0, 2), [1, 2]);
+        assert_eq!(image.sample(0, 1, 1), 4);
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused_with_the_numbers_in_the_message() {
+        let message = |result: Result<Image, ImageError>| result.unwrap_err().to_string();
+        assert!(message(Image::new(1, 5, 8, vec![vec![0; 5]])).contains("1x5"));
+        assert!(message(Image::new(5, 1, 8, vec![vec![0; 5]])).contains("5x1"));
+        assert!(message(Image::new(2, 2, 0, vec![vec![0; 4]])).contains("0 bits"));
+        assert!(message(Image::new(2, 2, 17, vec![vec![0; 4]])).contains("17 bits"));
+        assert!(message(Image::new(2, 2, 8, vec![])).contains("component"));
+        assert!(message(Image::new(2, 2, 8, vec![vec![0; 3]])).contains("3 samples"));
+        assert!(message(Image::new(2, 2, 1, vec![vec![0, 1, 2, 0]])).contains("sample 2"));
+        assert!(message(Image::new(MAX_SIDE + 1, 2, 1, vec![])).contains("1048577x2"));
+    }
+}

@@ -1,0 +1,75 @@
+//! Triangle-mesh models of images: the kernels.
+//!
+//! An image, a grid of integer samples, is approximated by a mesh of triangles whose vertices are
+//! some of its lattice points and carry their samples; within each triangle every component is
+//! interpolated linearly. Few vertices, well placed, give a picture close to the original. The
+//! methods are those of "Effective Techniques for Generating Delaunay Mesh Models of Single- and
+//! Multi-Component Images" (thesis, University of Victoria): sample points are picked by error
+//! diffusion of a second-derivative density ([`Method::Med`]), and a mesh that starts with four
+//! times as many is simplified by greedy point removal ([`Method::Mgprfs`]).
+//!
+//! Everything is deterministic: predicates are exact integers, errors are exact sums, and the
+//! result does not depend on the machine. The crate does no input or output and has no global
+//! state; a [`Control`] hears of progress and may cancel.
+//!
+//! ```
+//! use pixmesh_meshing::{Image, Method, Target, Unattended, generate, rasterize};
+//!
+//! // A 64 by 64 picture of a bright disc, 8 bits, one component.
+//! let disc = |x: i32, y: i32| if (x - 32).pow(2) + (y - 32).pow(2) < 400 { 230 } else { 20 };
+//! let samples = (0..64).flat_map(|y| (0..64).map(move |x| disc(x, y))).collect();
+//! let image = Image::new(64, 64, 8, vec![samples])?;
+//!
+//! let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
+//! let model = generate(&image, &parameters, &Unattended)?;
+//! assert_eq!(model.mesh.points().len(), 163); // 4 % of 4096
+//! assert!(model.fidelity.psnr_db() > 24.0);
+//!
+//! let rebuilt = rasterize(&model.mesh, &Unattended)?;
+//! assert_eq!(rebuilt.width(), 64);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! In reading order: [`Image`] states the coordinate convention; `filter`, `significance` and
+//! [`Density`] turn it into a density; `error_diffusion` and [`sample_points`] choose points of it;
+//! `predicates` ([`orientation`], [`in_circle`]) and [`triangulate`] connect them; `hole`,
+//! `face_rows`, `interpolant` and `face_error` serve `simplify`, which removes points;
+//! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as [`Parameters`] say.
+
+mod control;
+mod density;
+mod error_diffusion;
+mod face_error;
+mod face_rows;
+mod filter;
+mod generate;
+mod hilbert;
+mod hole;
+mod image;
+mod interpolant;
+mod luma;
+mod mesh;
+mod method;
+mod metrics;
+mod predicates;
+mod rasterize;
+mod removal_queue;
+mod sample_points;
+mod significance;
+mod simplify;
+mod triangulation;
+
+pub use control::{Cancelled, Control, Stage, Unattended};
+pub use density::Density;
+pub use generate::{GenerateError, Model, generate};
+pub use image::{Image, ImageError, MAX_SIDE};
+pub use mesh::{Face, Mesh, MeshError, Point, Shape};
+pub use method::{
+    Boundary, Generator, InitialSize, MAX_GAMMA, MAX_SMOOTHING_ORDER, MIN_SIZE, Meshed, Method,
+    ParameterError, Parameters, Plan, Policy, Scan, Smoothing, Startup, Target,
+};
+pub use metrics::{Fidelity, ShapeMismatch};
+pub use predicates::{in_circle, orientation};
+pub use rasterize::rasterize;
+pub use sample_points::sample_points;
+pub use triangulation::triangulate;

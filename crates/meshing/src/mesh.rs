@@ -1,0 +1,484 @@
+//! The mesh model of an image: sample points, their samples and the triangulation.
+
+use crate::image::{ImageError, check_shape, largest_sample};
+use crate::predicates::orientation;
+use thiserror::Error;
+
+/// A point of the image's lattice; `y` grows upwards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Point {
+    /// Row, `0..height`, 0 at the bottom. Declared first, so that points compare by row, then column.
+    pub y: i32,
+    /// Column, `0..width`.
+    pub x: i32,
+}
+
+impl Point {
+    /// The point in column `x` of row `y`.
+    #[must_use]
+    pub const fn new(x: i32, y: i32) -> Self {
+        Self { y, x }
+    }
+}
+
+/// Three indices of vertices, counter-clockwise with `y` up.
+pub type Face = [u32; 3];
+
+/// Width, height, components and precision of the image that a mesh models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Columns, at least 2.
+    pub width: usize,
+    /// Rows, at least 2.
+    pub height: usize,
+    /// Components, at least 1.
+    pub component_count: usize,
+    /// Bits per sample, 1 to 16.
+    pub precision: u8,
+}
+
+/// A triangle mesh that covers the image's rectangle and carries one sample vector per vertex.
+///
+/// Every value of this type is valid: the points are distinct lattice points and hold the four
+/// corners, each belongs to a face, and the faces are counter-clockwise, do not overlap and cover
+/// `[0, width - 1] x [0, height - 1]` without a gap.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mesh {
+    shape: Shape,
+    points: Vec<Point>,
+    /// Vertex by vertex: `samples[v * component_count + c]`.
+    samples: Vec<u16>,
+    faces: Vec<Face>,
+}
+
+/// The first defect found in what should be a mesh.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// The image's shape is not allowed.
+    #[error(transparent)]
+    Shape(#[from] ImageError),
+    /// The number of samples is not the number of vertices times that of components.
+    #[error("{actual} samples where {expected} are needed")]
+    SampleCount {
+        /// Samples found.
+        actual: usize,
+        /// Samples needed.
+        expected: usize,
+    },
+    /// A vertex lies outside the image.
+    #[error("vertex {vertex} at ({x}, {y}) lies outside the image of {width}x{height}")]
+    PointOutside {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its column.
+        x: i32,
+        /// Its row.
+        y: i32,
+        /// Columns of the image.
+        width: usize,
+        /// Rows of the image.
+        height: usize,
+    },
+    /// Two vertices share a place.
+    #[error("vertex {vertex} repeats the point ({x}, {y}) of vertex {first}")]
+    PointRepeated {
+        /// Index of the later vertex.
+        vertex: usize,
+        /// Index of the earlier vertex.
+        first: usize,
+        /// Their column.
+        x: i32,
+        /// Their row.
+        y: i32,
+    },
+    /// A sample does not fit the precision.
+    #[error("vertex {vertex} has the sample {sample}, more than the maximum {maximum}")]
+    SampleRange {
+        /// Index of the vertex.
+        vertex: usize,
+        /// The sample.
+        sample: u16,
+        /// The largest sample allowed.
+        maximum: u16,
+    },
+    /// A corner of the image is no vertex.
+    #[error("the image's corner ({x}, {y}) is not a vertex")]
+    CornerMissing {
+        /// Column of the corner.
+        x: i32,
+        /// Row of the corner.
+        y: i32,
+    },
+    /// A face names a vertex that does not exist.
+    #[error("face {face} names vertex {vertex}, but there are {count} vertices")]
+    IndexOutOfRange {
+        /// Index of the face.
+        face: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// Number of vertices.
+        count: usize,
+    },
+    /// A face's vertices are collinear or repeated.
+    #[error("face {face} is degenerate")]
+    FaceDegenerate {
+        /// Index of the face.
+        face: usize,
+    },
+    /// A face turns clockwise.
+    #[error("face {face} is clockwise")]
+    FaceClockwise {
+        /// Index of the face.
+        face: usize,
+    },
+    /// Two faces lie on the same side of an edge.
+    #[error("face {face} overlaps another at the edge from vertex {from} to vertex {to}")]
+    FacesOverlap {
+        /// Index of the later face.
+        face: usize,
+        /// First vertex of the edge.
+        from: u32,
+        /// Second vertex of the edge.
+        to: u32,
+    },
+    /// An edge inside the image has a face at one side only.
+    #[error(
+        "face {face} has no neighbour at the edge from vertex {from} to vertex {to}, inside the image"
+    )]
+    Gap {
+        /// Index of the face.
+        face: usize,
+        /// First vertex of the edge.
+        from: u32,
+        /// Second vertex of the edge.
+        to: u32,
+    },
+    /// The faces' areas do not sum to the image's.
+    #[error("twice the faces' area is {actual}, twice the image's {expected}")]
+    Area {
+        /// Twice the sum of the faces' areas.
+        actual: i128,
+        /// Twice the area of the image's rectangle.
+        expected: i128,
+    },
+    /// A vertex belongs to no face.
+    #[error("vertex {vertex} belongs to no face")]
+    VertexUnused {
+        /// Index of the vertex.
+        vertex: usize,
+    },
+}
+
+impl Mesh {
+    /// Makes a mesh of its parts after checking all of its invariants.
+    ///
+    /// `samples[v * component_count + c]` is component `c` of vertex `v`; faces index `points`
+    /// from 0. Costs one sort of the edges.
+    ///
+    /// # Errors
+    /// The first defect found, see [`MeshError`].
+    pub fn new(
+        shape: Shape,
+        points: Vec<Point>,
+        samples: Vec<u16>,
+        faces: Vec<Face>,
+    ) -> Result<Self, MeshError> {
+        let mesh = Self { shape, points, samples, faces };
+        mesh.validate()?;
+        Ok(mesh)
+    }
+
+    /// Makes a mesh of parts that a kernel of this crate has made valid.
+    pub(crate) fn from_kernel(
+        shape: Shape,
+        points: Vec<Point>,
+        samples: Vec<u16>,
+        faces: Vec<Face>,
+    ) -> Self {
+        let mesh = Self { shape, points, samples, faces };
+        debug_assert_eq!(mesh.validate(), Ok(()));
+        mesh
+    }
+
+    /// Shape of the image that the mesh models.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// The vertices' places.
+    #[must_use]
+    pub fn points(&self) -> &[Point] {
+        &self.points
+    }
+
+    /// The vertices' samples, vertex by vertex: component `c` of vertex `v` is
+    /// `samples()[v * component_count + c]`.
+    #[must_use]
+    pub fn samples(&self) -> &[u16] {
+        &self.samples
+    }
+
+    /// The sample vector of vertex `v`.
+    ///
+    /// # Panics
+    /// When `v` is out of range.
+    #[must_use]
+    pub fn vertex_samples(&self, v: usize) -> &[u16] {
+        let count = self.shape.component_count;
+        &self.samples[v * count..][..count]
+    }
+
+    /// The faces, counter-clockwise.
+    #[must_use]
+    pub fn faces(&self) -> &[Face] {
+        &self.faces
+    }
+
+    /// Number of edges, by Euler's formula `vertices + faces - 1`.
+    #[must_use]
+    pub fn edge_count(&self) -> usize {
+        self.points.len() + self.faces.len() - 1
+    }
+
+    /// The three places of a face.
+    ///
+    /// # Panics
+    /// When the face names a vertex out of range.
+    #[must_use]
+    pub fn corners(&self, face: Face) -> [Point; 3] {
+        face.map(|v| self.points[v as usize])
+    }
+
+    /// Checks every invariant again.
+    ///
+    /// # Errors
+    /// The first defect found.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        self.check_samples()?;
+        self.check_points()?;
+        self.check_faces()?;
+        self.check_edges()?;
+        self.check_area()?;
+        self.check_vertices_used()
+    }
+
+    /// Shape and samples.
+    fn check_samples(&self) -> Result<(), MeshError> {
+        let Shape { width, height, component_count, precision } = self.shape;
+        check_shape(width, height, precision)?;
+        if component_count == 0 {
+            return Err(ImageError::NoComponents.into());
+        }
+        let (actual, expected) = (self.samples.len(), self.points.len() * component_count);
+        if actual != expected {
+            return Err(MeshError::SampleCount { actual, expected });
+        }
+        let maximum = largest_sample(precision);
+        match self.samples.iter().position(|&sample| sample > maximum) {
+            Some(i) => {
+                let (vertex, sample) = (i / component_count, self.samples[i]);
+                Err(MeshError::SampleRange { vertex, sample, maximum })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Points inside, distinct, corners present.
+    fn check_points(&self) -> Result<(), MeshError> {
+        let Shape { width, height, .. } = self.shape;
+        let inside = |side: usize, at: i32| usize::try_from(at).is_ok_and(|at| at < side);
+        for (vertex, &Point { x, y }) in self.points.iter().enumerate() {
+            if !inside(width, x) || !inside(height, y) {
+                return Err(MeshError::PointOutside { vertex, x, y, width, height });
+            }
+        }
+        let mut order: Vec<usize> = (0..self.points.len()).collect();
+        order.sort_by_key(|&v| (self.points[v], v));
+        for pair in order.windows(2) {
+            let (first, vertex) = (pair[0], pair[1]);
+            let Point { x, y } = self.points[vertex];
+            if self.points[first] == self.points[vertex] {
+                return Err(MeshError::PointRepeated { vertex, first, x, y });
+            }
+        }
+        for corner in corner_points(width, height) {
+            if order.binary_search_by_key(&corner, |&v| self.points[v]).is_err() {
+                return Err(MeshError::CornerMissing { x: corner.x, y: corner.y });
+            }
+        }
+        Ok(())
+    }
+
+    /// Indices in range, faces counter-clockwise.
+    fn check_faces(&self) -> Result<(), MeshError> {
+        let count = self.points.len();
+        for (face, &corners) in self.faces.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= count) {
+                return Err(MeshError::IndexOutOfRange { face, vertex, count });
+            }
+            let [a, b, c] = self.corners(corners);
+            match orientation(a, b, c).signum() {
+                1 => {}
+                0 => return Err(MeshError::FaceDegenerate { face }),
+                _ => return Err(MeshError::FaceClockwise { face }),
+            }
+        }
+        Ok(())
+    }
+
+    /// Each edge has one face at each side, or lies on the image's border.
+    ///
+    /// Together with the sum of the areas this shows that the faces neither overlap nor leave a
+    /// gap: the number of faces over a place can change only across an edge without a neighbour.
+    fn check_edges(&self) -> Result<(), MeshError> {
+        let mut edges = Vec::with_capacity(3 * self.faces.len());
+        for (face, &[a, b, c]) in self.faces.iter().enumerate() {
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                edges.push((from.min(to), from.max(to), from > to, face));
+            }
+        }
+        edges.sort_unstable();
+        let mut rest = edges.as_slice();
+        while let Some(&(low, high, reversed, face)) = rest.first() {
+            let same = rest.iter().take_while(|edge| (edge.0, edge.1) == (low, high)).count();
+            let (from, to) = if reversed { (high, low) } else { (low, high) };
+            if same > 2 || (same == 2 && rest[1].2 == reversed) {
+                let face = rest[same - 1].3;
+                return Err(MeshError::FacesOverlap { face, from, to });
+            }
+            if same == 1 && !self.is_on_border(from, to) {
+                return Err(MeshError::Gap { face, from, to });
+            }
+            rest = &rest[same..];
+        }
+        Ok(())
+    }
+
+    /// Tells whether both ends lie on one side of the image's rectangle.
+    fn is_on_border(&self, from: u32, to: u32) -> bool {
+        let (a, b) = (self.points[from as usize], self.points[to as usize]);
+        let last = |side: usize| side as i32 - 1;
+        let along = |p: i32, q: i32, side: usize| p == q && (p == 0 || p == last(side));
+        along(a.x, b.x, self.shape.width) || along(a.y, b.y, self.shape.height)
+    }
+
+    /// The areas sum to the rectangle's.
+    fn check_area(&self) -> Result<(), MeshError> {
+        let double_area = |&face: &Face| {
+            let [a, b, c] = self.corners(face);
+            i128::from(orientation(a, b, c))
+        };
+        let actual = self.faces.iter().map(double_area).sum();
+        let expected = 2 * (self.shape.width as i128 - 1) * (self.shape.height as i128 - 1);
+        if actual == expected { Ok(()) } else { Err(MeshError::Area { actual, expected }) }
+    }
+
+    /// Each vertex belongs to a face.
+    fn check_vertices_used(&self) -> Result<(), MeshError> {
+        let mut used = vec![false; self.points.len()];
+        for &v in self.faces.iter().flatten() {
+            used[v as usize] = true;
+        }
+        match used.iter().position(|&used| !used) {
+            Some(vertex) => Err(MeshError::VertexUnused { vertex }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The four corners of an image's lattice, by row, then column.
+pub(crate) fn corner_points(width: usize, height: usize) -> [Point; 4] {
+    let (right, top) = (width as i32 - 1, height as i32 - 1);
+    [Point::new(0, 0), Point::new(right, 0), Point::new(0, top), Point::new(right, top)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHAPE: Shape = Shape { width: 3, height: 3, component_count: 1, precision: 8 };
+
+    /// Corners counter-clockwise from the origin, then the centre.
+    fn points() -> Vec<Point> {
+        [(0, 0), (2, 0), (2, 2), (0, 2), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec()
+    }
+
+    fn faces() -> Vec<Face> {
+        vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    }
+
+    fn defect(points: Vec<Point>, samples: Vec<u16>, faces: Vec<Face>) -> MeshError {
+        Mesh::new(SHAPE, points, samples, faces).unwrap_err()
+    }
+
+    #[test]
+    fn a_fan_around_the_centre_is_a_mesh() {
+        let mesh = Mesh::new(SHAPE, points(), vec![1, 2, 3, 4, 5], faces()).unwrap();
+        assert_eq!(mesh.edge_count(), 8);
+        assert_eq!(mesh.vertex_samples(4), [5]);
+    }
+
+    #[test]
+    fn every_defect_is_found_and_named() {
+        use MeshError as E;
+        let with_point = |v: usize, x, y| {
+            let mut points = points();
+            points[v] = Point::new(x, y);
+            points
+        };
+        let with_face = |f: usize, face| {
+            let mut faces = faces();
+            faces[f] = face;
+            faces
+        };
+        let s = || vec![0; 5];
+        assert!(matches!(
+            defect(points(), vec![0; 4], faces()),
+            E::SampleCount { actual: 4, expected: 5 }
+        ));
+        assert!(matches!(
+            defect(points(), vec![0, 0, 300, 0, 0], faces()),
+            E::SampleRange { vertex: 2, .. }
+        ));
+        assert!(matches!(
+            defect(with_point(4, 3, 1), s(), faces()),
+            E::PointOutside { vertex: 4, x: 3, .. }
+        ));
+        assert!(matches!(
+            defect(with_point(4, 1, -1), s(), faces()),
+            E::PointOutside { y: -1, .. }
+        ));
+        assert!(matches!(
+            defect(with_point(4, 2, 2), s(), faces()),
+            E::PointRepeated { vertex: 4, first: 2, .. }
+        ));
+        assert!(matches!(
+            defect(with_point(0, 1, 0), s(), faces()),
+            E::CornerMissing { x: 0, y: 0 }
+        ));
+        assert!(matches!(
+            defect(points(), s(), with_face(1, [1, 2, 5])),
+            E::IndexOutOfRange { face: 1, vertex: 5, count: 5 }
+        ));
+        assert!(matches!(
+            defect(points(), s(), with_face(1, [1, 2, 2])),
+            E::FaceDegenerate { face: 1 }
+        ));
+        assert!(matches!(
+            defect(points(), s(), with_face(1, [2, 1, 4])),
+            E::FaceClockwise { face: 1 }
+        ));
+        assert!(matches!(
+            defect(points(), s(), with_face(1, [0, 1, 4])),
+            E::FacesOverlap { from: 0, to: 1, .. }
+        ));
+        assert!(matches!(defect(points(), s(), faces()[..3].to_vec()), E::Gap { .. }));
+        assert!(matches!(
+            defect(points(), s(), vec![[0, 1, 2], [2, 3, 0]]),
+            E::VertexUnused { vertex: 4 }
+        ));
+        assert!(matches!(defect(points(), s(), vec![]), E::Area { actual: 0, expected: 8 }));
+    }
+}

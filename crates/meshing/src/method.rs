@@ -1,0 +1,660 @@
+//! The methods as data: every choice that turns an image into a mesh, and the presets that the
+//! thesis names.
+//!
+//! "Effective Techniques for Generating Delaunay Mesh Models of Single- and Multi-Component
+//! Images" (thesis, University of Victoria) describes one framework: a policy turns the image
+//! into a density, error diffusion picks initial points of that density, and greedy point removal
+//! simplifies their triangulation. A [`Method`] is a named set of [`Parameters`].
+
+use crate::image::{ImageError, check_shape};
+use crate::mesh::Shape;
+use std::fmt;
+use std::str::FromStr;
+use thiserror::Error;
+
+/// The fewest vertices a mesh may have: the image's corners.
+pub const MIN_SIZE: usize = 4;
+
+/// The largest ratio of initial to final points.
+pub const MAX_GAMMA: f64 = 1000.0;
+
+/// The largest smoothing order.
+pub const MAX_SMOOTHING_ORDER: usize = 21;
+
+/// A value that a parameter does not allow.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum ParameterError {
+    /// A word that names none of the parameter's values.
+    #[error("{parameter} cannot be '{value}': allowed are {}", allowed.join(", "))]
+    UnknownValue {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The word given.
+        value: String,
+        /// Every word allowed.
+        allowed: &'static [&'static str],
+    },
+    /// A number that is NaN or infinite.
+    #[error("{parameter} must be a finite number")]
+    NotFinite {
+        /// Name of the parameter.
+        parameter: &'static str,
+    },
+    /// A number out of bounds.
+    #[error("{parameter} is {value}, but must lie in {minimum} to {maximum}")]
+    OutOfRange {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The number given.
+        value: f64,
+        /// The least number allowed.
+        minimum: f64,
+        /// The largest number allowed.
+        maximum: f64,
+    },
+    /// A number that must be odd.
+    #[error("{parameter} is {value}, but must be odd")]
+    Even {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The number given.
+        value: usize,
+    },
+    /// A density so small that not even the corners are left.
+    #[error(
+        "{parameter} of {density} % makes {vertices} vertices of an image of {width}x{height}, fewer than its 4 corners"
+    )]
+    TooFewVertices {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The density in percent.
+        density: f64,
+        /// The vertices it makes.
+        vertices: usize,
+        /// Columns of the image.
+        width: usize,
+        /// Rows of the image.
+        height: usize,
+    },
+    /// A choice that is not defined for images of this many components.
+    #[error("{parameter} '{value}' is for images of {needed} component(s), this one has {actual}: allowed are {}", allowed.join(", "))]
+    ComponentCount {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The value given.
+        value: &'static str,
+        /// Components it needs.
+        needed: usize,
+        /// Components of the image.
+        actual: usize,
+        /// Values allowed for this image.
+        allowed: Vec<&'static str>,
+    },
+    /// A target PSNR with a method that does not simplify.
+    #[error(
+        "target_psnr needs a method that simplifies, which this set of parameters does not: its initial size is its final size"
+    )]
+    TargetNeedsSimplification,
+    /// The image itself cannot be meshed.
+    #[error(transparent)]
+    Shape(#[from] ImageError),
+}
+
+/// Declares an enumeration whose values have the names that users write.
+macro_rules! named_values {
+    (
+        $(#[$attribute:meta])*
+        $parameter:literal $type:ident {
+            $($(#[$doc:meta])* $value:ident = $name:literal),+ $(,)?
+        }
+    ) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum $type {
+            $($(#[$doc])* $value),+
+        }
+
+        impl $type {
+            /// Name of the parameter that takes these values.
+            pub const PARAMETER: &'static str = $parameter;
+            /// Every value, in the order of their documentation.
+            pub const ALL: &'static [Self] = &[$(Self::$value),+];
+            /// The name of every value, in the same order.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// The value's name, as users write it.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$value => $name),+
+                }
+            }
+        }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                formatter.write_str(self.name())
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = ParameterError;
+
+            fn from_str(name: &str) -> Result<Self, ParameterError> {
+                match name {
+                    $($name => Ok(Self::$value),)+
+                    _ => Err(ParameterError::UnknownValue {
+                        parameter: $parameter,
+                        value: name.to_owned(),
+                        allowed: Self::NAMES,
+                    }),
+                }
+            }
+        }
+    };
+}
+
+named_values! {
+    /// The named methods.
+    "method" Method {
+        /// Error diffusion of one component with classic start-up; no simplification.
+        Ed = "ed",
+        /// Modified error diffusion of any number of components; no simplification: fast.
+        Med = "med",
+        /// Error diffusion of one component to 4 times the points, then greedy point removal.
+        Gprfsed = "gprfsed",
+        /// Modified error diffusion of any number of components to 4 times the points, then greedy
+        /// point removal: good.
+        Mgprfs = "mgprfs",
+        /// Greedy point removal from all lattice points, one component.
+        Gpr = "gpr",
+        /// Greedy point removal from all lattice points, any number of components.
+        Mgpr = "mgpr",
+        /// ED on the luma of three components, whose colours the mesh then carries.
+        Ced = "ced",
+        /// GPRFSED on the luma of three components, whose colours the mesh then carries.
+        Cgprfsed = "cgprfsed",
+        /// GPR on the luma of three components, whose colours the mesh then carries.
+        Cgpr = "cgpr",
+    }
+}
+
+named_values! {
+    /// How an image becomes the density of its initial points: D stands for the maximum-magnitude
+    /// second-order directional derivative (MMSODD), L for the magnitude of the Laplacian (MoL).
+    "policy" Policy {
+        /// MMSODD of the only component.
+        PsaD = "psa_d",
+        /// MoL of the only component.
+        PsaL = "psa_l",
+        /// MMSODD of the luma of three components.
+        PsbD = "psb_d",
+        /// MoL of the luma of three components.
+        PsbL = "psb_l",
+        /// Vector gradient of three components.
+        Psc = "psc",
+        /// Maximum over the components of MMSODD.
+        PsdMaxD = "psd_max_d",
+        /// Maximum over the components of MoL.
+        PsdMaxL = "psd_max_l",
+        /// Mean over the components of MMSODD.
+        PsdAvgD = "psd_avg_d",
+        /// Mean over the components of MoL.
+        PsdAvgL = "psd_avg_l",
+        /// Each component diffused by its own MMSODD, the points united.
+        PseD = "pse_d",
+        /// Each component diffused by its own MoL, the points united.
+        PseL = "pse_l",
+    }
+}
+
+named_values! {
+    /// How the initial points are chosen.
+    "initial" Generator {
+        /// Error diffusion of the density.
+        ErrorDiffusion = "ed",
+        /// Every lattice point.
+        All = "all",
+        /// Points drawn at random, the same for the same seed.
+        Random = "random",
+        /// A regular grid.
+        Uniform = "uniform",
+    }
+}
+
+named_values! {
+    /// The errors that error diffusion starts row 0 with.
+    "startup" Startup {
+        /// None.
+        Classic = "classic",
+        /// Those of a pass over the image mirrored at row 0.
+        Mirroring = "mirroring",
+    }
+}
+
+named_values! {
+    /// The direction in which error diffusion visits each row.
+    "scan" Scan {
+        /// Always left to right.
+        Raster = "raster",
+        /// Alternating, the first row left to right.
+        Serpentine = "serpentine",
+    }
+}
+
+named_values! {
+    /// The smoothing filter.
+    "smoothing" Smoothing {
+        /// Binomial weights; order 3 is 1/4, 1/2, 1/4.
+        Binomial = "binomial",
+        /// Equal weights.
+        Mean = "mean",
+    }
+}
+
+named_values! {
+    /// What the filters see beyond the border of the picture.
+    "boundary" Boundary {
+        /// Zero.
+        Zero = "zero",
+        /// The nearest sample of the picture.
+        Constant = "constant",
+        /// The picture mirrored at its border samples, which are not repeated.
+        Symmetric = "symmetric",
+    }
+}
+
+named_values! {
+    /// Which image's error rules the simplification.
+    "meshed" Meshed {
+        /// The image itself.
+        Components = "components",
+        /// The luma of its three components; the mesh carries their colours all the same.
+        Luma = "luma",
+    }
+}
+
+/// How large or how good the mesh is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// Vertices in percent of the lattice points, over 0 and up to 100.
+    Density(f64),
+    /// Number of vertices, from 4 to the number of lattice points.
+    Size(usize),
+    /// The fewest vertices that greedy removal finds with at least this PSNR, in decibels.
+    Psnr(f64),
+}
+
+/// How many points the mesh starts with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InitialSize {
+    /// As many as it ends with: nothing is simplified away.
+    Target,
+    /// This many times as many as it ends with, 1 or more; 4 to 5.5 is the useful range.
+    Gamma(f64),
+    /// Percent of the lattice points, over 0 and up to 100.
+    Density(f64),
+    /// A number of points, from 4 to the number of lattice points.
+    Size(usize),
+}
+
+/// Everything that decides which mesh is made of an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// How large or good the mesh is to be.
+    pub target: Target,
+    /// How many points it starts with.
+    pub initial_size: InitialSize,
+    /// How these are chosen.
+    pub generator: Generator,
+    /// How the image becomes their density.
+    pub policy: Policy,
+    /// The errors that error diffusion starts with.
+    pub startup: Startup,
+    /// The direction in which it visits each row.
+    pub scan: Scan,
+    /// Whether error that would go to points outside the image is lost.
+    pub leaky: bool,
+    /// How far from the number asked for the number of diffused points may be; the policy's own
+    /// tolerance (10, for PSE 15) when not given.
+    pub tolerance: Option<usize>,
+    /// The smoothing filter.
+    pub smoothing: Smoothing,
+    /// Its order, odd; 1 is no smoothing.
+    pub smoothing_order: usize,
+    /// What the filters see beyond the border.
+    pub boundary: Boundary,
+    /// Which image's error rules the simplification.
+    pub meshed: Meshed,
+    /// Whether removal goes on below the target while it lowers the error.
+    pub bad_point_removal: bool,
+    /// Seed of [`Generator::Random`].
+    pub seed: u64,
+}
+
+/// The numbers that parameters mean for one image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Vertices to simplify down to: N. With a target PSNR the least, 4.
+    pub size: usize,
+    /// Points to start with: N0.
+    pub initial_size: usize,
+    /// PSNR below which removal must not go, in decibels.
+    pub minimum_psnr_db: Option<f64>,
+}
+
+impl Method {
+    /// The parameters that define this method, for a target.
+    #[must_use]
+    pub fn parameters(self, target: Target) -> Parameters {
+        use Method as M;
+        let simplifying = InitialSize::Gamma(4.0);
+        let (generator, initial_size) = match self {
+            M::Ed | M::Med | M::Ced => (Generator::ErrorDiffusion, InitialSize::Target),
+            M::Gprfsed | M::Mgprfs | M::Cgprfsed => (Generator::ErrorDiffusion, simplifying),
+            M::Gpr | M::Mgpr | M::Cgpr => (Generator::All, InitialSize::Density(100.0)),
+        };
+        let (policy, startup) = match self {
+            M::Med | M::Mgprfs | M::Mgpr => (Policy::PsdMaxD, Startup::Mirroring),
+            M::Ed | M::Gprfsed | M::Gpr => (Policy::PsaD, Startup::Classic),
+            M::Ced | M::Cgprfsed | M::Cgpr => (Policy::PsbD, Startup::Classic),
+        };
+        let meshed = match self {
+            M::Ced | M::Cgprfsed | M::Cgpr => Meshed::Luma,
+            _ => Meshed::Components,
+        };
+        Parameters { initial_size, generator, policy, startup, meshed, ..Parameters::new(target) }
+    }
+
+    /// The number of components this method is made for; `None` for any.
+    #[must_use]
+    pub fn component_count(self) -> Option<usize> {
+        match self {
+            Self::Med | Self::Mgprfs | Self::Mgpr => None,
+            Self::Ed | Self::Gprfsed | Self::Gpr => Some(1),
+            Self::Ced | Self::Cgprfsed | Self::Cgpr => Some(3),
+        }
+    }
+
+    /// Checks that the method is defined for images of `actual` components.
+    ///
+    /// # Errors
+    /// [`ParameterError::ComponentCount`], which names the methods that are.
+    pub fn check_component_count(self, actual: usize) -> Result<(), ParameterError> {
+        check_count(Self::PARAMETER, self, Self::ALL, Self::name, Self::component_count, actual)
+    }
+}
+
+impl Policy {
+    /// The number of components this policy is made for; `None` for any.
+    #[must_use]
+    pub fn component_count(self) -> Option<usize> {
+        match self {
+            Self::PsaD | Self::PsaL => Some(1),
+            Self::PsbD | Self::PsbL | Self::Psc => Some(3),
+            _ => None,
+        }
+    }
+
+    /// The same policy for the luma, an image of one component.
+    pub(crate) fn of_one_component(self) -> Self {
+        match self {
+            Self::PsbD | Self::Psc => Self::PsaD,
+            Self::PsbL => Self::PsaL,
+            any => any,
+        }
+    }
+}
+
+impl Parameters {
+    /// Those of MGPRFS.
+    #[must_use]
+    pub fn new(target: Target) -> Self {
+        Self {
+            target,
+            initial_size: InitialSize::Gamma(4.0),
+            generator: Generator::ErrorDiffusion,
+            policy: Policy::PsdMaxD,
+            startup: Startup::Mirroring,
+            scan: Scan::Serpentine,
+            leaky: false,
+            tolerance: None,
+            smoothing: Smoothing::Binomial,
+            smoothing_order: 3,
+            boundary: Boundary::Zero,
+            meshed: Meshed::Components,
+            bad_point_removal: false,
+            seed: 0,
+        }
+    }
+
+    /// Checks every parameter that can be checked without an image.
+    ///
+    /// # Errors
+    /// The first value that is out of its bounds.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        match self.target {
+            Target::Density(density) => check_density("density", density)?,
+            Target::Size(size) => check_range("size", size as f64, MIN_SIZE as f64, f64::MAX)?,
+            Target::Psnr(psnr_db) => check_range("target_psnr", psnr_db, 0.0, 200.0)?,
+        }
+        match self.initial_size {
+            InitialSize::Target => {}
+            InitialSize::Gamma(gamma) => check_range("gamma", gamma, 1.0, MAX_GAMMA)?,
+            InitialSize::Density(density) => check_density("initial_density", density)?,
+            InitialSize::Size(size) => {
+                check_range("initial_size", size as f64, MIN_SIZE as f64, f64::MAX)?;
+            }
+        }
+        let (parameter, value) = ("smoothing_order", self.smoothing_order);
+        check_range(parameter, value as f64, 1.0, MAX_SMOOTHING_ORDER as f64)?;
+        if value.is_multiple_of(2) {
+            return Err(ParameterError::Even { parameter, value });
+        }
+        Ok(())
+    }
+
+    /// Checks the parameters against the shape of an image and computes what they mean for it.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its bounds or not defined for such an image.
+    pub fn plan(&self, shape: Shape) -> Result<Plan, ParameterError> {
+        self.check()?;
+        check_shape(shape.width, shape.height, shape.precision)?;
+        self.check_components(shape.component_count)?;
+        let (size, minimum_psnr_db) = match self.target {
+            Target::Density(density) => (points_of_density("density", density, shape)?, None),
+            Target::Size(size) => (check_size("size", size, shape)?, None),
+            Target::Psnr(psnr_db) => (MIN_SIZE, Some(psnr_db)),
+        };
+        let initial_size = self.initial_points(size, shape)?;
+        Ok(Plan { size, initial_size, minimum_psnr_db })
+    }
+
+    /// Number of points to start with.
+    fn initial_points(&self, size: usize, shape: Shape) -> Result<usize, ParameterError> {
+        let all = shape.width * shape.height;
+        if self.generator == Generator::All {
+            return Ok(all);
+        }
+        match (self.initial_size, self.target) {
+            (InitialSize::Size(size), _) => check_size("initial_size", size, shape),
+            (InitialSize::Density(density), _) => {
+                points_of_density("initial_density", density, shape)
+            }
+            (InitialSize::Gamma(_), Target::Psnr(_)) => Ok(all),
+            (InitialSize::Target, Target::Psnr(_)) => {
+                Err(ParameterError::TargetNeedsSimplification)
+            }
+            (InitialSize::Gamma(gamma), Target::Density(density)) => {
+                Ok(whole_points(gamma * density, shape).clamp(size, all))
+            }
+            (InitialSize::Gamma(gamma), Target::Size(size)) => {
+                Ok(((gamma * size as f64 + 1e-9).floor() as usize).clamp(size, all))
+            }
+            (InitialSize::Target, _) => Ok(size),
+        }
+    }
+
+    /// The policy and the luma are defined for this many components.
+    fn check_components(&self, actual: usize) -> Result<(), ParameterError> {
+        if self.generator == Generator::ErrorDiffusion {
+            let (all, count) = (Policy::ALL, Policy::component_count);
+            check_count(Policy::PARAMETER, self.policy, all, Policy::name, count, actual)?;
+        }
+        let luma_needs = |meshed| (meshed == Meshed::Luma).then_some(3);
+        check_count(Meshed::PARAMETER, self.meshed, Meshed::ALL, Meshed::name, luma_needs, actual)
+    }
+}
+
+/// Checks a choice that may need a number of components, and lists those that fit.
+fn check_count<T: Copy>(
+    parameter: &'static str,
+    chosen: T,
+    all: &[T],
+    name: fn(T) -> &'static str,
+    needs: impl Fn(T) -> Option<usize>,
+    actual: usize,
+) -> Result<(), ParameterError> {
+    let fits = |value: T| needs(value).is_none_or(|needed| needed == actual);
+    match needs(chosen) {
+        Some(needed) if needed != actual => {
+            let allowed = all.iter().copied().filter(|&value| fits(value)).map(name).collect();
+            let value = name(chosen);
+            Err(ParameterError::ComponentCount { parameter, value, needed, actual, allowed })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Checks that a number is finite and within bounds.
+fn check_range(
+    parameter: &'static str,
+    value: f64,
+    minimum: f64,
+    maximum: f64,
+) -> Result<(), ParameterError> {
+    if !value.is_finite() {
+        Err(ParameterError::NotFinite { parameter })
+    } else if value < minimum || value > maximum {
+        Err(ParameterError::OutOfRange { parameter, value, minimum, maximum })
+    } else {
+        Ok(())
+    }
+}
+
+/// Checks a density in percent: over 0 and up to 100.
+fn check_density(parameter: &'static str, density: f64) -> Result<(), ParameterError> {
+    check_range(parameter, density, 0.0, 100.0)?;
+    if density == 0.0 {
+        let (value, minimum, maximum) = (0.0, f64::MIN_POSITIVE, 100.0);
+        return Err(ParameterError::OutOfRange { parameter, value, minimum, maximum });
+    }
+    Ok(())
+}
+
+/// Checks a number of points against the image's.
+fn check_size(parameter: &'static str, size: usize, shape: Shape) -> Result<usize, ParameterError> {
+    let all = shape.width * shape.height;
+    check_range(parameter, size as f64, MIN_SIZE as f64, all as f64)?;
+    Ok(size)
+}
+
+/// Number of points of a density, at least 4.
+fn points_of_density(
+    parameter: &'static str,
+    density: f64,
+    shape: Shape,
+) -> Result<usize, ParameterError> {
+    let vertices = whole_points(density, shape);
+    if vertices < MIN_SIZE {
+        let Shape { width, height, .. } = shape;
+        return Err(ParameterError::TooFewVertices { parameter, density, vertices, width, height });
+    }
+    Ok(vertices)
+}
+
+/// `floor(percent / 100 * width * height)`, where a product that misses a whole number by the
+/// rounding of binary fractions counts as that number.
+fn whole_points(percent: f64, shape: Shape) -> usize {
+    let points = percent * (shape.width * shape.height) as f64 / 100.0;
+    (points * (1.0 + 1e-12) + 1e-9).floor() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shape(width: usize, height: usize, component_count: usize) -> Shape {
+        Shape { width, height, component_count, precision: 8 }
+    }
+
+    fn plan(method: Method, target: Target, shape: Shape) -> Result<Plan, ParameterError> {
+        method.parameters(target).plan(shape)
+    }
+
+    #[test]
+    fn sizes_are_the_floor_of_the_density_and_not_gamma_times_the_size() {
+        let lena = shape(512, 512, 3);
+        let of = |method, density| plan(method, Target::Density(density), lena).unwrap();
+        assert_eq!(
+            of(Method::Med, 2.0),
+            Plan { size: 5242, initial_size: 5242, minimum_psnr_db: None }
+        );
+        assert_eq!(of(Method::Mgprfs, 2.0).initial_size, 20971);
+        assert_eq!(of(Method::Mgprfs, 0.5).size, 1310);
+        assert_eq!(of(Method::Mgprfs, 0.5).initial_size, 5242);
+        assert_eq!(of(Method::Mgprfs, 60.0).initial_size, 262_144);
+    }
+
+    #[test]
+    fn binary_fractions_do_not_lose_a_point() {
+        for (density, side, expected) in
+            [(0.7, 1000, 7000), (4.1, 1000, 41000), (0.29, 1000, 2900), (100.0, 3, 9)]
+        {
+            let plan = plan(Method::Med, Target::Density(density), shape(side, side, 1)).unwrap();
+            assert_eq!(plan.size, expected, "{density} % of {side}x{side}");
+        }
+    }
+
+    #[test]
+    fn sizes_given_as_sizes_are_literal() {
+        let plan = plan(Method::Mgprfs, Target::Size(10), shape(8, 8, 1)).unwrap();
+        assert_eq!((plan.size, plan.initial_size), (10, 40));
+    }
+
+    #[test]
+    fn numbers_out_of_bounds_are_refused_by_name() {
+        let refused =
+            |target| plan(Method::Mgprfs, target, shape(64, 64, 3)).unwrap_err().to_string();
+        for density in [0.0, -0.0, -1.0, 101.0, 100.000_000_1, 1e308] {
+            let message = refused(Target::Density(density));
+            assert!(message.starts_with("density is ") && message.ends_with("to 100"), "{message}");
+        }
+        assert!(refused(Target::Density(f64::NAN)).contains("density must be a finite"));
+        assert!(refused(Target::Density(f64::INFINITY)).contains("density must be a finite"));
+        assert!(refused(Target::Density(1e-300)).contains("0 vertices"));
+        assert!(refused(Target::Size(3)).contains("size is 3"));
+        assert!(refused(Target::Size(4097)).contains("4 to 4096"));
+    }
+
+    #[test]
+    fn a_method_names_the_alternatives_for_the_wrong_number_of_components() {
+        let error = plan(Method::Ed, Target::Density(2.0), shape(64, 64, 3)).unwrap_err();
+        assert!(error.to_string().contains("policy 'psa_d'"), "{error}");
+        assert!(error.to_string().contains("psd_max_d"), "{error}");
+        let error = Method::Ced.check_component_count(1).unwrap_err();
+        assert!(error.to_string().contains("ed, med, gprfsed, mgprfs, gpr, mgpr"), "{error}");
+        assert_eq!(Method::Mgpr.check_component_count(7), Ok(()));
+    }
+
+    #[test]
+    fn names_read_back_as_the_values_they_name() {
+        for &method in Method::ALL {
+            assert_eq!(method.name().parse(), Ok(method));
+        }
+        let error = "MED".parse::<Method>().unwrap_err();
+        assert!(error.to_string().contains("cannot be 'MED': allowed are ed, med"), "{error}");
+    }
+}

@@ -1,0 +1,109 @@
+//! Exact geometric predicates on lattice points: orientation, and the in-circle test of the
+//! preferred-directions Delaunay triangulation (PDDT).
+//!
+//! Christopher Dyken and Michael S. Floater, "Preferred directions for resolving the
+//! non-uniqueness of Delaunay triangulations", 2006, decide each cocircular quadrilateral by the
+//! diagonal that makes the smaller angle with a first direction `d1`, at a tie with a second one,
+//! `d2`; here `d1 = (1, 0)` and `d2 = (1, 1)`.
+//!
+//! The same choice is made here without angles, by a symbolic perturbation. Lift every point `p`
+//! to the height `|p|^2 - e1 (p.d1)^2 - e2 (p.d2)^2` with infinitesimals `e1 >> e2 > 0`. Where the
+//! diagonals `ac` and `bd` of a cocircular quadrilateral cross at `o`, the lifted chord `ac` lies
+//! above `q(o)` by `|oa| |oc| q(u)`, where `q` is the quadratic form of the lift and `u` the unit
+//! direction of `ac`; since `|oa| |oc| = |ob| |od|` the lower hull, which is the Delaunay
+//! triangulation of the lifted points, takes the diagonal of smaller `q(u)`, that is of larger
+//! `(u.d1)^2`, at a tie of larger `(u.d2)^2`: the one of smaller angle. So the PDDT is the Delaunay
+//! triangulation of the perturbed lift, no four points are ever cocircular, and it depends on the
+//! points alone. All terms are integer determinants.
+
+use crate::mesh::Point;
+
+/// Coordinates relative to each other stay within this in the 64-bit determinants: with
+/// `|dx|, |dy| < 2^14`, `dx^2 + dy^2 < 2^29`, each of three products `< 2^58`, and
+/// `(dx + dy)^2 < 2^30` gives products `< 2^59`.
+const NARROW: i64 = 1 << 14;
+
+/// Twice the signed area of the triangle `abc`: positive when it turns counter-clockwise, 0 when
+/// collinear.
+#[inline]
+#[must_use]
+pub fn orientation(a: Point, b: Point, c: Point) -> i64 {
+    let (bx, by) = difference(b, a);
+    let (cx, cy) = difference(c, a);
+    bx * cy - by * cx
+}
+
+/// Tells whether `d` lies inside the circle of the counter-clockwise triangle `abc`, where
+/// cocircular points are decided by the preferred directions.
+///
+/// For distinct points the answer is never a tie: in a quadrilateral `a d b c`, whose triangles
+/// `abc` and `bad` meet at the edge `ab`, `true` means that `cd` is the diagonal to take.
+#[inline]
+#[must_use]
+pub fn in_circle(a: Point, b: Point, c: Point, d: Point) -> bool {
+    let rows = [difference(a, d), difference(b, d), difference(c, d)];
+    let reach = rows.iter().fold(0, |reach, &(x, y)| reach | x.abs() | y.abs());
+    if reach < NARROW {
+        match determinant_narrow(&rows, squared_length) {
+            0 => preferred(|lift| determinant_narrow(&rows, lift)),
+            circle => circle > 0,
+        }
+    } else {
+        match determinant_wide(&rows, squared_length) {
+            0 => preferred(|lift| determinant_wide(&rows, lift)),
+            circle => circle > 0,
+        }
+    }
+}
+
+/// The answer for cocircular points: the sign of the first perturbing term that is not 0; both
+/// lower the lift, so they count negatively.
+fn preferred<T: PartialOrd + Default>(determinant: impl Fn(Lift) -> T) -> bool {
+    let zero = T::default();
+    let along_first = determinant(along_d1);
+    if along_first == zero { determinant(along_d2) < zero } else { along_first < zero }
+}
+
+/// Height of a point above the plane, of its coordinates relative to another point.
+type Lift = fn((i64, i64)) -> i64;
+
+/// `p - q` in 64 bits.
+#[inline]
+fn difference(p: Point, q: Point) -> (i64, i64) {
+    (i64::from(p.x) - i64::from(q.x), i64::from(p.y) - i64::from(q.y))
+}
+
+/// Height of the Delaunay lift.
+#[inline]
+fn squared_length((x, y): (i64, i64)) -> i64 {
+    x * x + y * y
+}
+
+/// `(p.d1)^2` for `d1 = (1, 0)`.
+#[inline]
+fn along_d1((x, _): (i64, i64)) -> i64 {
+    x * x
+}
+
+/// `(p.d2)^2` for `d2 = (1, 1)`.
+#[inline]
+fn along_d2((x, y): (i64, i64)) -> i64 {
+    (x + y) * (x + y)
+}
+
+/// The determinant of the rows `(x, y, lift(x, y))`, for coordinates within [`NARROW`].
+#[inline]
+fn determinant_narrow(rows: &[(i64, i64); 3], lift: impl Fn((i64, i64)) -> i64) -> i64 {
+    let [(ax, ay), (bx, by), (cx, cy)] = *rows;
+    lift(rows[0]) * (bx * cy - by * cx) - lift(rows[1]) * (ax * cy - ay * cx)
+        + lift(rows[2]) * (ax * by - ay * bx)
+}
+
+/// The same determinant for any coordinates of an image.
+#[cold]
+fn determinant_wide(rows: &[(i64, i64); 3], lift: impl Fn((i64, i64)) -> i64) -> i128 {
+    let [(ax, ay), (bx, by), (cx, cy)] = *rows;
+    let product = |height: i64, minor: i64| i128::from(height) * i128::from(minor);
+    product(lift(rows[0]), bx * cy - by * cx) - product(lift(rows[1]), ax * cy - ay * cx)
+        + product(lift(rows[2]), ax * by - ay * bx)
+}

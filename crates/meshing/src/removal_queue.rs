@@ -1,0 +1,119 @@
+//! Vertices in the order of their removal: a heap of four children that knows where each vertex
+//! stands, so that a changed key moves its vertex and no stale entry remains.
+
+/// Not in the queue.
+const ABSENT: u32 = u32::MAX;
+
+/// Children of each place.
+const ARITY: usize = 4;
+
+/// A priority queue of vertices by change of squared error, then by index.
+pub(crate) struct RemovalQueue {
+    /// The heap: the least first, the children of place `i` at `4 i + 1` to `4 i + 4`.
+    heap: Vec<(i64, u32)>,
+    /// Place of each vertex in the heap.
+    places: Vec<u32>,
+}
+
+impl RemovalQueue {
+    /// A queue of the vertices with their keys, of `vertex_count` in all.
+    pub(crate) fn new(entries: Vec<(i64, u32)>, vertex_count: usize) -> Self {
+        let mut queue = Self { heap: entries, places: vec![ABSENT; vertex_count] };
+        for place in 0..queue.heap.len() {
+            queue.places[queue.heap[place].1 as usize] = place as u32;
+        }
+        for place in (0..queue.heap.len() / ARITY + 1).rev() {
+            queue.sift_down(place);
+        }
+        queue
+    }
+
+    /// The vertex whose removal changes the squared error least, and that change.
+    pub(crate) fn first(&self) -> Option<(i64, u32)> {
+        self.heap.first().copied()
+    }
+
+    /// Takes out the first vertex.
+    pub(crate) fn remove_first(&mut self) {
+        let first = self.heap.swap_remove(0);
+        self.places[first.1 as usize] = ABSENT;
+        if let Some(&(_, moved)) = self.heap.first() {
+            self.places[moved as usize] = 0;
+            self.sift_down(0);
+        }
+    }
+
+    /// Gives a vertex of the queue another key.
+    pub(crate) fn change(&mut self, vertex: u32, key: i64) {
+        let place = self.places[vertex as usize] as usize;
+        self.heap[place].0 = key;
+        self.sift_up(place);
+        self.sift_down(self.places[vertex as usize] as usize);
+    }
+
+    /// Moves the entry at `place` towards the first until its parent is less.
+    fn sift_up(&mut self, mut place: usize) {
+        let entry = self.heap[place];
+        while place > 0 {
+            let parent = (place - 1) / ARITY;
+            if self.heap[parent] <= entry {
+                break;
+            }
+            self.put(place, self.heap[parent]);
+            place = parent;
+        }
+        self.put(place, entry);
+    }
+
+    /// Moves the entry at `place` away from the first until its children are greater.
+    fn sift_down(&mut self, mut place: usize) {
+        let Some(&entry) = self.heap.get(place) else { return };
+        loop {
+            let start = ARITY * place + 1;
+            let end = (start + ARITY).min(self.heap.len());
+            let Some(least) = (start..end).min_by_key(|&child| self.heap[child]) else { break };
+            if entry <= self.heap[least] {
+                break;
+            }
+            self.put(place, self.heap[least]);
+            place = least;
+        }
+        self.put(place, entry);
+    }
+
+    /// Writes an entry to a place.
+    fn put(&mut self, place: usize, entry: (i64, u32)) {
+        self.heap[place] = entry;
+        self.places[entry.1 as usize] = place as u32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn vertices_leave_in_the_order_of_their_latest_keys(
+            mut keys in prop::collection::vec(-20i64..20, 1..60),
+            changes in prop::collection::vec((0usize..60, -20i64..20), 0..60),
+        ) {
+            let entries = keys.iter().enumerate().map(|(v, &key)| (key, v as u32)).collect();
+            let mut queue = RemovalQueue::new(entries, keys.len());
+            for (v, key) in changes {
+                let v = v % keys.len();
+                keys[v] = key;
+                queue.change(v as u32, key);
+            }
+            let mut expected: Vec<(i64, u32)> =
+                keys.iter().enumerate().map(|(v, &key)| (key, v as u32)).collect();
+            expected.sort_unstable();
+            for entry in expected {
+                prop_assert_eq!(queue.first(), Some(entry));
+                queue.remove_first();
+            }
+            prop_assert_eq!(queue.first(), None);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The initial points of a mesh, by each of the generators.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::density::Density;
+use crate::error_diffusion::diffuse_to_size;
+use crate::image::Image;
+use crate::mesh::{Point, corner_points};
+use crate::method::{Generator, Parameters};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Chooses about `size` initial points of an image, by row, then column, the four corners among
+/// them.
+///
+/// Error diffusion chooses within its tolerance of `size`, then the corners are added; the other
+/// generators count the corners. `size` is at most the number of lattice points, and all of these
+/// are taken when it is that number.
+///
+/// # Errors
+/// When the control cancels.
+pub fn sample_points(
+    image: &Image,
+    parameters: &Parameters,
+    size: usize,
+    control: &dyn Control,
+) -> Result<Vec<Point>, Cancelled> {
+    let (width, height) = (image.width(), image.height());
+    let mut chosen = match parameters.generator {
+        _ if size >= width * height => vec![1; width * height],
+        Generator::All => vec![1; width * height],
+        Generator::Random => random_points(width, height, size, parameters.seed),
+        Generator::Uniform => uniform_points(width, height, size),
+        Generator::ErrorDiffusion => {
+            let density = Density::new(image, parameters, control)?;
+            control.poll(Stage::Diffuse, 0, 1)?;
+            diffuse_to_size(&density, size, parameters, control)?
+        }
+    };
+    for corner in corner_points(width, height) {
+        chosen[corner.y as usize * width + corner.x as usize] = 1;
+    }
+    Ok(marked_points(&chosen, width))
+}
+
+/// The marked lattice points, by row, then column.
+fn marked_points(chosen: &[u8], width: usize) -> Vec<Point> {
+    let mut points = Vec::with_capacity(chosen.iter().map(|&mark| usize::from(mark)).sum());
+    for (y, row) in chosen.chunks_exact(width).enumerate() {
+        let marked = row.iter().enumerate().filter(|(_, mark)| **mark != 0);
+        points.extend(marked.map(|(x, _)| Point::new(x as i32, y as i32)));
+    }
+    points
+}
+
+/// Marks the corners and `size - 4` other lattice points, all sets of them equally likely.
+///
+/// Robert W. Floyd's sampling without replacement (Jon Bentley, "Programming pearls: a sample of
+/// brilliance", 1987), over a stream that is the same for a seed on every machine.
+fn random_points(width: usize, height: usize, size: usize, seed: u64) -> Vec<u8> {
+    let mut chosen = vec![0; width * height];
+    let corners = corner_points(width, height).map(|p| p.y as usize * width + p.x as usize);
+    let inner: Vec<u32> = (0..width * height)
+        .filter(|place| !corners.contains(place))
+        .map(|place| place as u32)
+        .collect();
+    let mut stream = ChaCha8Rng::seed_from_u64(seed);
+    for bound in inner.len() - (size - corners.len()).min(inner.len())..inner.len() {
+        // The high half of a 128-bit product maps 64 random bits to 0..=bound, evenly but for
+        // a bias below 2^-24.
+        let drawn = ((u128::from(stream.next_u64()) * (bound as u128 + 1)) >> 64) as usize;
+        let drawn = inner[drawn] as usize;
+        let place = if chosen[drawn] == 0 { drawn } else { inner[bound] as usize };
+        chosen[place] = 1;
+    }
+    chosen
+}
+
+/// Marks a regular grid of about `size` points whose outermost ones lie on the border, with
+/// steps as equal in both directions as whole numbers of rows and columns allow.
+fn uniform_points(width: usize, height: usize, size: usize) -> Vec<u8> {
+    let aspect = (width - 1) as f64 / (height - 1) as f64;
+    let rows = ((size as f64 / aspect).sqrt().round() as usize).clamp(2, height.min(size / 2));
+    let columns = (size / rows).clamp(2, width);
+    let place =
+        |i: usize, count: usize, side: usize| (i * (side - 1) + (count - 1) / 2) / (count - 1);
+    let mut chosen = vec![0; width * height];
+    for j in 0..rows {
+        for i in 0..columns {
+            chosen[place(j, rows, height) * width + place(i, columns, width)] = 1;
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn count(chosen: &[u8]) -> usize {
+        chosen.iter().map(|&mark| usize::from(mark)).sum()
+    }
+
+    #[test]
+    fn random_points_are_as_many_as_asked_and_the_same_for_a_seed() {
+        for size in [4, 5, 30, 70] {
+            let chosen = random_points(10, 7, size, 1);
+            assert_eq!(count(&chosen), size - 4);
+            assert_eq!(chosen, random_points(10, 7, size, 1));
+        }
+        assert_ne!(random_points(10, 7, 30, 1), random_points(10, 7, 30, 2));
+    }
+
+    #[test]
+    fn uniform_points_hold_the_corners_and_do_not_exceed_the_size() {
+        for (width, height, size) in
+            [(10, 10, 25), (100, 3, 40), (2, 50, 10), (7, 7, 4), (5, 5, 24)]
+        {
+            let chosen = uniform_points(width, height, size);
+            for corner in [0, width - 1, width * (height - 1), width * height - 1] {
+                assert_eq!(chosen[corner], 1);
+            }
+            assert!(
+                count(&chosen) <= size && count(&chosen) * 2 > size,
+                "{} of {size}",
+                count(&chosen)
+            );
+        }
+    }
+}
