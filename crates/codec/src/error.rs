@@ -1,0 +1,96 @@
+//! Why bytes do not make a picture, and why a picture or mesh does not make bytes.
+
+use crate::format::PictureFormat;
+use pixmesh_meshing::ImageError;
+use std::io;
+use thiserror::Error;
+
+/// Why bytes do not make a picture.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// There are no bytes at all.
+    #[error("the file is empty")]
+    Empty,
+    /// The first bytes are those of no format that is read here.
+    #[error("the file is neither PNG, JPEG nor PNM")]
+    UnknownFormat,
+    /// The header claims more pixels than are allowed.
+    #[error("an image of {width}x{height} has {pixels} pixels, more than the limit of {limit}")]
+    TooManyPixels {
+        /// Columns claimed.
+        width: u64,
+        /// Rows claimed.
+        height: u64,
+        /// Their product; `u64::MAX` when it is that or more.
+        pixels: u64,
+        /// The most pixels allowed.
+        limit: u64,
+    },
+    /// The header claims more columns or rows than are allowed.
+    #[error("an image of {width}x{height} has a side over the limit of {limit} pixels")]
+    SideTooLong {
+        /// Columns claimed.
+        width: u64,
+        /// Rows claimed.
+        height: u64,
+        /// The most columns or rows allowed.
+        limit: usize,
+    },
+    /// What the file carries beside its pixels would take too much memory.
+    #[error("the metadata of the {} file takes more than {limit} bytes", .format.name())]
+    MetadataTooLarge {
+        /// The file's format.
+        format: PictureFormat,
+        /// The most bytes allowed.
+        limit: usize,
+    },
+    /// The bytes break the rules of their format, or end early.
+    #[error("the {} file cannot be decoded: {reason}", .format.name())]
+    Malformed {
+        /// The file's format.
+        format: PictureFormat,
+        /// What is wrong, and where.
+        reason: String,
+    },
+    /// The format allows it, but it is not read here.
+    #[error("the {} file cannot be decoded: {reason}", .format.name())]
+    Unsupported {
+        /// The file's format.
+        format: PictureFormat,
+        /// What is not supported.
+        reason: String,
+    },
+    /// The picture is none that can be meshed.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
+
+/// Why a picture or mesh was not written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The format has no way to store that many components.
+    #[error("{format} stores 1 to {maximum} components, not {actual}")]
+    ComponentCount {
+        /// Name of the format.
+        format: &'static str,
+        /// Components of the image.
+        actual: usize,
+        /// The most that the format stores.
+        maximum: usize,
+    },
+    /// The file would be longer than its format can say.
+    #[error("the {format} file would take {bytes} bytes, more than the {limit} that it can have")]
+    TooLarge {
+        /// Name of the format.
+        format: &'static str,
+        /// Bytes needed.
+        bytes: u64,
+        /// The most bytes of such a file.
+        limit: u64,
+    },
+    /// Writing failed.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}

@@ -1,0 +1,80 @@
+//! The picture formats that are read, told apart by their first bytes.
+
+use crate::error::DecodeError;
+use std::fmt;
+
+/// A picture format that [`decode`](crate::decode()) reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum PictureFormat {
+    /// Portable Network Graphics.
+    Png,
+    /// JPEG, baseline or progressive.
+    Jpeg,
+    /// The portable anymaps: PBM, PGM and PPM, plain and raw, and PAM.
+    Pnm,
+}
+
+impl PictureFormat {
+    /// Every format, in the order of their declaration.
+    pub const ALL: &'static [Self] = &[Self::Png, Self::Jpeg, Self::Pnm];
+
+    /// The format's usual name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "PNG",
+            Self::Jpeg => "JPEG",
+            Self::Pnm => "PNM",
+        }
+    }
+
+    /// Tells the format of a file by its first bytes.
+    ///
+    /// # Errors
+    /// [`DecodeError::Empty`] without any byte, [`DecodeError::UnknownFormat`] for bytes that no
+    /// format starts with.
+    pub fn sniff(bytes: &[u8]) -> Result<Self, DecodeError> {
+        match bytes {
+            [] => Err(DecodeError::Empty),
+            [0x89, b'P', b'N', b'G', ..] => Ok(Self::Png),
+            [0xFF, 0xD8, ..] => Ok(Self::Jpeg),
+            [b'P', b'1'..=b'7', b' ' | b'\t' | b'\r' | b'\n' | b'#', ..] => Ok(Self::Pnm),
+            _ => Err(DecodeError::UnknownFormat),
+        }
+    }
+
+    /// The error for a file of this format that breaks its rules.
+    pub(crate) fn malformed(self, reason: impl Into<String>) -> DecodeError {
+        DecodeError::Malformed { format: self, reason: reason.into() }
+    }
+
+    /// The error for a file of this format that uses what is not read here.
+    pub(crate) fn unsupported(self, reason: impl Into<String>) -> DecodeError {
+        DecodeError::Unsupported { format: self, reason: reason.into() }
+    }
+}
+
+impl fmt::Display for PictureFormat {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_bytes_decide_and_nothing_else() {
+        assert_eq!(PictureFormat::sniff(b"\x89PNG\r\n\x1a\n"), Ok(PictureFormat::Png));
+        assert_eq!(PictureFormat::sniff(b"\xFF\xD8<html>"), Ok(PictureFormat::Jpeg));
+        assert_eq!(PictureFormat::sniff(b"P5\n2 2"), Ok(PictureFormat::Pnm));
+        assert_eq!(PictureFormat::sniff(b"P1#c"), Ok(PictureFormat::Pnm));
+        assert_eq!(PictureFormat::sniff(b""), Err(DecodeError::Empty));
+        for other in [&b"\x89"[..], b"P", b"P5", b"P8 ", b"Pax ", b"GIF89a", b"%PDF-1.7", b"<svg>"]
+        {
+            assert_eq!(PictureFormat::sniff(other), Err(DecodeError::UnknownFormat));
+        }
+    }
+}

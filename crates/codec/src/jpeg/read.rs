@@ -1,0 +1,83 @@
+//! The JPEG reader: gray stays gray, all else becomes RGB, the EXIF orientation is applied.
+
+use super::frame::Frame;
+use crate::canvas::{Canvas, Row};
+use crate::error::DecodeError;
+use crate::format::PictureFormat;
+use crate::header::Header;
+use crate::limits::Limits;
+use image::codecs::jpeg::JpegDecoder;
+use image::error::ImageError as DecoderError;
+use image::{ColorType, ImageDecoder};
+use pixmesh_meshing::Image;
+use std::io::Cursor;
+use std::panic::catch_unwind;
+
+/// Reads the header, see [`probe`](crate::probe).
+pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
+    Ok(header(&Frame::read(bytes, limits)?))
+}
+
+/// Decodes the picture, see [`decode`](crate::decode()).
+pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError> {
+    let (frame, essence) = Frame::read_all(bytes, limits)?;
+    let header = header(&frame);
+    let pixels = decode_guarded(&frame, header.component_count, essence)?;
+    let mut canvas = Canvas::new(header, frame.orientation);
+    for (y, row) in pixels.chunks_exact(frame.width * header.component_count).enumerate() {
+        canvas.put_row(Row::whole(y), row);
+    }
+    drop(pixels);
+    Ok(canvas.into_image()?)
+}
+
+/// What the frame header means for the decoded image.
+fn header(frame: &Frame) -> Header {
+    let (width, height) = frame.orientation.upright(frame.width, frame.height);
+    let component_count = if frame.components.len() == 1 { 1 } else { 3 };
+    Header { format: PictureFormat::Jpeg, width, height, component_count, precision: 8 }
+}
+
+/// The pixels as stored, their components side by side, rows from the top.
+fn decode_guarded(
+    frame: &Frame,
+    component_count: usize,
+    essence: Vec<u8>,
+) -> Result<Vec<u8>, DecodeError> {
+    // The decoder belongs to others and is known to panic on some contradictory files; those that
+    // the walk does not refuse must not take their caller down.
+    let decoded = catch_unwind(|| decode_stored(frame, component_count, essence));
+    decoded.unwrap_or_else(|_| Err(PictureFormat::Jpeg.malformed("its decoder gave up")))
+}
+
+/// Decodes what the walk through the segments has left of the file.
+///
+/// The decoder enforces no limit of memory itself: the buffer is ours, and is only made when the
+/// decoder has understood the same size as the walk.
+fn decode_stored(
+    frame: &Frame,
+    component_count: usize,
+    essence: Vec<u8>,
+) -> Result<Vec<u8>, DecodeError> {
+    let mut decoder = JpegDecoder::new(Cursor::new(essence)).map_err(refusal)?;
+    let (width, height) = (frame.width as u32, frame.height as u32);
+    let color_type = if component_count == 1 { ColorType::L8 } else { ColorType::Rgb8 };
+    if decoder.dimensions() != (width, height) || decoder.color_type() != color_type {
+        return Err(PictureFormat::Jpeg.malformed("its headers contradict each other"));
+    }
+    let mut limits = image::Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(width), Some(height));
+    decoder.set_limits(limits).map_err(refusal)?;
+    let mut pixels = vec![0; frame.width * frame.height * component_count];
+    decoder.read_image(&mut pixels).map_err(refusal)?;
+    Ok(pixels)
+}
+
+/// The decoder's error in the terms of this crate.
+fn refusal(error: DecoderError) -> DecodeError {
+    let format = PictureFormat::Jpeg;
+    match error {
+        DecoderError::Unsupported(error) => format.unsupported(error.to_string()),
+        other => format.malformed(other.to_string()),
+    }
+}

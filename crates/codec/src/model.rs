@@ -1,0 +1,14 @@
+//! The MODEL format of triangle meshes, in and out.
+//!
+//! Text: width, height, number of components and precision in bits of the image, then an object in
+//! the Object File Format: the word `OFF`, the numbers of vertices, faces and edges, for each
+//! vertex `x y z0 .. z(M-1)`, for each face `3 i j k`, counter-clockwise with `y` up.
+
+mod defect;
+mod read;
+mod tokens;
+mod write;
+
+pub use defect::{ModelDefect, ModelError};
+pub use read::read_model;
+pub use write::write_model;

@@ -1,0 +1,11 @@
+//! PNG, in and out.
+//!
+//! Literature: W3C, "Portable Network Graphics (PNG) Specification (Third Edition)", 2025.
+
+mod interlace;
+mod pixels;
+mod read;
+mod write;
+
+pub(crate) use read::{decode, probe};
+pub use write::write_png;

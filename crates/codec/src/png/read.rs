@@ -1,0 +1,101 @@
+//! The PNG reader.
+//!
+//! Samples are taken raw: 1, 2, 4, 8 or 16 bits of gray stay such, gAMA, sRGB and cICP change
+//! nothing. A palette becomes RGB of 8 bits; transparency, be it of the palette or of one colour,
+//! becomes a component. The orientation in an eXIf chunk is applied when the chunk stands before
+//! the pixels. Text and iCCP chunks are skipped and never inflated; all other chunks together may
+//! take 8 MiB. Checksums of critical chunks are verified up to the last IDAT; what follows is not
+//! read, so a file cut there is accepted.
+
+use super::interlace::stored_rows;
+use super::pixels::Pixels;
+use crate::canvas::Canvas;
+use crate::decode::METADATA_BYTES;
+use crate::error::DecodeError;
+use crate::format::PictureFormat;
+use crate::header::Header;
+use crate::limits::Limits;
+use crate::orientation::Orientation;
+use pixmesh_meshing::Image;
+use png::{Decoder, DecodingError, Reader};
+use std::io::{Cursor, ErrorKind};
+
+/// The most bytes of a stored pixel: four samples of 16 bits.
+const MAX_PIXEL_BYTES: usize = 8;
+
+/// Reads the header, see [`probe`](crate::probe).
+pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
+    Ok(Source::open(bytes, limits, 0)?.header)
+}
+
+/// Decodes the picture, see [`decode`](crate::decode()).
+pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError> {
+    let row_bytes = limits.max_side.saturating_mul(MAX_PIXEL_BYTES);
+    let Source { mut reader, mut pixels, header, orientation } =
+        Source::open(bytes, limits, row_bytes)?;
+    let (width, height) = orientation.upright(header.width, header.height);
+    let interlaced = reader.info().interlaced;
+    let mut canvas = Canvas::new(header, orientation);
+    let mut samples = Vec::new();
+    for row in stored_rows(width, height, interlaced) {
+        let stored = reader.next_row().map_err(refusal)?;
+        let stored = stored.ok_or_else(|| PictureFormat::Png.malformed("rows are missing"))?;
+        let count = (width - row.first).div_ceil(row.step);
+        pixels.unpack(stored.data(), count, &mut samples)?;
+        canvas.put_row(row, &samples);
+    }
+    check_end(&mut reader)?;
+    Ok(canvas.into_image()?)
+}
+
+/// A PNG that is open up to its first pixel.
+struct Source<'a> {
+    reader: Reader<Cursor<&'a [u8]>>,
+    pixels: Pixels,
+    header: Header,
+    orientation: Orientation,
+}
+
+impl<'a> Source<'a> {
+    /// Opens a file: its size is checked before anything else is read, and what stands before the
+    /// pixels may take [`METADATA_BYTES`] and `row_bytes` more.
+    fn open(bytes: &'a [u8], limits: &Limits, row_bytes: usize) -> Result<Self, DecodeError> {
+        let budget = png::Limits { bytes: METADATA_BYTES.saturating_add(row_bytes) };
+        let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), budget);
+        decoder.set_ignore_text_chunk(true);
+        decoder.set_ignore_iccp_chunk(true);
+        let (width, height) = decoder.read_header_info().map_err(refusal)?.size();
+        let (width, height) = limits.check(width.into(), height.into())?;
+        let reader = decoder.read_info().map_err(refusal)?;
+        let pixels = Pixels::new(reader.info())?;
+        let exif = reader.info().exif_metadata.as_deref();
+        let orientation = exif.map_or_else(Orientation::default, Orientation::from_exif);
+        let (width, height) = orientation.upright(width, height);
+        let (component_count, precision) = (pixels.component_count(), pixels.precision());
+        let format = PictureFormat::Png;
+        let header = Header { format, width, height, component_count, precision };
+        Ok(Self { reader, pixels, header, orientation })
+    }
+}
+
+/// Reads the rest of the pixels' chunks, so that their checksums are verified.
+fn check_end(reader: &mut Reader<Cursor<&[u8]>>) -> Result<(), DecodeError> {
+    match reader.next_row().map_err(refusal)? {
+        None => Ok(()),
+        Some(_) => Err(PictureFormat::Png.malformed("it has more rows than its header says")),
+    }
+}
+
+/// The decoder's error in the terms of this crate.
+fn refusal(error: DecodingError) -> DecodeError {
+    let format = PictureFormat::Png;
+    match error {
+        DecodingError::LimitsExceeded => {
+            DecodeError::MetadataTooLarge { format, limit: METADATA_BYTES }
+        }
+        DecodingError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof => {
+            format.malformed("it ends early")
+        }
+        other => format.malformed(other.to_string()),
+    }
+}
