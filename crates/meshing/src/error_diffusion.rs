@@ -126,9 +126,10 @@ impl<'a> Diffusion<'a> {
     }
 
     /// The threshold at which, all density being turned into points of weight `2 threshold`, the
-    /// first field gives the number asked for.
+    /// first field that is not 0 everywhere gives the number asked for.
     fn first_threshold(&self) -> f64 {
-        self.sums[0] / (2.0 * self.size as f64)
+        let sum = self.sums.iter().find(|&&sum| sum > 0.0);
+        sum.copied().unwrap_or_default() / (2.0 * self.size as f64)
     }
 
     /// The errors that row 0 receives from the picture mirrored at it: rows `height - 1` down to 1

@@ -108,3 +108,61 @@ impl EdgeWalk {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::corner_points;
+    use crate::predicates::orientation;
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    /// The face that the rule in words gives a lattice point to: the one that holds the point
+    /// moved by `(-1, -e)` infinitesimals, or to the right or upwards where there is no left or
+    /// below.
+    fn owner(points: &[Point], faces: &[[u32; 3]], p: Point) -> usize {
+        let horizontal = if p.x == 0 { 1 } else { -1 };
+        let vertical = if p.y == 0 { 1 } else { -1 };
+        let inside = |a: Point, b: Point| {
+            // Orientation of (a, b, p + (h e, v e^2)), sign by sign.
+            let first = -i64::from(b.y - a.y) * horizontal;
+            let second = i64::from(b.x - a.x) * vertical;
+            [orientation(a, b, p), first, second].into_iter().find(|&term| term != 0) > Some(0)
+        };
+        let holds = |face: &[u32; 3]| {
+            let [a, b, c] = face.map(|v| points[v as usize]);
+            inside(a, b) && inside(b, c) && inside(c, a)
+        };
+        let owners: Vec<usize> = (0..faces.len()).filter(|&f| holds(&faces[f])).collect();
+        assert_eq!(owners.len(), 1, "{p:?} has the owners {owners:?}");
+        owners[0]
+    }
+
+    proptest! {
+        #[test]
+        fn every_lattice_point_belongs_to_the_one_face_that_the_rule_names(
+            width in 2i32..10,
+            height in 2i32..10,
+            seeds in prop::collection::vec((0i32..10, 0i32..10), 0..25),
+        ) {
+            let inner = seeds.iter().map(|&(x, y)| Point::new(x % width, y % height));
+            let corners = corner_points(width as usize, height as usize);
+            let points: Vec<Point> = inner.chain(corners).collect::<BTreeSet<_>>().into_iter().collect();
+            let faces = triangulate(&points);
+            let mut owners = vec![None; (width * height) as usize];
+            for (f, face) in faces.iter().enumerate() {
+                for_each_row(face.map(|v| points[v as usize]), |y, first, end| {
+                    for x in first..end {
+                        let place = &mut owners[(y * width + x) as usize];
+                        assert_eq!(place.replace(f), None, "({x}, {y}) is owned twice");
+                    }
+                });
+            }
+            for (place, found) in (0..).zip(owners) {
+                let p = Point::new(place % width, place / width);
+                prop_assert_eq!(found, Some(owner(&points, &faces, p)));
+            }
+        }
+    }
+}

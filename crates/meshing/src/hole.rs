@@ -4,8 +4,9 @@
 //! that vertex, and the hole is filled by the triangulation of its boundary. The fill is found
 //! without touching the mesh: the triangle at one edge of the boundary has as its third vertex the
 //! one whose circle through the edge holds no other; it splits the rest of the boundary in two,
-//! each filled in the same way. A hole has six vertices on average; the time is quadratic in the
-//! number of vertices in the worst case.
+//! each filled in the same way. A hole has six vertices on average, and for so few the next edge
+//! is always the side of the triangle before. With many vertices that takes quadratic time where
+//! the triangles make a fan, so larger boundaries are split at their middle edge, as lists.
 
 use crate::mesh::Point;
 use crate::predicates::{in_circle, orientation};
@@ -38,10 +39,17 @@ struct Gap {
     base: Base,
 }
 
+/// Boundaries of more vertices than this are split at their middle edge.
+const LARGE: usize = 32;
+
 /// Fills holes; keeps its memory from one to the next.
 #[derive(Default)]
 pub(crate) struct HoleFiller {
     gaps: Vec<Gap>,
+    /// Places of the boundaries that remain of a large hole, one after the other.
+    rings: Vec<u32>,
+    /// Where each of these begins.
+    ring_starts: Vec<usize>,
     triangles: Vec<HoleTriangle>,
 }
 
@@ -50,9 +58,21 @@ impl HoleFiller {
     /// counter-clockwise; each after the one beyond its base.
     pub(crate) fn fill(&mut self, boundary: &[Point]) -> &[HoleTriangle] {
         self.triangles.clear();
+        if boundary.len() > LARGE {
+            self.split_at_middle_edges(boundary);
+            self.nest();
+        } else {
+            self.split_at_bases(boundary);
+        }
+        &self.triangles
+    }
+
+    /// Finds the triangle at each gap's base, from the boundary's last edge on.
+    fn split_at_bases(&mut self, boundary: &[Point]) {
         self.gaps.push(Gap { from: 0, to: boundary.len() as u32 - 1, base: Base::Boundary });
         while let Some(Gap { from, to, base }) = self.gaps.pop() {
-            let apex = apex(boundary, from, to);
+            let [a, b] = [from, to].map(|place| boundary[place as usize]);
+            let apex = apex(boundary, b, a, from + 1..to);
             let triangle = self.triangles.len() as u32;
             self.triangles.push(HoleTriangle { corners: [from, apex, to], base });
             if to - apex > 1 {
@@ -62,7 +82,64 @@ impl HoleFiller {
                 self.gaps.push(Gap { from, to: apex, base: Base::FirstSide(triangle) });
             }
         }
-        &self.triangles
+    }
+
+    /// Finds the triangle at the middle edge of each boundary that remains, in any order and with
+    /// no base.
+    fn split_at_middle_edges(&mut self, boundary: &[Point]) {
+        self.rings.clear();
+        self.rings.extend(0..boundary.len() as u32);
+        self.ring_starts.push(0);
+        while let Some(start) = self.ring_starts.pop() {
+            let ring = self.rings.split_off(start);
+            let middle = ring.len() / 2;
+            let (from, to) = (ring[middle - 1], ring[middle]);
+            let others = ring[middle + 1..].iter().chain(&ring[..middle - 1]).copied();
+            let apex = apex(boundary, boundary[from as usize], boundary[to as usize], others);
+            let mut corners = [from, to, apex];
+            corners.sort_unstable();
+            self.triangles.push(HoleTriangle { corners, base: Base::Boundary });
+            let at = ring.iter().position(|&place| place == apex).unwrap_or_default();
+            if at > middle {
+                self.push_ring(&ring[middle..=at], &[]);
+                self.push_ring(&ring[..middle], &ring[at..]);
+            } else {
+                self.push_ring(&ring[at..middle], &[]);
+                self.push_ring(&ring[..=at], &ring[middle..]);
+            }
+        }
+    }
+
+    /// Keeps a boundary that remains, when it has an inside.
+    fn push_ring(&mut self, first: &[u32], second: &[u32]) {
+        if first.len() + second.len() > 2 {
+            self.ring_starts.push(self.rings.len());
+            self.rings.extend(first.iter().chain(second));
+        }
+    }
+
+    /// Puts each triangle after the one beyond its base, which spans it, and finds that one.
+    fn nest(&mut self) {
+        self.triangles.sort_unstable_by_key(|triangle| {
+            let [first, _, third] = triangle.corners;
+            (first, u32::MAX - third)
+        });
+        let mut spanning: Vec<u32> = Vec::new();
+        for triangle in 0..self.triangles.len() {
+            let [first, _, third] = self.triangles[triangle].corners;
+            while let Some(&outer) = spanning.last() {
+                let [from, through, to] = self.triangles[outer as usize].corners;
+                if (first, third) == (from, through) {
+                    self.triangles[triangle].base = Base::FirstSide(outer);
+                    break;
+                } else if (first, third) == (through, to) {
+                    self.triangles[triangle].base = Base::SecondSide(outer);
+                    break;
+                }
+                spanning.pop();
+            }
+            spanning.push(triangle as u32);
+        }
     }
 
     /// The triangles of the last fill.
@@ -71,31 +148,26 @@ impl HoleFiller {
     }
 }
 
-/// The place between `from` and `to` whose vertex makes the triangle of the triangulation with the
-/// edge from `to` to `from`: left of that edge, and no other such vertex in its circle.
+/// The place whose vertex makes the triangle of the triangulation with the edge from `a` to `b`:
+/// left of that edge, and no other such vertex in its circle.
 #[inline]
-fn apex(boundary: &[Point], from: u32, to: u32) -> u32 {
-    let [a, b] = [from, to].map(|place| boundary[place as usize]);
-    let mut best = from + 1;
-    let mut found = to - from == 2;
-    for place in from + 1..to {
+fn apex(boundary: &[Point], a: Point, b: Point, places: impl Iterator<Item = u32>) -> u32 {
+    let mut best = None;
+    for place in places {
         let candidate = boundary[place as usize];
-        if found && place == best {
-            continue;
-        }
-        if orientation(a, candidate, b) > 0
-            && (!found || in_circle(a, boundary[best as usize], b, candidate))
-        {
-            best = place;
-            found = true;
+        let is_better = |best: u32| in_circle(a, b, boundary[best as usize], candidate);
+        if orientation(a, b, candidate) > 0 && best.is_none_or(is_better) {
+            best = Some(place);
         }
     }
-    best
+    // The inside of a boundary is left of each of its edges, so there is such a vertex.
+    best.unwrap_or_default()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::triangulation::triangulate;
 
     #[test]
     fn a_square_is_cut_along_the_preferred_direction() {
@@ -110,6 +182,47 @@ mod tests {
                 let corners = triangle.corners.map(|place| boundary[place as usize]);
                 assert!(corners.contains(&square[0]) && corners.contains(&square[2]));
             }
+        }
+    }
+
+    /// The boundary of the hole that a vertex leaves, from its faces.
+    fn boundary_around(v: u32, points: &[Point]) -> Vec<Point> {
+        let sides: std::collections::BTreeMap<u32, u32> = triangulate(points)
+            .into_iter()
+            .filter_map(|[a, b, c]| {
+                [(a, b, c), (b, c, a), (c, a, b)].into_iter().find(|face| face.0 == v)
+            })
+            .map(|(_, from, to)| (from, to))
+            .collect();
+        let first = *sides.keys().next().unwrap();
+        std::iter::successors(Some(first), |v| sides.get(v).copied().filter(|&v| v != first))
+            .map(|v| points[v as usize])
+            .collect()
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn large_boundaries_are_filled_as_small_ones_are(
+            (radius, thickness) in (3i32..20, 1i32..6),
+            kept in proptest::collection::vec(proptest::bool::weighted(0.7), 41 * 41),
+        ) {
+            let centre = Point::new(20, 20);
+            let in_ring = |p: &Point| {
+                let squared = (p.x - 20).pow(2) + (p.y - 20).pow(2);
+                let kept = kept[(p.y * 41 + p.x) as usize];
+                (kept && (radius.pow(2)..=(radius + thickness).pow(2)).contains(&squared))
+                    || *p == centre
+                    || (p.x % 40 == 0 && p.y % 40 == 0)
+            };
+            let lattice = (0..41).flat_map(|y| (0..41).map(move |x| Point::new(x, y)));
+            let points: Vec<Point> = lattice.filter(in_ring).collect();
+            let v = points.iter().position(|&p| p == centre).unwrap() as u32;
+            let boundary = boundary_around(v, &points);
+            let [mut by_bases, mut by_middle_edges] = [HoleFiller::default(), HoleFiller::default()];
+            by_bases.split_at_bases(&boundary);
+            by_middle_edges.split_at_middle_edges(&boundary);
+            by_middle_edges.nest();
+            proptest::prop_assert_eq!(by_bases.triangles, by_middle_edges.triangles);
         }
     }
 

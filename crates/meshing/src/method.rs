@@ -6,7 +6,7 @@
 //! into a density, error diffusion picks initial points of that density, and greedy point removal
 //! simplifies their triangulation. A [`Method`] is a named set of [`Parameters`].
 
-use crate::image::{ImageError, check_shape};
+use crate::image::{ImageError, MAX_SIDE, check_shape};
 use crate::mesh::Shape;
 use std::fmt;
 use std::str::FromStr;
@@ -14,6 +14,9 @@ use thiserror::Error;
 
 /// The fewest vertices a mesh may have: the image's corners.
 pub const MIN_SIZE: usize = 4;
+
+/// The most lattice points that an image may have.
+const MAX_POINTS: usize = MAX_SIDE * MAX_SIDE;
 
 /// The largest ratio of initial to final points.
 pub const MAX_GAMMA: f64 = 1000.0;
@@ -436,16 +439,14 @@ impl Parameters {
     pub fn check(&self) -> Result<(), ParameterError> {
         match self.target {
             Target::Density(density) => check_density("density", density)?,
-            Target::Size(size) => check_range("size", size as f64, MIN_SIZE as f64, f64::MAX)?,
+            Target::Size(size) => check_size("size", size, MAX_POINTS)?,
             Target::Psnr(psnr_db) => check_range("target_psnr", psnr_db, 0.0, 200.0)?,
         }
         match self.initial_size {
             InitialSize::Target => {}
             InitialSize::Gamma(gamma) => check_range("gamma", gamma, 1.0, MAX_GAMMA)?,
             InitialSize::Density(density) => check_density("initial_density", density)?,
-            InitialSize::Size(size) => {
-                check_range("initial_size", size as f64, MIN_SIZE as f64, f64::MAX)?;
-            }
+            InitialSize::Size(size) => check_size("initial_size", size, MAX_POINTS)?,
         }
         let (parameter, value) = ("smoothing_order", self.smoothing_order);
         check_range(parameter, value as f64, 1.0, MAX_SMOOTHING_ORDER as f64)?;
@@ -460,12 +461,19 @@ impl Parameters {
     /// # Errors
     /// The first parameter that is out of its bounds or not defined for such an image.
     pub fn plan(&self, shape: Shape) -> Result<Plan, ParameterError> {
-        self.check()?;
         check_shape(shape.width, shape.height, shape.precision)?;
+        let all = shape.width * shape.height;
+        if let Target::Size(size) = self.target {
+            check_size("size", size, all)?;
+        }
+        if let InitialSize::Size(size) = self.initial_size {
+            check_size("initial_size", size, all)?;
+        }
+        self.check()?;
         self.check_components(shape.component_count)?;
         let (size, minimum_psnr_db) = match self.target {
             Target::Density(density) => (points_of_density("density", density, shape)?, None),
-            Target::Size(size) => (check_size("size", size, shape)?, None),
+            Target::Size(size) => (size, None),
             Target::Psnr(psnr_db) => (MIN_SIZE, Some(psnr_db)),
         };
         let initial_size = self.initial_points(size, shape)?;
@@ -479,7 +487,7 @@ impl Parameters {
             return Ok(all);
         }
         match (self.initial_size, self.target) {
-            (InitialSize::Size(size), _) => check_size("initial_size", size, shape),
+            (InitialSize::Size(size), _) => Ok(size),
             (InitialSize::Density(density), _) => {
                 points_of_density("initial_density", density, shape)
             }
@@ -554,11 +562,9 @@ fn check_density(parameter: &'static str, density: f64) -> Result<(), ParameterE
     Ok(())
 }
 
-/// Checks a number of points against the image's.
-fn check_size(parameter: &'static str, size: usize, shape: Shape) -> Result<usize, ParameterError> {
-    let all = shape.width * shape.height;
-    check_range(parameter, size as f64, MIN_SIZE as f64, all as f64)?;
-    Ok(size)
+/// Checks a number of points against the number of lattice points.
+fn check_size(parameter: &'static str, size: usize, all: usize) -> Result<(), ParameterError> {
+    check_range(parameter, size as f64, MIN_SIZE as f64, all as f64)
 }
 
 /// Number of points of a density, at least 4.

@@ -107,3 +107,95 @@ fn determinant_wide(rows: &[(i64, i64); 3], lift: impl Fn((i64, i64)) -> i64) ->
     product(lift(rows[0]), bx * cy - by * cx) - product(lift(rows[1]), ax * cy - ay * cx)
         + product(lift(rows[2]), ax * by - ay * bx)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Compares the angles that two undirected directions make with a third, by squared cosines:
+    /// `Less` when `u` makes the smaller one.
+    fn compare_angles(u: (i128, i128), v: (i128, i128), d: (i128, i128)) -> std::cmp::Ordering {
+        let dot = |u: (i128, i128), v: (i128, i128)| u.0 * v.0 + u.1 * v.1;
+        (dot(v, d).pow(2) * dot(u, u)).cmp(&(dot(u, d).pow(2) * dot(v, v)))
+    }
+
+    /// Whether the diagonal `cd` is preferred to `ab`, by the definition.
+    fn prefers_cd(a: Point, b: Point, c: Point, d: Point) -> bool {
+        let direction = |p, q| {
+            let (x, y) = difference(q, p);
+            (i128::from(x), i128::from(y))
+        };
+        let (ab, cd) = (direction(a, b), direction(c, d));
+        compare_angles(cd, ab, (1, 0)).then(compare_angles(cd, ab, (1, 1))).is_lt()
+    }
+
+    /// Points on a circle around the origin, counter-clockwise, by their squared radius.
+    fn lattice_circle(squared_radius: i32) -> Vec<Point> {
+        let radius = squared_radius.isqrt();
+        let mut points: Vec<Point> = (-radius..=radius)
+            .flat_map(|y| (-radius..=radius).map(move |x| Point::new(x, y)))
+            .filter(|p| p.x * p.x + p.y * p.y == squared_radius)
+            .collect();
+        points.sort_by(|p, q| {
+            f64::from(p.y).atan2(p.x.into()).total_cmp(&f64::from(q.y).atan2(q.x.into()))
+        });
+        points
+    }
+
+    #[test]
+    fn cocircular_points_take_the_diagonal_of_the_smaller_angle() {
+        for squared_radius in [1, 2, 25, 50, 65, 325, 1105] {
+            let circle = lattice_circle(squared_radius);
+            let n = circle.len();
+            for i in 0..n {
+                for (j, k, l) in (i + 1..n)
+                    .flat_map(|j| (j + 1..n).flat_map(move |k| (k + 1..n).map(move |l| (j, k, l))))
+                {
+                    // a, d, b, c in counter-clockwise order, so that ab and cd are the diagonals.
+                    let (a, d, b, c) = (circle[i], circle[j], circle[k], circle[l]);
+                    assert_eq!(
+                        in_circle(a, b, c, d),
+                        prefers_cd(a, b, c, d),
+                        "{a:?} {d:?} {b:?} {c:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_answer_does_not_depend_on_which_point_is_asked_about(
+            coordinates in prop::array::uniform8(0i32..8),
+        ) {
+            let [a, b, c, d] = [0, 2, 4, 6].map(|i| Point::new(coordinates[i], coordinates[i + 1]));
+            let distinct = a != b && a != c && a != d && b != c && b != d && c != d;
+            if distinct && orientation(a, b, c) > 0 {
+                // The other triangle at the edge ab, or the point seen from the other edges.
+                prop_assert_eq!(in_circle(a, b, c, d), in_circle(b, c, a, d));
+                if orientation(b, a, d) > 0 {
+                    prop_assert_eq!(in_circle(a, b, c, d), in_circle(b, a, d, c));
+                }
+            }
+        }
+
+        #[test]
+        fn narrow_and_wide_determinants_agree(coordinates in prop::array::uniform6(-16_383i64..16_384)) {
+            let rows = [0, 2, 4].map(|i| (coordinates[i], coordinates[i + 1]));
+            for lift in [squared_length, along_d1, along_d2] {
+                let wide = determinant_wide(&rows, lift);
+                prop_assert_eq!(i128::from(determinant_narrow(&rows, lift)), wide);
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_narrow_determinants_do_not_overflow() {
+        let reach = NARROW - 1;
+        let rows = [(reach, -reach), (-reach, -reach), (-reach, reach)];
+        for lift in [squared_length, along_d1, along_d2] {
+            assert_eq!(i128::from(determinant_narrow(&rows, lift)), determinant_wide(&rows, lift));
+        }
+    }
+}

@@ -312,3 +312,97 @@ fn outgoing_half_edges(triangulation: &Triangulation) -> Vec<u32> {
     }
     outgoing
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    /// A picture of few gray levels, so that equal changes of error are common.
+    fn picture(width: usize, height: usize, samples: &[u16]) -> Image {
+        let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
+        Image::new(width, height, 3, vec![plane(0), plane(3)]).unwrap()
+    }
+
+    fn all_points(width: usize, height: usize) -> Vec<Point> {
+        (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y))).collect()
+    }
+
+    /// The squared errors cached for the faces are those computed afresh.
+    fn assert_errors_are_cached(simplification: &Simplification<'_>) {
+        let mut errors = FaceErrors::new(simplification.image);
+        let Triangulation { points, origins, .. } = &simplification.triangulation;
+        let mut total = 0;
+        for (t, corners) in origins.chunks_exact(3).enumerate() {
+            let fresh = if corners[0] == NONE {
+                0
+            } else {
+                errors.squared_error([0, 1, 2].map(|i| points[corners[i] as usize]))
+            };
+            assert_eq!(simplification.squared_errors[t], fresh);
+            total += fresh;
+        }
+        assert_eq!(simplification.total_error, total);
+    }
+
+    /// The faces are those of the vertices that are left, triangulated afresh.
+    fn assert_triangulated_afresh(simplification: &Simplification<'_>) {
+        let outgoing = &simplification.outgoing;
+        let all = &simplification.triangulation.points;
+        let kept: Vec<usize> = (0..all.len()).filter(|&v| outgoing[v] != NONE).collect();
+        let points: Vec<Point> = kept.iter().map(|&v| all[v]).collect();
+        let mut faces: Vec<_> = simplification
+            .triangulation
+            .origins
+            .chunks_exact(3)
+            .filter(|corners| corners[0] != NONE)
+            .map(|corners| {
+                crate::triangulation::smallest_first([corners[0], corners[1], corners[2]])
+            })
+            .collect();
+        faces.sort_unstable();
+        let fresh = triangulate(&points);
+        let fresh: Vec<_> =
+            fresh.iter().map(|face| face.map(|v| kept[v as usize] as u32)).collect();
+        assert_eq!(faces, fresh);
+    }
+
+    /// The queue's keys are the changes computed afresh.
+    fn assert_keys_are_current(simplification: &mut Simplification<'_>, queue: &mut RemovalQueue) {
+        let mut entries = Vec::new();
+        while let Some((change, vertex)) = queue.first() {
+            assert_eq!(simplification.evaluate(vertex), change);
+            entries.push((change, vertex));
+            queue.remove_first();
+        }
+        *queue = RemovalQueue::new(entries, simplification.triangulation.points.len());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn after_each_removal_everything_cached_is_what_is_computed_afresh(
+            width in 2usize..8,
+            height in 2usize..8,
+            samples in prop::collection::vec(0u16..64, 64),
+        ) {
+            let image = picture(width, height, &samples);
+            let triangulation = Triangulation::new(all_points(width, height));
+            let mut simplification = Simplification::new(&image, triangulation);
+            let mut queue = simplification.evaluate_all(1, &Unattended).unwrap();
+            while let Some((change, vertex)) = queue.first() {
+                let before = simplification.total_error;
+                queue.remove_first();
+                simplification.remove(vertex);
+                prop_assert_eq!(simplification.total_error, before.wrapping_add_signed(change));
+                simplification.update_neighbours(&mut queue);
+                assert_errors_are_cached(&simplification);
+                assert_triangulated_afresh(&simplification);
+                assert_keys_are_current(&mut simplification, &mut queue);
+            }
+            prop_assert_eq!(simplification.remaining, 4);
+        }
+    }
+}

@@ -41,13 +41,20 @@ pub(crate) fn previous(h: u32) -> u32 {
 }
 
 /// The faces of the preferred-directions Delaunay triangulation of `points`, which are distinct
-/// and hold the corners of a rectangle around all of them.
+/// lattice points, in any order, and hold the corners of a rectangle around all of them.
 ///
-/// Faces are counter-clockwise index triples, each beginning with its smallest index, in
-/// ascending order.
+/// Faces are counter-clockwise triples of indices of `points`, each beginning with its smallest
+/// index, in ascending order.
 #[must_use]
 pub fn triangulate(points: &[Point]) -> Vec<Face> {
-    Triangulation::new(points.to_vec()).faces()
+    let mut by_row: Vec<u32> = (0..points.len() as u32).collect();
+    by_row.sort_unstable_by_key(|&v| points[v as usize]);
+    let mut triangulation =
+        Triangulation::new(by_row.iter().map(|&v| points[v as usize]).collect());
+    for origin in &mut triangulation.origins {
+        *origin = by_row[*origin as usize];
+    }
+    triangulation.faces()
 }
 
 impl Triangulation {
@@ -214,5 +221,67 @@ impl spade::HasPosition for Site {
 
     fn position(&self) -> Point2<f64> {
         Point2::new(f64::from(self.point.x), f64::from(self.point.y))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::corner_points;
+    use std::collections::BTreeSet;
+    use std::time::Instant;
+
+    fn with_corners(
+        points: impl IntoIterator<Item = (i32, i32)>,
+        width: i32,
+        height: i32,
+    ) -> Vec<Point> {
+        let inner = points.into_iter().map(|(x, y)| Point::new(x, y));
+        let corners = corner_points(width as usize, height as usize);
+        inner.chain(corners).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// Half-edges pair up, and every triangle turns counter-clockwise.
+    fn assert_consistent(triangulation: &Triangulation) {
+        let Triangulation { points, origins, twins } = triangulation;
+        for h in 0..origins.len() as u32 {
+            let twin = twins[h as usize];
+            if twin != NONE {
+                assert_eq!(twins[twin as usize], h);
+                assert_eq!(origins[twin as usize], origins[next(h) as usize]);
+            }
+        }
+        for face in origins.chunks_exact(3) {
+            let [a, b, c] = [0, 1, 2].map(|i| points[face[i] as usize]);
+            assert!(crate::predicates::orientation(a, b, c) > 0);
+        }
+    }
+
+    #[test]
+    fn a_full_grid_built_directly_is_the_one_that_insertion_gives() {
+        for (width, height) in [(2, 2), (2, 5), (6, 2), (7, 4)] {
+            let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+            let points = with_corners(all, width, height);
+            let direct = Triangulation::of_full_grid(points.clone(), width as usize);
+            assert_consistent(&direct);
+            let mut inserted = Triangulation::delaunay(points);
+            inserted.prefer_directions();
+            assert_consistent(&inserted);
+            assert_eq!(direct.faces(), inserted.faces());
+        }
+    }
+
+    #[test]
+    fn collinear_points_around_the_middle_take_no_longer_than_others() {
+        let (width, height) = (16_384, 3);
+        let start = Instant::now();
+        let row = Triangulation::new(with_corners((0..width).map(|x| (x, 1)), width, height));
+        assert_consistent(&row);
+        let vertical = (0..width).map(|y| (1, y));
+        assert_consistent(&Triangulation::new(with_corners(vertical, height, width)));
+        let diagonal = (0..4096).map(|i| (i, i));
+        assert_consistent(&Triangulation::new(with_corners(diagonal, 4096, 4096)));
+        let seconds = start.elapsed().as_secs_f64();
+        assert!(seconds < 5.0, "{seconds} s");
     }
 }

@@ -1,0 +1,69 @@
+//! The command-line programs `make_model` and `rasterize_model`.
+//!
+//! Both are filters: standard input to standard output, so that they stand in pipes as the
+//! programs of the thesis do; `--input` and `--output` name files instead. They call the same
+//! functions as the service: `pixmesh-codec` at the borders, `pixmesh-meshing` in between.
+//!
+//! [`make_model`] and [`rasterize_model`] are the programs, [`options`] what the first one's words
+//! mean, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to.
+
+pub mod attendant;
+pub mod files;
+pub mod make_model;
+pub mod options;
+pub mod rasterize_model;
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+use thiserror::Error;
+
+/// Why a program failed.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CliError {
+    /// A file could not be read or written.
+    #[error("{name}: {source}")]
+    File {
+        /// The file's name, or that of the stream.
+        name: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The input is not a picture that can be read.
+    #[error("{name}: {source}")]
+    Picture {
+        /// The file's name, or that of the stream.
+        name: String,
+        /// What is wrong with it.
+        source: pixmesh_codec::DecodeError,
+    },
+    /// The input is not a MODEL.
+    #[error("{name}: {source}")]
+    Model {
+        /// The file's name, or that of the stream.
+        name: String,
+        /// What is wrong with it.
+        source: pixmesh_codec::ModelError,
+    },
+    /// The picture cannot be written in this format.
+    #[error(transparent)]
+    Encode(#[from] pixmesh_codec::EncodeError),
+    /// An option is not allowed for this picture.
+    #[error(transparent)]
+    Generate(#[from] pixmesh_meshing::GenerateError),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] pixmesh_meshing::Cancelled),
+}
+
+/// Ends a program: status 0, or the error on standard error and status 1.
+pub fn exit(program: &str, result: Result<(), CliError>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Nobody is left to tell when standard error is closed too.
+            let _ = writeln!(io::stderr(), "{program}: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

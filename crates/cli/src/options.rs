@@ -1,0 +1,220 @@
+//! What the words of `make_model` mean: the names and defaults of the thesis's program.
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{ArgGroup, Args};
+use pixmesh_meshing::{
+    Boundary, Generator, InitialSize, Method, ParameterError, Parameters, Policy, Scan, Smoothing,
+    Startup, Target,
+};
+
+/// The choices that decide the mesh.
+///
+/// Each option that is not given has the value that `--method` gives it, or without a method the
+/// default that its help names.
+#[derive(Args, Clone, Debug)]
+#[command(group = ArgGroup::new("target").required(true).args(["density", "size", "psnr"]))]
+pub struct MeshOptions {
+    /// Method whose parameters are the defaults of all other options: med is fast, mgprfs good
+    #[arg(long, value_parser = named(Method::NAMES, Method::ALL))]
+    pub method: Option<Method>,
+    /// Vertices of the mesh, in percent of the picture's points (over 0, at most 100)
+    #[arg(long, value_name = "PERCENT")]
+    pub density: Option<f64>,
+    /// Vertices of the mesh (at least 4)
+    #[arg(long, value_name = "COUNT")]
+    pub size: Option<usize>,
+    /// Least PSNR of the mesh, which gets as small as it can
+    #[arg(long, value_name = "DECIBELS")]
+    pub psnr: Option<f64>,
+    /// Points to start with, in percent of the vertices of the mesh: 400 is gamma = 4
+    #[arg(long, value_name = "PERCENT", group = "initial")]
+    pub relative_initial_density: Option<f64>,
+    /// Points to start with, in percent of the picture's points [default: 100]
+    #[arg(long, value_name = "PERCENT", group = "initial")]
+    pub initial_density: Option<f64>,
+    /// Points to start with
+    #[arg(long, value_name = "COUNT", group = "initial")]
+    pub initial_size: Option<usize>,
+    /// How the points to start with are chosen [default: ed]
+    #[arg(long, value_parser = choice(GENERATORS))]
+    pub initial_generator: Option<Generator>,
+    /// Seed of the random generator
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    pub seed: u64,
+    /// How many points more or fewer than asked for error diffusion may choose [default: 10]
+    #[arg(long, value_name = "COUNT")]
+    pub ed_size_tolerance: Option<usize>,
+    /// Order of the smoothing filter, odd; 1 is none [default: 3]
+    #[arg(long, value_name = "ORDER")]
+    pub smooth_order: Option<usize>,
+    /// The smoothing filter [default: binomial]
+    #[arg(long, value_parser = named(Smoothing::NAMES, Smoothing::ALL))]
+    pub smooth_operator: Option<Smoothing>,
+    /// What the filters see beyond the border: zero, the nearest point, or the mirrored picture
+    /// [default: zero_ext]
+    #[arg(long, value_parser = choice(BOUNDARIES))]
+    pub derivative_bound_policy: Option<Boundary>,
+    /// How the picture becomes the density of the points to start with
+    /// [default: max_comp_mmsodd_ed]
+    #[arg(long, value_parser = choice(STRATEGIES))]
+    pub ed_strategy: Option<Strategy>,
+    /// The direction in which error diffusion visits the rows [default: serpentine]
+    #[arg(long, value_parser = named(Scan::NAMES, Scan::ALL))]
+    pub ed_scan_order: Option<Scan>,
+    /// Whether error that would go to points outside the picture is lost [default: no_leaky]
+    #[arg(long, value_parser = choice(&[("leaky", true), ("no_leaky", false)]))]
+    pub ed_leaky_mode: Option<bool>,
+    /// The errors that error diffusion starts with: none, or those of the mirrored picture
+    /// [default: mirror]
+    #[arg(long, value_parser = choice(STARTUPS))]
+    pub ed_initial_error_mode: Option<Startup>,
+    /// Whether points go on being removed below the size asked for while that lowers the error
+    /// [default: 1]
+    #[arg(long, value_parser = choice(&[("0", false), ("1", true)]))]
+    pub bad_point_removal: Option<bool>,
+}
+
+/// A policy by the name of the thesis's program, which means one thing for colour pictures and
+/// another for gray ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Strategy {
+    /// The policy for pictures of several components.
+    several: Policy,
+    /// The policy for pictures of one component.
+    one: Policy,
+}
+
+impl Strategy {
+    /// The policy for pictures of `component_count` components.
+    #[must_use]
+    pub fn policy(self, component_count: usize) -> Policy {
+        if component_count == 1 { self.one } else { self.several }
+    }
+}
+
+/// A strategy that means the MMSODD of a gray picture.
+const fn mmsodd(several: Policy) -> Strategy {
+    Strategy { several, one: Policy::PsaD }
+}
+
+/// A strategy that means the Laplacian of a gray picture.
+const fn laplacian(several: Policy) -> Strategy {
+    Strategy { several, one: Policy::PsaL }
+}
+
+const STRATEGIES: &[(&str, Strategy)] = &[
+    ("gray_comp_mmsodd_ed", mmsodd(Policy::PsbD)),
+    ("gray_comp_laplacian_ed", laplacian(Policy::PsbL)),
+    ("vector_space_comb", mmsodd(Policy::Psc)),
+    ("max_comp_mmsodd_ed", mmsodd(Policy::PsdMaxD)),
+    ("max_comp_laplacian_ed", laplacian(Policy::PsdMaxL)),
+    ("mean_comp_mmsodd_ed", mmsodd(Policy::PsdAvgD)),
+    ("mean_comp_laplacian_ed", laplacian(Policy::PsdAvgL)),
+    ("three_comps_union_mmsodd", mmsodd(Policy::PseD)),
+    // Of a gray picture the published program takes the MMSODD here too.
+    ("three_comps_union_laplacian", mmsodd(Policy::PseL)),
+];
+
+const GENERATORS: &[(&str, Generator)] = &[
+    ("all", Generator::All),
+    ("random", Generator::Random),
+    ("ed", Generator::ErrorDiffusion),
+    ("uniform", Generator::Uniform),
+];
+
+const BOUNDARIES: &[(&str, Boundary)] = &[
+    ("zero_ext", Boundary::Zero),
+    ("const_ext", Boundary::Constant),
+    ("sym_ext", Boundary::Symmetric),
+];
+
+const STARTUPS: &[(&str, Startup)] = &[("zero", Startup::Classic), ("mirror", Startup::Mirroring)];
+
+/// A parser of the names in a table.
+fn choice<T: Copy + Send + Sync + 'static>(
+    table: &'static [(&'static str, T)],
+) -> impl TypedValueParser<Value = T> {
+    let names = PossibleValuesParser::new(table.iter().map(|(name, _)| *name));
+    names.try_map(|name| {
+        table.iter().find(|entry| entry.0 == name).map(|entry| entry.1).ok_or("unknown name")
+    })
+}
+
+/// A parser of the names of an enumeration's values.
+fn named<T: Copy + Send + Sync + 'static>(
+    names: &'static [&'static str],
+    values: &'static [T],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(names).try_map(|name| {
+        let place = names.iter().position(|known| *known == name);
+        place.map(|place| values[place]).ok_or("unknown name")
+    })
+}
+
+impl MeshOptions {
+    /// The parameters for a picture of `component_count` components.
+    ///
+    /// # Errors
+    /// When the method is not defined for so many components.
+    pub fn parameters(&self, component_count: usize) -> Result<Parameters, ParameterError> {
+        let mut parameters = match self.method {
+            Some(method) => {
+                method.check_component_count(component_count)?;
+                method.parameters(self.target())
+            }
+            None => self.program_defaults(),
+        };
+        self.set_initial_points(&mut parameters, component_count);
+        self.set_filters(&mut parameters);
+        set(&mut parameters.bad_point_removal, self.bad_point_removal);
+        Ok(parameters)
+    }
+
+    /// How large or good the mesh is to be; one of the three is given.
+    fn target(&self) -> Target {
+        match (self.density, self.size, self.psnr) {
+            (Some(density), _, _) => Target::Density(density),
+            (None, Some(size), _) => Target::Size(size),
+            (None, None, psnr_db) => Target::Psnr(psnr_db.unwrap_or_default()),
+        }
+    }
+
+    /// What the thesis's program does when nothing but the target is given.
+    fn program_defaults(&self) -> Parameters {
+        Parameters {
+            initial_size: InitialSize::Density(100.0),
+            bad_point_removal: true,
+            ..Parameters::new(self.target())
+        }
+    }
+
+    /// Sets how the initial points are chosen.
+    fn set_initial_points(&self, parameters: &mut Parameters, component_count: usize) {
+        let relative = self.relative_initial_density.map(|p| InitialSize::Gamma(p / 100.0));
+        let density = self.initial_density.map(InitialSize::Density);
+        let size = self.initial_size.map(InitialSize::Size);
+        set(&mut parameters.initial_size, relative.or(density).or(size));
+        set(&mut parameters.generator, self.initial_generator);
+        let policy = self.ed_strategy.map(|strategy| strategy.policy(component_count));
+        set(&mut parameters.policy, policy);
+        set(&mut parameters.startup, self.ed_initial_error_mode);
+        set(&mut parameters.scan, self.ed_scan_order);
+        set(&mut parameters.leaky, self.ed_leaky_mode);
+        parameters.tolerance = self.ed_size_tolerance.or(parameters.tolerance);
+        parameters.seed = self.seed;
+    }
+
+    /// Sets how the picture is smoothed and differentiated.
+    fn set_filters(&self, parameters: &mut Parameters) {
+        set(&mut parameters.smoothing, self.smooth_operator);
+        set(&mut parameters.smoothing_order, self.smooth_order);
+        set(&mut parameters.boundary, self.derivative_bound_policy);
+    }
+}
+
+/// Sets a value where one is given.
+fn set<T>(value: &mut T, given: Option<T>) {
+    if let Some(given) = given {
+        *value = given;
+    }
+}

@@ -1,0 +1,239 @@
+//! The programs as a user runs them: real processes, standard input and output.
+
+#![allow(clippy::unwrap_used, clippy::panic)] // A failing test may stop anywhere.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+const MAKE_MODEL: &str = env!("CARGO_BIN_EXE_make_model");
+const RASTERIZE_MODEL: &str = env!("CARGO_BIN_EXE_rasterize_model");
+
+/// The thesis's command lines, as printed there.
+const MED: &str = "--density 2 --initial-density 2 --initial-generator ed \
+    --ed-strategy max_comp_mmsodd_ed --ed-initial-error-mode mirror --bad-point-removal 0";
+const MGPRFS: &str = "--density 2 --relative-initial-density 400 --initial-generator ed \
+    --ed-strategy max_comp_mmsodd_ed --ed-initial-error-mode mirror --bad-point-removal 0";
+const MGPR: &str =
+    "--density 2 --initial-density 100 --initial-generator all --bad-point-removal 0";
+
+/// Runs a program with words split at blanks.
+fn run(program: &str, words: &str, input: &[u8]) -> Output {
+    let mut child = Command::new(program)
+        .args(words.split_whitespace())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let input = input.to_vec();
+    // A program that refuses its options does not read.
+    let writer = std::thread::spawn(move || drop(stdin.write_all(&input)));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    output
+}
+
+/// What a run that must succeed wrote.
+fn succeed(program: &str, words: &str, input: &[u8]) -> Vec<u8> {
+    let output = run(program, words, input);
+    assert!(output.status.success(), "{words}: {}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+/// What a run that must fail said.
+fn fail(program: &str, words: &str, input: &[u8]) -> String {
+    let output = run(program, words, input);
+    assert!(!output.status.success(), "{words} did not fail");
+    assert!(output.stdout.is_empty(), "{words} wrote something");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(!message.contains("panicked"), "{message}");
+    message
+}
+
+/// The README's picture, 384 by 256 in colour.
+fn landscape_png() -> Vec<u8> {
+    std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/images/picture.png")).unwrap()
+}
+
+/// A gray PGM of 48 by 32 with an edge and a slope.
+fn gray_pgm() -> Vec<u8> {
+    let mut picture = b"P5\n# a comment\n48 32\n255\n".to_vec();
+    let sample = |x: u32, y: u32| if x * x + y * y < 700 { 200 - 2 * x } else { 40 + y };
+    picture.extend((0..32).flat_map(|y| (0..48).map(move |x| sample(x, y) as u8)));
+    picture
+}
+
+/// The number of vertices that a MODEL declares.
+fn vertex_count(model: &[u8]) -> usize {
+    let text = std::str::from_utf8(model).unwrap();
+    text.split_whitespace().nth(5).unwrap().parse().unwrap()
+}
+
+/// A checksum of bytes: Glenn Fowler, Landon Curt Noll and Phong Vo's FNV-1a.
+fn checksum(bytes: &[u8]) -> u64 {
+    let step = |hash: u64, &byte: &u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
+}
+
+#[test]
+fn the_examples_of_the_thesis_run_as_printed() {
+    let picture = landscape_png();
+    let points = 384 * 256 * 2 / 100;
+    let med = vertex_count(&succeed(MAKE_MODEL, MED, &picture));
+    assert!((points - 10..=points + 14).contains(&med), "{med}");
+    assert_eq!(vertex_count(&succeed(MAKE_MODEL, MGPRFS, &picture)), points);
+    assert_eq!(vertex_count(&succeed(MAKE_MODEL, MGPR, &gray_pgm())), 30);
+}
+
+#[test]
+fn a_method_by_name_is_what_its_options_say() {
+    let picture = gray_pgm();
+    let named = |name: &str| succeed(MAKE_MODEL, &format!("--method {name} --density 2"), &picture);
+    assert_eq!(named("med"), succeed(MAKE_MODEL, MED, &picture));
+    assert_eq!(named("mgprfs"), succeed(MAKE_MODEL, MGPRFS, &picture));
+    assert_eq!(named("mgpr"), succeed(MAKE_MODEL, MGPR, &picture));
+}
+
+#[test]
+fn the_models_of_a_known_picture_do_not_change() {
+    let picture = landscape_png();
+    let sum = |words: &str| format!("{:016x}", checksum(&succeed(MAKE_MODEL, words, &picture)));
+    assert_eq!(sum(MED), "c5c0eba6b4614fc3");
+    assert_eq!(sum(MGPRFS), "428e6e2fe8c1d7e9");
+}
+
+#[test]
+fn a_model_becomes_a_picture_again() {
+    let model = succeed(MAKE_MODEL, MGPRFS, &landscape_png());
+    let picture = succeed(RASTERIZE_MODEL, "", &model);
+    assert!(picture.starts_with(b"P6\n384 256\n255\n"));
+    assert_eq!(picture.len(), 15 + 3 * 384 * 256);
+    let rebuilt = pixmesh_codec::decode(&picture, &pixmesh_cli::files::LIMITS).unwrap();
+    let png = succeed(RASTERIZE_MODEL, "--format png", &model);
+    assert_eq!(pixmesh_codec::decode(&png, &pixmesh_cli::files::LIMITS).unwrap(), rebuilt);
+}
+
+#[test]
+fn every_point_kept_gives_the_picture_back() {
+    let model = succeed(MAKE_MODEL, "--method med --density 100", &gray_pgm());
+    let rebuilt = succeed(RASTERIZE_MODEL, "", &model);
+    assert_eq!(rebuilt[rebuilt.len() - 48 * 32..], gray_pgm()[gray_pgm().len() - 48 * 32..]);
+}
+
+#[test]
+fn statistics_go_to_standard_error_and_agree_with_the_model() {
+    let output = run(MAKE_MODEL, "--method mgprfs --size 40 --stats", &gray_pgm());
+    let statistics = String::from_utf8(output.stderr).unwrap();
+    let names: Vec<&str> =
+        statistics.lines().map(|l| l.split_whitespace().next().unwrap()).collect();
+    let stages = ["decode", "density", "diffuse", "triangulate", "simplify", "encode"];
+    assert_eq!(names[..4], ["vertices", "faces", "mse", "psnr_db"]);
+    assert_eq!(names[4..], stages);
+    assert!(statistics.starts_with("vertices     40\n"), "{statistics}");
+    assert_eq!(vertex_count(&output.stdout), 40);
+}
+
+/// The number of vertices and the PSNR that a run's statistics name.
+fn size_and_psnr(words: &str) -> (usize, f64) {
+    let output = run(MAKE_MODEL, &format!("{words} --stats"), &gray_pgm());
+    let statistics = String::from_utf8(output.stderr).unwrap();
+    let value = |name: &str| {
+        let line = statistics.lines().find_map(|line| line.strip_prefix(name));
+        line.unwrap().trim().to_owned()
+    };
+    (value("vertices").parse().unwrap(), value("psnr_db").parse().unwrap())
+}
+
+#[test]
+fn a_psnr_asked_for_is_reached_by_as_few_points_as_removal_can() {
+    let (size, psnr_db) = size_and_psnr("--method mgprfs --psnr 30");
+    assert!(psnr_db >= 30.0, "{psnr_db}");
+    let one_less = format!("--method mgprfs --initial-density 100 --size {}", size - 1);
+    assert!(size_and_psnr(&one_less).1 < 30.0);
+}
+
+#[test]
+fn files_are_read_and_written_by_name() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let (picture, model) = (folder.join("named.pgm"), folder.join("named.model"));
+    std::fs::write(&picture, gray_pgm()).unwrap();
+    let words = format!(
+        "--method med --size 50 --input {} --output {}",
+        picture.display(),
+        model.display()
+    );
+    assert!(succeed(MAKE_MODEL, &words, b"").is_empty());
+    assert_eq!(
+        std::fs::read(&model).unwrap(),
+        succeed(MAKE_MODEL, "--method med --size 50", &gray_pgm())
+    );
+    let missing = fail(RASTERIZE_MODEL, "--input no-such.model", b"");
+    assert!(missing.contains("no-such.model"), "{missing}");
+}
+
+#[test]
+fn what_is_wrong_is_said_by_name() {
+    let picture = gray_pgm();
+    for (words, expected) in [
+        ("", "--density"),
+        ("--density 2 --size 50", "cannot be used with"),
+        ("--density 0", "density is 0"),
+        ("--density 101", "density is 101, but must lie in 0 to 100"),
+        ("--density nan", "density must be a finite number"),
+        ("--density two", "invalid value 'two' for '--density"),
+        ("--size 3", "size is 3, but must lie in 4 to 1536"),
+        ("--size 1537", "4 to 1536"),
+        ("--size 50 --initial-size 2000", "initial_size is 2000"),
+        ("--size 50 --relative-initial-density 50", "gamma is 0.5"),
+        ("--size 50 --initial-size 60 --initial-density 7", "cannot be used with"),
+        ("--size 50 --smooth-order 4", "smoothing_order is 4, but must be odd"),
+        ("--size 50 --smooth-order 23", "smoothing_order is 23"),
+        ("--size 50 --ed-strategy best", "possible values: gray_comp_mmsodd_ed"),
+        ("--size 50 --derivative-bound-policy none", "possible values: zero_ext"),
+        ("--size 50 --bad-point-removal 2", "possible values: 0, 1"),
+        ("--size 50 --method ced", "method 'ced' is for images of 3 component(s), this one has 1"),
+        ("--size 50 --method best", "possible values: ed, med"),
+        ("--sise 50", "--size"),
+    ] {
+        let message = fail(MAKE_MODEL, words, &picture);
+        assert!(message.contains(expected), "{words}: {message}");
+    }
+}
+
+#[test]
+fn what_is_no_picture_and_what_is_no_model_is_refused() {
+    let truncated = &landscape_png()[..2000];
+    for input in [&b""[..], b"hello", truncated, b"P5 1 9 255\n123456789"] {
+        let message = fail(MAKE_MODEL, "--density 2", input);
+        assert!(message.starts_with("make_model: standard input: "), "{message}");
+    }
+    for input in [&b""[..], b"hello", b"2 2 1 8\nOFF\n4 2 5\n0 0 1\n"] {
+        let message = fail(RASTERIZE_MODEL, "", input);
+        assert!(message.starts_with("rasterize_model: standard input: "), "{message}");
+    }
+}
+
+#[test]
+fn strategies_mean_their_gray_policy_for_a_gray_picture() {
+    let picture = gray_pgm();
+    let of = |strategy: &str| {
+        let words = format!("--density 3 --relative-initial-density 300 --ed-strategy {strategy}");
+        succeed(MAKE_MODEL, &words, &picture)
+    };
+    let (mmsodd, laplacian) = (of("max_comp_mmsodd_ed"), of("max_comp_laplacian_ed"));
+    assert_ne!(mmsodd, laplacian);
+    for strategy in [
+        "gray_comp_mmsodd_ed",
+        "vector_space_comb",
+        "mean_comp_mmsodd_ed",
+        "three_comps_union_mmsodd",
+        "three_comps_union_laplacian",
+    ] {
+        assert_eq!(of(strategy), mmsodd, "{strategy}");
+    }
+    for strategy in ["gray_comp_laplacian_ed", "mean_comp_laplacian_ed"] {
+        assert_eq!(of(strategy), laplacian, "{strategy}");
+    }
+}
