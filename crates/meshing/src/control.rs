@@ -19,14 +19,22 @@ pub enum Stage {
     Triangulate,
     /// Greedy point removal.
     Simplify,
+    /// The squared error of the mesh.
+    Measure,
     /// The picture rebuilt from the mesh.
     Rasterize,
 }
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 5] =
-        [Self::Density, Self::Diffuse, Self::Triangulate, Self::Simplify, Self::Rasterize];
+    pub const ALL: [Self; 6] = [
+        Self::Density,
+        Self::Diffuse,
+        Self::Triangulate,
+        Self::Simplify,
+        Self::Measure,
+        Self::Rasterize,
+    ];
 
     /// The stage's name in lower case, as logs, metrics and `Server-Timing` carry it.
     #[must_use]
@@ -36,6 +44,7 @@ impl Stage {
             Self::Diffuse => "diffuse",
             Self::Triangulate => "triangulate",
             Self::Simplify => "simplify",
+            Self::Measure => "measure",
             Self::Rasterize => "rasterize",
         }
     }

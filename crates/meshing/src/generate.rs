@@ -12,6 +12,9 @@ use crate::simplify::{StopRule, simplify};
 use crate::triangulation::Triangulation;
 use thiserror::Error;
 
+/// Faces measured between two polls of the control.
+const FACES_PER_POLL: usize = 256;
+
 /// A mesh made of an image, with what is known of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
@@ -53,7 +56,7 @@ pub fn generate(
         Meshed::Components => triangulate_image(image, parameters, plan, control)?,
         Meshed::Luma => triangulate_image(&luma(image), &on_luma(parameters), plan, control)?,
     };
-    let fidelity = Fidelity::of_sum(squared_error(image, &triangulation), image);
+    let fidelity = Fidelity::of_sum(squared_error(image, &triangulation, control)?, image);
     let mesh = carry_samples(image, triangulation);
     Ok(Model { mesh, fidelity, plan })
 }
@@ -66,8 +69,7 @@ fn triangulate_image(
     control: &dyn Control,
 ) -> Result<Triangulation, Cancelled> {
     let points = sample_points(image, parameters, plan.initial_size, control)?;
-    control.poll(Stage::Triangulate, 0, 1)?;
-    let triangulation = Triangulation::new(points);
+    let triangulation = Triangulation::new(points, control)?;
     let Plan { size, initial_size, minimum_psnr_db } = plan;
     let bad_point_removal = parameters.bad_point_removal;
     if initial_size == size && minimum_psnr_db.is_none() && !bad_point_removal {
@@ -84,15 +86,21 @@ fn on_luma(parameters: &Parameters) -> Parameters {
 }
 
 /// The squared error of an image's approximation over a triangulation.
-fn squared_error(image: &Image, triangulation: &Triangulation) -> u64 {
+fn squared_error(
+    image: &Image,
+    triangulation: &Triangulation,
+    control: &dyn Control,
+) -> Result<u64, Cancelled> {
     let mut errors = FaceErrors::new(image);
-    let faces = triangulation.origins.chunks_exact(3);
-    faces
-        .map(|face| {
-            let corner = |i: usize| triangulation.points[face[i] as usize];
-            errors.squared_error([corner(0), corner(1), corner(2)])
-        })
-        .sum()
+    let (faces, mut sum) = (triangulation.origins.chunks_exact(3), 0);
+    let count = faces.len();
+    for (f, face) in faces.enumerate() {
+        if f % FACES_PER_POLL == 0 {
+            control.poll(Stage::Measure, f, count)?;
+        }
+        sum += errors.squared_error([0, 1, 2].map(|i| triangulation.points[face[i] as usize]));
+    }
+    Ok(sum)
 }
 
 /// The mesh of a triangulation whose vertices carry the image's samples.

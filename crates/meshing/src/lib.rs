@@ -65,8 +65,9 @@ pub use generate::{GenerateError, Model, generate};
 pub use image::{Image, ImageError, MAX_SIDE};
 pub use mesh::{Face, Mesh, MeshError, Point, Shape};
 pub use method::{
-    Boundary, Generator, InitialSize, MAX_GAMMA, MAX_SMOOTHING_ORDER, MIN_SIZE, Meshed, Method,
-    ParameterError, Parameters, Plan, Policy, Scan, Smoothing, Startup, Target,
+    Boundary, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_PSNR_DB, MAX_SMOOTHING_ORDER,
+    MIN_DENSITY, MIN_SIZE, Meshed, Method, ParameterError, Parameters, Plan, Policy, Scan,
+    Smoothing, Startup, Target,
 };
 pub use metrics::{Fidelity, ShapeMismatch};
 pub use predicates::{in_circle, orientation};

@@ -18,6 +18,15 @@ pub const MIN_SIZE: usize = 4;
 /// The most lattice points that an image may have.
 const MAX_POINTS: usize = MAX_SIDE * MAX_SIDE;
 
+/// The smallest density, in percent.
+pub const MIN_DENSITY: f64 = 1e-6;
+
+/// The largest density, in percent: every lattice point.
+pub const MAX_DENSITY: f64 = 100.0;
+
+/// The largest PSNR that may be asked for, in decibels.
+pub const MAX_PSNR_DB: f64 = 200.0;
+
 /// The largest ratio of initial to final points.
 pub const MAX_GAMMA: f64 = 1000.0;
 
@@ -63,22 +72,6 @@ pub enum ParameterError {
         parameter: &'static str,
         /// The number given.
         value: usize,
-    },
-    /// A density so small that not even the corners are left.
-    #[error(
-        "{parameter} of {density} % makes {vertices} vertices of an image of {width}x{height}, fewer than its 4 corners"
-    )]
-    TooFewVertices {
-        /// Name of the parameter.
-        parameter: &'static str,
-        /// The density in percent.
-        density: f64,
-        /// The vertices it makes.
-        vertices: usize,
-        /// Columns of the image.
-        width: usize,
-        /// Rows of the image.
-        height: usize,
     },
     /// A choice that is not defined for images of this many components.
     #[error("{parameter} '{value}' is for images of {needed} component(s), this one has {actual}: allowed are {}", allowed.join(", "))]
@@ -281,11 +274,13 @@ named_values! {
 /// How large or how good the mesh is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// Vertices in percent of the lattice points, over 0 and up to 100.
+    /// Vertices in percent of the lattice points, from [`MIN_DENSITY`] to 100; fewer than the four
+    /// corners means the corners.
     Density(f64),
     /// Number of vertices, from 4 to the number of lattice points.
     Size(usize),
-    /// The fewest vertices that greedy removal finds with at least this PSNR, in decibels.
+    /// At least this PSNR, in decibels: greedy removal stops before the first vertex that would
+    /// take the mesh below it.
     Psnr(f64),
 }
 
@@ -296,7 +291,7 @@ pub enum InitialSize {
     Target,
     /// This many times as many as it ends with, 1 or more; 4 to 5.5 is the useful range.
     Gamma(f64),
-    /// Percent of the lattice points, over 0 and up to 100.
+    /// Percent of the lattice points, from [`MIN_DENSITY`] to 100.
     Density(f64),
     /// A number of points, from 4 to the number of lattice points.
     Size(usize),
@@ -440,7 +435,7 @@ impl Parameters {
         match self.target {
             Target::Density(density) => check_density("density", density)?,
             Target::Size(size) => check_size("size", size, MAX_POINTS)?,
-            Target::Psnr(psnr_db) => check_range("target_psnr", psnr_db, 0.0, 200.0)?,
+            Target::Psnr(psnr_db) => check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?,
         }
         match self.initial_size {
             InitialSize::Target => {}
@@ -472,7 +467,7 @@ impl Parameters {
         self.check()?;
         self.check_components(shape.component_count)?;
         let (size, minimum_psnr_db) = match self.target {
-            Target::Density(density) => (points_of_density("density", density, shape)?, None),
+            Target::Density(density) => (points_of_density(density, shape), None),
             Target::Size(size) => (size, None),
             Target::Psnr(psnr_db) => (MIN_SIZE, Some(psnr_db)),
         };
@@ -488,15 +483,13 @@ impl Parameters {
         }
         match (self.initial_size, self.target) {
             (InitialSize::Size(size), _) => Ok(size),
-            (InitialSize::Density(density), _) => {
-                points_of_density("initial_density", density, shape)
-            }
+            (InitialSize::Density(density), _) => Ok(points_of_density(density, shape)),
             (InitialSize::Gamma(_), Target::Psnr(_)) => Ok(all),
             (InitialSize::Target, Target::Psnr(_)) => {
                 Err(ParameterError::TargetNeedsSimplification)
             }
             (InitialSize::Gamma(gamma), Target::Density(density)) => {
-                Ok(whole_points(gamma * density, shape).clamp(size, all))
+                Ok(points_of_density(gamma * density, shape).max(size))
             }
             (InitialSize::Gamma(gamma), Target::Size(size)) => {
                 Ok(((gamma * size as f64 + 1e-9).floor() as usize).clamp(size, all))
@@ -552,14 +545,9 @@ fn check_range(
     }
 }
 
-/// Checks a density in percent: over 0 and up to 100.
+/// Checks a density in percent.
 fn check_density(parameter: &'static str, density: f64) -> Result<(), ParameterError> {
-    check_range(parameter, density, 0.0, 100.0)?;
-    if density == 0.0 {
-        let (value, minimum, maximum) = (0.0, f64::MIN_POSITIVE, 100.0);
-        return Err(ParameterError::OutOfRange { parameter, value, minimum, maximum });
-    }
-    Ok(())
+    check_range(parameter, density, MIN_DENSITY, MAX_DENSITY)
 }
 
 /// Checks a number of points against the number of lattice points.
@@ -567,25 +555,13 @@ fn check_size(parameter: &'static str, size: usize, all: usize) -> Result<(), Pa
     check_range(parameter, size as f64, MIN_SIZE as f64, all as f64)
 }
 
-/// Number of points of a density, at least 4.
-fn points_of_density(
-    parameter: &'static str,
-    density: f64,
-    shape: Shape,
-) -> Result<usize, ParameterError> {
-    let vertices = whole_points(density, shape);
-    if vertices < MIN_SIZE {
-        let Shape { width, height, .. } = shape;
-        return Err(ParameterError::TooFewVertices { parameter, density, vertices, width, height });
-    }
-    Ok(vertices)
-}
-
-/// `floor(percent / 100 * width * height)`, where a product that misses a whole number by the
-/// rounding of binary fractions counts as that number.
-fn whole_points(percent: f64, shape: Shape) -> usize {
-    let points = percent * (shape.width * shape.height) as f64 / 100.0;
-    (points * (1.0 + 1e-12) + 1e-9).floor() as usize
+/// Number of points of a density: `floor(percent / 100 * width * height)`, where a product that
+/// misses a whole number by the rounding of binary fractions counts as that number; at least the
+/// four corners, at most all.
+fn points_of_density(percent: f64, shape: Shape) -> usize {
+    let all = shape.width * shape.height;
+    let points = percent * all as f64 / 100.0;
+    ((points * (1.0 + 1e-12) + 1e-9).floor() as usize).clamp(MIN_SIZE, all)
 }
 
 #[cfg(test)]
@@ -625,6 +601,15 @@ mod tests {
     }
 
     #[test]
+    fn a_density_of_less_than_the_corners_means_the_corners() {
+        for (side, density) in [(2, 2.0), (2, 100.0), (5, 0.1), (100, MIN_DENSITY)] {
+            let plan =
+                plan(Method::Mgprfs, Target::Density(density), shape(side, side, 3)).unwrap();
+            assert_eq!(plan.size, 4);
+        }
+    }
+
+    #[test]
     fn sizes_given_as_sizes_are_literal() {
         let plan = plan(Method::Mgprfs, Target::Size(10), shape(8, 8, 1)).unwrap();
         assert_eq!((plan.size, plan.initial_size), (10, 40));
@@ -640,7 +625,7 @@ mod tests {
         }
         assert!(refused(Target::Density(f64::NAN)).contains("density must be a finite"));
         assert!(refused(Target::Density(f64::INFINITY)).contains("density must be a finite"));
-        assert!(refused(Target::Density(1e-300)).contains("0 vertices"));
+        assert!(refused(Target::Density(1e-300)).contains("must lie in 0.000001 to 100"));
         assert!(refused(Target::Size(3)).contains("size is 3"));
         assert!(refused(Target::Size(4097)).contains("4 to 4096"));
     }

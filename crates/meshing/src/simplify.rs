@@ -389,7 +389,7 @@ mod tests {
             samples in prop::collection::vec(0u16..64, 64),
         ) {
             let image = picture(width, height, &samples);
-            let triangulation = Triangulation::new(all_points(width, height));
+            let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
             let mut simplification = Simplification::new(&image, triangulation);
             let mut queue = simplification.evaluate_all(1, &Unattended).unwrap();
             while let Some((change, vertex)) = queue.first() {

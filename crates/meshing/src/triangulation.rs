@@ -6,10 +6,14 @@
 //! is a Delaunay triangulation; flipping the edges that the preferred directions decide otherwise
 //! makes it the PDDT, which depends on the points alone.
 
+use crate::control::{Cancelled, Control, Stage, Unattended};
 use crate::hilbert::hilbert_index;
 use crate::mesh::{Face, Point};
 use crate::predicates::in_circle;
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
+
+/// Insertions between two polls of the control.
+const POINTS_PER_POLL: usize = 1024;
 
 /// No half-edge: what stands opposite to a border edge.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -49,8 +53,9 @@ pub(crate) fn previous(h: u32) -> u32 {
 pub fn triangulate(points: &[Point]) -> Vec<Face> {
     let mut by_row: Vec<u32> = (0..points.len() as u32).collect();
     by_row.sort_unstable_by_key(|&v| points[v as usize]);
-    let mut triangulation =
-        Triangulation::new(by_row.iter().map(|&v| points[v as usize]).collect());
+    let sorted = by_row.iter().map(|&v| points[v as usize]).collect();
+    // Nobody is there to cancel.
+    let Ok(mut triangulation) = Triangulation::new(sorted, &Unattended) else { return Vec::new() };
     for origin in &mut triangulation.origins {
         *origin = by_row[*origin as usize];
     }
@@ -60,20 +65,26 @@ pub fn triangulate(points: &[Point]) -> Vec<Face> {
 impl Triangulation {
     /// Triangulates distinct points that hold the corners of a rectangle around all of them, given
     /// by row, then column.
-    pub(crate) fn new(points: Vec<Point>) -> Self {
-        let mut triangulation = match full_grid_width(&points) {
-            Some(width) => Self::of_full_grid(points, width),
-            None => Self::delaunay(points),
-        };
+    pub(crate) fn new(points: Vec<Point>, control: &dyn Control) -> Result<Self, Cancelled> {
+        let count = points.len();
+        control.poll(Stage::Triangulate, 0, count)?;
+        if let Some(width) = full_grid_width(&points) {
+            return Ok(Self::of_full_grid(points, width));
+        }
+        let mut triangulation = Self::delaunay(points, control)?;
         triangulation.prefer_directions();
-        triangulation
+        control.poll(Stage::Triangulate, count, count)?;
+        Ok(triangulation)
     }
 
     /// A Delaunay triangulation by spade.
-    fn delaunay(points: Vec<Point>) -> Self {
+    fn delaunay(points: Vec<Point>, control: &dyn Control) -> Result<Self, Cancelled> {
         let mut delaunay = DelaunayTriangulation::<Site>::new();
         let mut hint = None;
-        for v in insertion_order(&points) {
+        for (done, v) in insertion_order(&points).into_iter().enumerate() {
+            if done % POINTS_PER_POLL == 1 {
+                control.poll(Stage::Triangulate, done, points.len())?;
+            }
             let site = Site { v, point: points[v as usize] };
             let inserted = match hint {
                 Some(hint) => delaunay.insert_with_hint(site, hint),
@@ -82,6 +93,12 @@ impl Triangulation {
             // Coordinates of a lattice are finite and within spade's range.
             hint = inserted.ok().or(hint);
         }
+        control.poll(Stage::Triangulate, points.len(), points.len())?;
+        Ok(Self::from_spade(points, &delaunay))
+    }
+
+    /// spade's triangulation in flat arrays.
+    fn from_spade(points: Vec<Point>, delaunay: &DelaunayTriangulation<Site>) -> Self {
         let mut numbers = vec![NONE; 2 * delaunay.num_undirected_edges()];
         let mut origins = Vec::with_capacity(3 * delaunay.num_inner_faces());
         for face in delaunay.inner_faces() {
@@ -264,7 +281,7 @@ mod tests {
             let points = with_corners(all, width, height);
             let direct = Triangulation::of_full_grid(points.clone(), width as usize);
             assert_consistent(&direct);
-            let mut inserted = Triangulation::delaunay(points);
+            let mut inserted = Triangulation::delaunay(points, &Unattended).unwrap();
             inserted.prefer_directions();
             assert_consistent(&inserted);
             assert_eq!(direct.faces(), inserted.faces());
@@ -275,12 +292,20 @@ mod tests {
     fn collinear_points_around_the_middle_take_no_longer_than_others() {
         let (width, height) = (16_384, 3);
         let start = Instant::now();
-        let row = Triangulation::new(with_corners((0..width).map(|x| (x, 1)), width, height));
+        let row = Triangulation::new(
+            with_corners((0..width).map(|x| (x, 1)), width, height),
+            &Unattended,
+        )
+        .unwrap();
         assert_consistent(&row);
         let vertical = (0..width).map(|y| (1, y));
-        assert_consistent(&Triangulation::new(with_corners(vertical, height, width)));
+        assert_consistent(
+            &Triangulation::new(with_corners(vertical, height, width), &Unattended).unwrap(),
+        );
         let diagonal = (0..4096).map(|i| (i, i));
-        assert_consistent(&Triangulation::new(with_corners(diagonal, 4096, 4096)));
+        assert_consistent(
+            &Triangulation::new(with_corners(diagonal, 4096, 4096), &Unattended).unwrap(),
+        );
         let seconds = start.elapsed().as_secs_f64();
         assert!(seconds < 5.0, "{seconds} s");
     }

@@ -1,0 +1,239 @@
+//! What is refused, what is cancelled, what is reported, and the smallest and largest cases.
+
+use crate::pictures::{gray, image, methods_for, model, noise};
+use crate::twin::interpolation::rasterise;
+use pixmesh_meshing::{
+    Boundary, Cancelled, Control, GenerateError, Generator, Image, ImageError, InitialSize, Method,
+    ParameterError, Parameters, Policy, Shape, Stage, Target, Unattended, generate, rasterize,
+};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Notes every poll.
+#[derive(Default)]
+struct Listener(Mutex<Vec<(Stage, usize, usize)>>);
+
+impl Control for Listener {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        self.0.lock().unwrap().push((stage, done, total));
+        Ok(())
+    }
+}
+
+/// Cancels at a poll given by its number, counted down to 0, and at every later one.
+struct Countdown(AtomicUsize);
+
+impl Control for Countdown {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        let enough = |left: usize| left.checked_sub(1);
+        let left = self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, enough);
+        left.map(drop).map_err(|_| Cancelled)
+    }
+}
+
+fn polls(image: &Image, parameters: &Parameters) -> Vec<(Stage, usize, usize)> {
+    let listener = Listener::default();
+    generate(image, parameters, &listener).unwrap();
+    listener.0.into_inner().unwrap()
+}
+
+/// Noise of several components.
+fn noisy(width: usize, height: usize, component_count: usize) -> Image {
+    let component = |c| (0..width * height).map(|i| noise(i % width + 99 * c, i / width)).collect();
+    image(width, height, 8, (0..component_count).map(component).collect())
+}
+
+#[test]
+fn pictures_of_one_row_or_column_are_refused() {
+    for (width, height) in [(1, 1), (1, 2), (2, 1), (1, 40), (40, 1), (0, 0), (0, 5), (5, 0)] {
+        let refused = Image::new(width, height, 8, vec![vec![0; width * height]]);
+        assert_eq!(refused, Err(ImageError::TooSmall { width, height }));
+        let shape = Shape { width, height, component_count: 1, precision: 8 };
+        for method in [Method::Med, Method::Mgprfs, Method::Mgpr] {
+            let plan = method.parameters(Target::Size(4)).plan(shape);
+            assert!(matches!(plan, Err(ParameterError::Shape(ImageError::TooSmall { .. }))));
+        }
+    }
+}
+
+#[test]
+fn a_picture_of_one_colour_is_two_triangles_by_every_method() {
+    for component_count in 1..=4 {
+        for (width, height, value) in [(2, 2, 0), (9, 7, 0), (9, 7, 200), (30, 2, 255)] {
+            let flat = image(width, height, 8, vec![vec![value; width * height]; component_count]);
+            for method in methods_for(component_count) {
+                let made = model(&flat, &method.parameters(Target::Size(4)));
+                assert_eq!(made.mesh.points().len(), 4, "{method} of {width}x{height}");
+                assert_eq!(made.mesh.faces(), [[0, 1, 3], [0, 3, 2]]);
+                assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
+            }
+        }
+    }
+}
+
+#[test]
+fn error_diffusion_of_one_colour_gives_the_corners_whatever_the_density() {
+    let flat = image(20, 10, 16, vec![vec![40_000; 200]; 3]);
+    let policies = Policy::ALL.iter().filter(|p| p.component_count().is_none_or(|n| n == 3));
+    for &policy in policies {
+        for method in [Method::Med, Method::Mgprfs] {
+            let own = method.parameters(Target::Density(20.0));
+            let made = model(&flat, &Parameters { policy, ..own });
+            assert_eq!(made.mesh.points().len(), 4, "{method} by {policy}");
+            assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
+        }
+    }
+}
+
+#[test]
+fn a_picture_without_density_has_the_corners_though_it_is_not_flat() {
+    // Smoothing wipes stripes of one pixel out, so that no point has any significance.
+    let stripes = gray(11, 8, |x, _| (x % 2) as u16 * 255);
+    for policy in [Policy::PsaD, Policy::PsdMaxD, Policy::PsdAvgL, Policy::PseD, Policy::PseL] {
+        let own = Method::Med.parameters(Target::Size(20));
+        let parameters = Parameters { policy, boundary: Boundary::Symmetric, ..own };
+        assert_eq!(model(&stripes, &parameters).mesh.points().len(), 4, "{policy}");
+    }
+}
+
+#[test]
+fn a_first_component_without_density_does_not_change_the_number_of_points() {
+    // The search for the threshold of PSE begins with the first component's sum.
+    let component = |c| (0..88).map(|i| noise(i % 11 + c, i / 11)).collect::<Vec<u16>>();
+    let picture = image(11, 8, 8, vec![vec![0; 88], component(3), component(50)]);
+    for policy in [Policy::PseD, Policy::PseL] {
+        for boundary in [Boundary::Zero, Boundary::Symmetric] {
+            let own = Method::Med.parameters(Target::Size(20));
+            let made = model(&picture, &Parameters { policy, boundary, ..own });
+            let count = made.mesh.points().len();
+            assert!((5..=39).contains(&count), "{count} points by {policy}, {boundary}");
+        }
+    }
+}
+
+#[test]
+fn two_by_two_pixels_are_meshed_by_every_method() {
+    for component_count in 1..=4 {
+        let picture = noisy(2, 2, component_count);
+        for method in methods_for(component_count) {
+            for target in [Target::Size(4), Target::Density(100.0), Target::Psnr(40.0)] {
+                let made = generate(&picture, &method.parameters(target), &Unattended);
+                match (made, target, method.parameters(target).initial_size) {
+                    (Err(error), Target::Psnr(_), InitialSize::Target) => assert_eq!(
+                        error,
+                        GenerateError::Parameter(ParameterError::TargetNeedsSimplification)
+                    ),
+                    (made, ..) => assert_eq!(made.unwrap().mesh.points().len(), 4),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn sixteen_bits_and_any_number_of_components_are_meshed() {
+    for component_count in [1, 2, 3, 4, 7] {
+        let component = |c: usize| {
+            let sample = |i: usize| noise(i % 12 + 50 * c, i / 12) * 257;
+            (0..120).map(sample).collect::<Vec<u16>>()
+        };
+        let picture = image(12, 10, 16, (0..component_count).map(component).collect());
+        for method in methods_for(component_count) {
+            let made = model(&picture, &method.parameters(Target::Size(30)));
+            assert_eq!(made.mesh.shape(), picture.shape());
+            let rebuilt = rasterize(&made.mesh, &Unattended).unwrap();
+            assert_eq!(rebuilt.components(), rasterise(&made.mesh));
+        }
+    }
+}
+
+#[test]
+fn all_points_are_a_perfect_copy() {
+    let picture = noisy(13, 8, 3);
+    for method in methods_for(3) {
+        let made = model(&picture, &method.parameters(Target::Density(100.0)));
+        assert_eq!(made.mesh.points().len(), 104);
+        assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
+        assert_eq!(rasterize(&made.mesh, &Unattended).unwrap(), picture);
+    }
+}
+
+#[test]
+fn methods_and_policies_for_other_numbers_of_components_are_refused() {
+    for component_count in 1..=4 {
+        let picture = noisy(6, 6, component_count);
+        for &method in Method::ALL {
+            let fits = method.check_component_count(component_count).is_ok();
+            let expected = match method {
+                Method::Med | Method::Mgprfs | Method::Mgpr => true,
+                Method::Ed | Method::Gprfsed | Method::Gpr => component_count == 1,
+                _ => component_count == 3,
+            };
+            assert_eq!(fits, expected, "{method} of {component_count}");
+        }
+        for &policy in Policy::ALL {
+            let own = Method::Med.parameters(Target::Size(9));
+            let made = generate(&picture, &Parameters { policy, ..own }, &Unattended);
+            let expected = match policy {
+                Policy::PsaD | Policy::PsaL => component_count == 1,
+                Policy::PsbD | Policy::PsbL | Policy::Psc => component_count == 3,
+                _ => true,
+            };
+            assert_eq!(made.is_ok(), expected, "{policy} of {component_count}");
+        }
+    }
+}
+
+#[test]
+fn generate_is_cancelled_at_whichever_poll_says_so() {
+    for component_count in [1, 3] {
+        let picture = noisy(24, 20, component_count);
+        for method in methods_for(component_count) {
+            let parameters = method.parameters(Target::Size(60));
+            let count = polls(&picture, &parameters).len();
+            assert!(count > 2, "{method} polls {count} times");
+            for k in 0..count {
+                let control = Countdown(AtomicUsize::new(k));
+                let made = generate(&picture, &parameters, &control);
+                assert_eq!(made, Err(GenerateError::Cancelled(Cancelled)), "{method}, poll {k}");
+            }
+            let control = Countdown(AtomicUsize::new(count));
+            assert_eq!(generate(&picture, &parameters, &control), Ok(model(&picture, &parameters)));
+        }
+    }
+}
+
+#[test]
+fn rasterize_is_cancelled_at_whichever_poll_says_so() {
+    let picture = noisy(30, 30, 2);
+    let mesh = model(&picture, &Method::Med.parameters(Target::Density(50.0))).mesh;
+    let listener = Listener::default();
+    rasterize(&mesh, &listener).unwrap();
+    let heard = listener.0.into_inner().unwrap();
+    assert_eq!(heard[0], (Stage::Rasterize, 0, mesh.faces().len()));
+    for k in 0..heard.len() {
+        assert_eq!(rasterize(&mesh, &Countdown(AtomicUsize::new(k))), Err(Cancelled));
+    }
+}
+
+#[test]
+fn stages_are_reported_in_order_and_never_beyond_their_totals() {
+    let picture = noisy(40, 30, 3);
+    for method in methods_for(3) {
+        for &generator in Generator::ALL {
+            let own = method.parameters(Target::Size(100));
+            let parameters = Parameters { generator, ..own };
+            let heard = polls(&picture, &parameters);
+            for (stage, done, total) in &heard {
+                assert!(done <= total, "{done} of {total} in {stage}");
+            }
+            for pair in heard.windows(2) {
+                assert!(pair[0].0 <= pair[1].0, "{method}: {} then {}", pair[0].0, pair[1].0);
+                let went_on = pair[0].0 == pair[1].0;
+                assert!(!went_on || pair[0].1 <= pair[1].1, "{method}: {pair:?}");
+                assert!(went_on || pair[1].1 == 0, "{method}: {pair:?}");
+            }
+            assert_eq!(heard[0].1, 0);
+        }
+    }
+}

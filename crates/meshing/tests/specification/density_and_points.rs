@@ -1,0 +1,185 @@
+//! Density and initial points against explicit stencils and a diffusion over the whole buffer.
+
+use crate::pictures::{cases, gray, image, noise, pictures};
+use crate::twin;
+use crate::twin::error_diffusion::{Diffusion, with_corners};
+use pixmesh_meshing::{
+    Boundary, Density, Generator, Image, Parameters, Point, Policy, Scan, Smoothing, Startup,
+    Target, Unattended, sample_points,
+};
+use proptest::prelude::*;
+
+/// How near to the threshold a value may come before the order of additions decides on it,
+/// relative to the threshold.
+const ROUNDING: f64 = 1e-11;
+
+/// Every choice that a density or a diffusion depends on.
+fn choices() -> impl Strategy<Value = Parameters> {
+    let filters = (
+        prop::sample::select(Smoothing::ALL),
+        prop::sample::select(vec![1usize, 3, 5, 7]),
+        prop::sample::select(Boundary::ALL),
+    );
+    let diffusion = (
+        prop::sample::select(Startup::ALL),
+        prop::sample::select(Scan::ALL),
+        any::<bool>(),
+        prop::sample::select(vec![None, Some(0usize), Some(1), Some(3)]),
+    );
+    (filters, diffusion).prop_map(|(filters, diffusion)| {
+        let (smoothing, smoothing_order, boundary) = filters;
+        let (startup, scan, leaky, tolerance) = diffusion;
+        let own = Parameters::new(Target::Density(50.0));
+        let filtered = Parameters { smoothing, smoothing_order, boundary, ..own };
+        Parameters { startup, scan, leaky, tolerance, ..filtered }
+    })
+}
+
+/// The same parameters with each policy that is defined for so many components.
+fn with_policies(parameters: &Parameters, component_count: usize) -> Vec<Parameters> {
+    let fits = |p: &&Policy| p.component_count().is_none_or(|count| count == component_count);
+    let with = |&policy: &Policy| Parameters { policy, ..parameters.clone() };
+    Policy::ALL.iter().filter(fits).map(with).collect()
+}
+
+fn check_density(image: &Image, parameters: &Parameters) {
+    let actual = Density::new(image, parameters, &Unattended).unwrap();
+    let expected = twin::density::density(image, parameters);
+    assert_eq!((actual.width(), actual.height()), (image.width(), image.height()));
+    assert_eq!(actual.fields().len(), expected.len());
+    for (actual, expected) in actual.fields().iter().zip(&expected) {
+        assert_eq!(actual.len(), expected.len());
+        for (place, (a, e)) in actual.iter().zip(expected).enumerate() {
+            assert!((a - e).abs() <= 1e-12, "{a} is not {e} at place {place}, {parameters:?}");
+        }
+    }
+}
+
+/// Compares the points of a diffusion of the same density. Nothing is compared where the search
+/// ends without a threshold that serves and has bisected until rounding decides.
+fn check_points(image: &Image, parameters: &Parameters, size: usize) {
+    let density = Density::new(image, parameters, &Unattended).unwrap();
+    if density.fields()[0].iter().all(|&value| value == 0.0) {
+        // The search begins at the first field's sum, and no multiple of 0 is another threshold.
+        return;
+    }
+    let diffusion = Diffusion { width: image.width(), fields: density.fields(), parameters };
+    let expected = diffusion.choose(size);
+    if !expected.met && expected.margin < ROUNDING {
+        return;
+    }
+    let actual = sample_points(image, parameters, size, &Unattended).unwrap();
+    let expected_points = with_corners(&expected.marks, image.width());
+    assert_eq!(actual, expected_points, "{size} points, met: {}, {parameters:?}", expected.met);
+}
+
+proptest! {
+    #![proptest_config(cases(300))]
+
+    #[test]
+    fn density_is_that_of_explicit_stencils(
+        image in pictures(2..=12, 1..=4),
+        parameters in choices(),
+    ) {
+        for parameters in with_policies(&parameters, image.component_count()) {
+            check_density(&image, &parameters);
+        }
+    }
+
+    #[test]
+    fn diffused_points_are_those_of_a_diffusion_over_the_whole_buffer(
+        image in pictures(2..=16, 1..=4),
+        parameters in choices(),
+        share in 0.05..1.0,
+    ) {
+        let size = ((image.pixel_count() as f64 * share) as usize).max(4);
+        for parameters in with_policies(&parameters, image.component_count()) {
+            if size < image.pixel_count() {
+                check_points(&image, &parameters, size);
+            }
+        }
+    }
+
+    #[test]
+    fn random_and_uniform_points_hold_the_corners_and_come_in_order(
+        image in pictures(2..=12, 1..=1),
+        share in 0.0..=1.0,
+        generator in prop::sample::select(vec![Generator::Random, Generator::Uniform]),
+        seed in any::<u64>(),
+    ) {
+        let size = 4 + ((image.pixel_count() - 4) as f64 * share) as usize;
+        let parameters = Parameters { generator, seed, ..Parameters::new(Target::Size(size)) };
+        let points = sample_points(&image, &parameters, size, &Unattended).unwrap();
+        prop_assert!(points.windows(2).all(|pair| pair[0] < pair[1]));
+        let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
+        for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
+            prop_assert!(points.contains(&Point::new(x, y)));
+        }
+        prop_assert!(points.len() <= size);
+        prop_assert!(generator == Generator::Uniform || points.len() == size);
+        prop_assert_eq!(sample_points(&image, &parameters, size, &Unattended), Ok(points));
+    }
+}
+
+#[test]
+fn every_combination_of_choices_gives_the_twins_density_and_points() {
+    let components = |count: usize| {
+        let component = |c| (0..99).map(|i| noise(i % 11 + 31 * c, i / 11) / 2).collect();
+        (0..count).map(component).collect::<Vec<Vec<u16>>>()
+    };
+    for count in [1, 3, 4] {
+        let picture = image(11, 9, 8, components(count));
+        for parameters in every_choice() {
+            for parameters in with_policies(&parameters, count) {
+                check_density(&picture, &parameters);
+                check_points(&picture, &parameters, 30);
+            }
+        }
+    }
+}
+
+/// Every combination of start-up, scan, leakage, smoothing, order and boundary.
+fn every_choice() -> Vec<Parameters> {
+    let mut all = vec![Parameters { tolerance: Some(1), ..Parameters::new(Target::Size(30)) }];
+    all = each(&all, Startup::ALL, |p, startup| Parameters { startup, ..p });
+    all = each(&all, Scan::ALL, |p, scan| Parameters { scan, ..p });
+    all = each(&all, &[false, true], |p, leaky| Parameters { leaky, ..p });
+    all = each(&all, Smoothing::ALL, |p, smoothing| Parameters { smoothing, ..p });
+    all = each(&all, &[1, 3, 5], |p, smoothing_order| Parameters { smoothing_order, ..p });
+    each(&all, Boundary::ALL, |p, boundary| Parameters { boundary, ..p })
+}
+
+/// Each of the parameters with each of the values.
+fn each<T: Copy>(
+    all: &[Parameters],
+    values: &[T],
+    with: impl Fn(Parameters, T) -> Parameters,
+) -> Vec<Parameters> {
+    let pairs = all.iter().flat_map(|p| values.iter().map(move |&value| (p.clone(), value)));
+    pairs.map(|(p, value)| with(p, value)).collect()
+}
+
+#[test]
+fn the_number_of_diffused_points_is_within_the_tolerance_and_the_corners() {
+    let picture = gray(64, 48, |x, y| noise(x / 3, y / 3));
+    for policy in [Policy::PsaD, Policy::PsaL, Policy::PseD] {
+        for size in [40, 100, 307, 1000] {
+            let parameters = Parameters { policy, ..Parameters::new(Target::Size(size)) };
+            let count = sample_points(&picture, &parameters, size, &Unattended).unwrap().len();
+            assert!((size - 10..=size + 14).contains(&count), "{count} of {size}");
+        }
+    }
+}
+
+#[test]
+fn smoothing_of_order_three_has_the_stencils_of_the_description() {
+    // One bright dot: the second derivatives are the stencils themselves.
+    let picture = gray(9, 9, |x, y| if (x, y) == (4, 4) { 64 } else { 0 });
+    let parameters = Parameters { policy: Policy::PsaL, ..Parameters::new(Target::Size(30)) };
+    let density = Density::new(&picture, &parameters, &Unattended).unwrap();
+    let field = &density.fields()[0];
+    // |fxx + fyy| at the dot is 2 * 1/2 * 1/2, at (2, 0) from it 1/4 * 1/2.
+    assert!((field[4 * 9 + 4] - 1.0).abs() < 1e-12);
+    assert!((field[4 * 9 + 6] - (0.125 / 0.5)).abs() < 1e-12);
+    assert_eq!(field[0], 0.0);
+}

@@ -1,0 +1,176 @@
+//! Simplification against trying every point at every step.
+
+use crate::pictures::{cases, gray, image, model, noise, pictures, size_target};
+use crate::twin::density::luma;
+use crate::twin::removal;
+use crate::twin::triangulation::{triangles_of, triangulate};
+use pixmesh_meshing::{
+    Generator, Image, InitialSize, Meshed, Method, Parameters, Point, Policy, Target, Unattended,
+    sample_points,
+};
+use proptest::prelude::*;
+
+/// Checks that the model is what brute force makes of the same initial points.
+fn check(image: &Image, parameters: &Parameters) {
+    let made = model(image, parameters);
+    let (ruling, parameters) = ruling_image(image, parameters);
+    let initial = sample_points(&ruling, &parameters, made.plan.initial_size, &Unattended).unwrap();
+    let trimmed = made.plan.initial_size > made.plan.size
+        || made.plan.minimum_psnr_db.is_some()
+        || parameters.bad_point_removal;
+    let expected = if trimmed {
+        removal::simplify(&ruling, initial, made.plan, parameters.bad_point_removal)
+    } else {
+        initial
+    };
+    assert_eq!(made.mesh.points(), expected, "{parameters:?}");
+    let faces = triangles_of(made.mesh.points(), made.mesh.faces());
+    assert_eq!(faces, triangulate(&expected));
+}
+
+/// The image whose error rules the removal and the parameters that mean the same for it.
+fn ruling_image(picture: &Image, parameters: &Parameters) -> (Image, Parameters) {
+    if parameters.meshed == Meshed::Components {
+        return (picture.clone(), parameters.clone());
+    }
+    let (width, height) = (picture.width(), picture.height());
+    let luma = image(width, height, picture.precision(), vec![luma(picture)]);
+    let own = Parameters { policy: Policy::PsaD, meshed: Meshed::Components, ..parameters.clone() };
+    (luma, own)
+}
+
+proptest! {
+    #![proptest_config(cases(60))]
+
+    #[test]
+    fn removal_from_diffused_points_is_as_by_brute_force(
+        image in pictures(2..=9, 1..=4),
+        share in 0.0..0.4,
+        gamma in 2.0..6.0,
+        bad_point_removal in any::<bool>(),
+    ) {
+        let parameters = Method::Mgprfs.parameters(size_target(&image, share));
+        let initial_size = InitialSize::Gamma(gamma);
+        check(&image, &Parameters { initial_size, bad_point_removal, ..parameters });
+    }
+
+    #[test]
+    fn removal_from_all_points_is_as_by_brute_force(
+        image in pictures(2..=6, 1..=4),
+        share in 0.0..1.0,
+        bad_point_removal in any::<bool>(),
+    ) {
+        let parameters = Method::Mgpr.parameters(size_target(&image, share));
+        check(&image, &Parameters { bad_point_removal, ..parameters });
+    }
+
+    #[test]
+    fn removal_on_the_luma_is_as_by_brute_force(
+        image in pictures(2..=6, 3..=3),
+        share in 0.0..1.0,
+        method in prop::sample::select(vec![Method::Cgpr, Method::Ced, Method::Cgprfsed]),
+        bad_point_removal in any::<bool>(),
+    ) {
+        let parameters = method.parameters(size_target(&image, share));
+        check(&image, &Parameters { bad_point_removal, ..parameters });
+    }
+
+    #[test]
+    fn removal_down_to_a_psnr_is_as_by_brute_force(
+        image in pictures(2..=6, 1..=4),
+        psnr_db in 3.0..60.0,
+        method in prop::sample::select(vec![Method::Mgprfs, Method::Mgpr]),
+        bad_point_removal in any::<bool>(),
+    ) {
+        let parameters = method.parameters(Target::Psnr(psnr_db));
+        check(&image, &Parameters { bad_point_removal, ..parameters });
+        let made = model(&image, &parameters);
+        prop_assert!(made.fidelity.psnr_db() >= psnr_db);
+    }
+
+    #[test]
+    fn removal_from_random_or_uniform_points_is_as_by_brute_force(
+        image in pictures(2..=8, 1..=4),
+        share in 0.0..0.6,
+        generator in prop::sample::select(vec![Generator::Random, Generator::Uniform]),
+        seed in any::<u64>(),
+    ) {
+        let parameters = Method::Mgprfs.parameters(size_target(&image, share));
+        check(&image, &Parameters { generator, seed, ..parameters });
+    }
+}
+
+#[test]
+fn equal_errors_are_removed_by_row_then_column() {
+    let flat = gray(6, 5, |_, _| 7);
+    let parameters = Method::Gpr.parameters(Target::Size(20));
+    check(&flat, &parameters);
+    // Every removal costs nothing: the first ten free points in order are gone.
+    let kept: Vec<Point> = model(&flat, &parameters).mesh.points().to_vec();
+    let order = (0..30).map(|i| Point::new(i % 6, i / 6));
+    let is_corner = |p: &Point| (p.x == 0 || p.x == 5) && (p.y == 0 || p.y == 4);
+    let removed: Vec<Point> = order.clone().filter(|p| !is_corner(p)).take(10).collect();
+    assert_eq!(kept, order.filter(|p| !removed.contains(p)).collect::<Vec<_>>());
+}
+
+#[test]
+fn pictures_full_of_ties_are_simplified_as_by_brute_force() {
+    let checkerboard = gray(7, 7, |x, y| ((x + y) % 2) as u16 * 255);
+    let stripes = gray(7, 6, |x, _| (x % 2) as u16 * 200);
+    let step = gray(7, 7, |x, _| if x < 3 { 10 } else { 240 });
+    let ramp = gray(7, 7, |x, y| (3 * x + 5 * y) as u16);
+    let dot = gray(7, 7, |x, y| if (x, y) == (3, 3) { 255 } else { 0 });
+    for picture in [checkerboard, stripes, step, ramp, dot] {
+        for size in [4, 12, 30] {
+            check(&picture, &Method::Gpr.parameters(Target::Size(size)));
+            let lowering = Method::Gprfsed.parameters(Target::Size(size));
+            check(&picture, &Parameters { bad_point_removal: true, ..lowering });
+        }
+    }
+}
+
+#[test]
+fn strips_whose_vertices_have_many_neighbours_are_simplified_as_by_brute_force() {
+    for (width, height) in [(22, 2), (2, 22), (17, 3), (3, 17), (11, 4)] {
+        let flat = gray(width, height, |_, _| 9);
+        let line = gray(width, height, |x, y| if x.min(y) == 1 { noise(x, y) } else { 0 });
+        let few_levels = gray(width, height, |x, y| noise(x, y) % 3);
+        for picture in [flat, line, few_levels] {
+            for size in [4, 15] {
+                check(&picture, &Method::Gpr.parameters(Target::Size(size)));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_psnr_that_a_mesh_has_exactly_is_good_enough() {
+    let picture = gray(6, 6, noise);
+    let mut reached = 0;
+    for size in 8..30 {
+        let sized = model(&picture, &Method::Gpr.parameters(Target::Size(size)));
+        let parameters = Method::Gpr.parameters(Target::Psnr(sized.fidelity.psnr_db()));
+        check(&picture, &parameters);
+        // Removal that mends may come after removal that spoilt too much: then it stops before.
+        reached += usize::from(model(&picture, &parameters).mesh.points().len() <= size);
+    }
+    assert!(reached > 10, "{reached} of 22");
+}
+
+#[test]
+fn bad_points_are_removed_below_the_size_asked_for() {
+    // Few points of a noisy picture: some of them spoil more than they mend.
+    let picture = gray(9, 9, noise);
+    let initial_size = InitialSize::Target;
+    let own = Method::Mgprfs.parameters(Target::Size(12));
+    let parameters = Parameters { initial_size, generator: Generator::Random, ..own };
+    let made = |bad_point_removal| {
+        let parameters = Parameters { bad_point_removal, ..parameters.clone() };
+        check(&picture, &parameters);
+        model(&picture, &parameters)
+    };
+    let (kept, removed) = (made(false), made(true));
+    assert_eq!(kept.mesh.points().len(), 12);
+    assert!(removed.mesh.points().len() < 12);
+    assert!(removed.fidelity.squared_error < kept.fidelity.squared_error);
+}

@@ -1,0 +1,174 @@
+//! Shapes that make naive algorithms quadratic finish soon: long rows of collinear points, full
+//! lattices of cocircular ones, vertices with thousands of neighbours.
+//!
+//! The bounds are far above what the crate takes, and far below what a quadratic algorithm would.
+
+use crate::pictures::{gray, noise};
+use pixmesh_meshing::{
+    Cancelled, Control, Generator, Image, Method, Model, Parameters, Point, Stage, Target,
+    generate, triangulate,
+};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// What nothing here takes.
+const LONG: Duration = Duration::from_secs(20);
+
+/// The longest that work goes on after it is cancelled.
+const DEAF: Duration = Duration::from_secs(1);
+
+/// Cancels what takes long and notes the longest time between two polls.
+struct Watch {
+    start: Instant,
+    /// The last poll and the longest time before any.
+    polls: Mutex<(Instant, Duration)>,
+}
+
+impl Watch {
+    fn new() -> Self {
+        let start = Instant::now();
+        Self { start, polls: Mutex::new((start, Duration::ZERO)) }
+    }
+
+    fn longest_silence(&self) -> Duration {
+        let (last, longest) = *self.polls.lock().unwrap();
+        longest.max(last.elapsed())
+    }
+}
+
+impl Control for Watch {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        let mut polls = self.polls.lock().unwrap();
+        *polls = (Instant::now(), polls.1.max(polls.0.elapsed()));
+        if self.start.elapsed() < LONG { Ok(()) } else { Err(Cancelled) }
+    }
+}
+
+/// Counts the polls of the triangulation.
+#[derive(Default)]
+struct TriangulationPolls(AtomicUsize);
+
+impl Control for TriangulationPolls {
+    fn poll(&self, stage: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        self.0.fetch_add(usize::from(stage == Stage::Triangulate), Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+/// Makes a mesh, which must be soon and within earshot.
+fn meshed_soon(name: &str, image: &Image, parameters: &Parameters) -> Model {
+    let watch = Watch::new();
+    let made = generate(image, parameters, &watch);
+    let silence = watch.longest_silence();
+    report(&format!("{name}, silent for {silence:.2?}"), watch.start);
+    assert!(silence < DEAF, "{name}: no poll for {silence:?}");
+    let made = made.unwrap_or_else(|error| panic!("{name}: {error} after {LONG:?}"));
+    assert_eq!(made.mesh.validate(), Ok(()), "{name}");
+    made
+}
+
+/// Says how long something took; shown on request.
+#[allow(clippy::print_stderr)]
+fn report(name: &str, start: Instant) {
+    eprintln!("{:8.2?} {name}", start.elapsed());
+}
+
+/// A line of bright noise in the middle row of a picture 3 high.
+fn middle_row(width: usize) -> Image {
+    gray(width, 3, |x, y| if y == 1 { noise(x, 7) } else { 0 })
+}
+
+#[test]
+fn a_long_row_of_points_is_triangulated_soon() {
+    for transposed in [false, true] {
+        let place = |along: i32, across: i32| {
+            if transposed { Point::new(across, along) } else { Point::new(along, across) }
+        };
+        let last = (1 << 14) - 1;
+        let mut points: Vec<Point> = (0..=last).map(|along| place(along, 1)).collect();
+        points.extend([place(0, 0), place(last, 0), place(0, 2), place(last, 2)]);
+        points.sort_unstable();
+        let start = Instant::now();
+        let faces = triangulate(&points);
+        report("16384 points of one line", start);
+        assert!(start.elapsed() < LONG);
+        // The ends of the line lie on the border, with the corners.
+        assert_eq!(faces.len(), 2 * points.len() - 2 - 6);
+    }
+}
+
+#[test]
+fn a_picture_of_three_rows_is_meshed_soon() {
+    let picture = middle_row(16_384);
+    for (method, density) in [(Method::Med, 20.0), (Method::Mgprfs, 2.0), (Method::Mgprfs, 20.0)] {
+        let name = format!("{method} of 16384x3 at {density} %");
+        meshed_soon(&name, &picture, &method.parameters(Target::Density(density)));
+    }
+}
+
+#[test]
+fn all_points_of_three_rows_are_removed_soon() {
+    let strips = [("a line in 4096x3", middle_row(4096)), ("flat 4096x3", gray(4096, 3, |_, _| 9))];
+    for (name, picture) in strips {
+        for size in [4, 100] {
+            let parameters = Method::Gpr.parameters(Target::Size(size));
+            meshed_soon(&format!("{name} to {size} points"), &picture, &parameters);
+        }
+    }
+}
+
+#[test]
+#[ignore = "time grows with the square of the width: over a minute"]
+fn all_points_of_three_long_rows_are_removed_soon() {
+    let parameters = Method::Mgpr.parameters(Target::Density(1.0));
+    meshed_soon("a line in 16384x3", &middle_row(16_384), &parameters);
+}
+
+/// A page of one colour with a dot in the middle.
+fn page(side: usize) -> Image {
+    gray(side, side, |x, y| if (x, y) == (side / 2, side / 2) { 255 } else { 240 })
+}
+
+#[test]
+fn a_page_with_one_dot_is_emptied_soon() {
+    meshed_soon("a page of 192x192", &page(192), &Method::Gpr.parameters(Target::Density(1.0)));
+}
+
+#[test]
+#[ignore = "time grows almost with the square of the number of pixels: most of a minute"]
+fn a_large_page_with_one_dot_is_emptied_soon() {
+    meshed_soon("a page of 512x512", &page(512), &Method::Gpr.parameters(Target::Density(1.0)));
+}
+
+#[test]
+fn full_lattices_are_meshed_soon() {
+    let checkerboard = gray(128, 128, |x, y| ((x + y) % 2) as u16 * 255);
+    let noisy = gray(128, 128, noise);
+    for (name, picture) in [("a checkerboard", checkerboard), ("noise", noisy)] {
+        for method in [Method::Med, Method::Mgprfs, Method::Mgpr] {
+            for density in [100.0, 10.0, 1.0] {
+                let parameters = method.parameters(Target::Density(density));
+                let name = format!("{method} of {name} at {density} %");
+                meshed_soon(&name, &picture, &parameters);
+            }
+        }
+    }
+}
+
+#[test]
+fn triangulation_of_many_points_is_polled_throughout() {
+    // 131072 points: whoever cancels need not wait for all of them.
+    let polls = TriangulationPolls::default();
+    let parameters = Method::Med.parameters(Target::Density(50.0));
+    generate(&gray(512, 512, noise), &parameters, &polls).unwrap();
+    let count = polls.0.into_inner();
+    assert!(count >= 10, "{count} polls");
+}
+
+#[test]
+fn regular_grids_are_meshed_soon() {
+    let own = Method::Mgprfs.parameters(Target::Density(2.0));
+    let parameters = Parameters { generator: Generator::Uniform, ..own };
+    meshed_soon("a regular grid on 256x256", &gray(256, 256, noise), &parameters);
+}
