@@ -128,7 +128,7 @@ fn statistics_go_to_standard_error_and_agree_with_the_model() {
     let statistics = String::from_utf8(output.stderr).unwrap();
     let names: Vec<&str> =
         statistics.lines().map(|l| l.split_whitespace().next().unwrap()).collect();
-    let stages = ["decode", "density", "diffuse", "triangulate", "simplify", "encode"];
+    let stages = ["decode", "density", "diffuse", "triangulate", "simplify", "measure", "encode"];
     assert_eq!(names[..4], ["vertices", "faces", "mse", "psnr_db"]);
     assert_eq!(names[4..], stages);
     assert!(statistics.starts_with("vertices     40\n"), "{statistics}");
@@ -180,7 +180,7 @@ fn what_is_wrong_is_said_by_name() {
         ("", "--density"),
         ("--density 2 --size 50", "cannot be used with"),
         ("--density 0", "density is 0"),
-        ("--density 101", "density is 101, but must lie in 0 to 100"),
+        ("--density 101", "density is 101, but must lie in 0.000001 to 100"),
         ("--density nan", "density must be a finite number"),
         ("--density two", "invalid value 'two' for '--density"),
         ("--size 3", "size is 3, but must lie in 4 to 1536"),
