@@ -1,0 +1,220 @@
+//! Every setting: its flag, environment variable, default and check, each declared once.
+//!
+//! The environment variable of `--max-body` is `PIXMESH_MAX_BODY`, and so on; a flag wins over its
+//! variable. Zero is refused wherever it could be taken to mean "without limit", and a variable
+//! that begins with `PIXMESH_` but is no setting stops the start.
+
+mod quantity;
+
+pub use quantity::{ByteSize, Period};
+
+use clap::{Args, CommandFactory, Parser, ValueEnum};
+use std::error::Error;
+use std::ffi::OsString;
+use std::fmt;
+use std::net::SocketAddr;
+use std::num::{NonZeroU64, NonZeroUsize};
+use std::thread::available_parallelism;
+use std::time::Duration;
+
+/// The settings of `pixmesh serve`.
+#[derive(Args, Clone, Debug)]
+pub struct Settings {
+    /// Address of the public listener; port 0 is any free one.
+    #[arg(long, env = "PIXMESH_LISTEN", default_value = "127.0.0.1:8080")]
+    pub listen: SocketAddr,
+    /// Address of the listener for health and metrics; port 0 is any free one.
+    #[arg(long, env = "PIXMESH_OPS_LISTEN", default_value = OPS_LISTEN)]
+    pub ops_listen: SocketAddr,
+    /// Allow a public listener on other than loopback although anyone may then use the service.
+    #[arg(long, env = "PIXMESH_INSECURE_NO_AUTH")]
+    pub insecure_no_auth: bool,
+    /// Meshes made at the same time [default: the number of cores].
+    #[arg(long, env = "PIXMESH_WORKERS", hide_env_values = true)]
+    pub workers: Option<NonZeroUsize>,
+    /// Memory for bodies (a quarter) and work (the rest).
+    #[arg(long, env = "PIXMESH_MEMORY_BUDGET", default_value = "1GiB")]
+    pub memory_budget: ByteSize,
+    /// Seconds of work that may wait for a worker; what comes on top is turned away.
+    #[arg(long, env = "PIXMESH_QUEUE_SECONDS", default_value = "10", value_parser = quantity::seconds)]
+    pub queue_seconds: f64,
+    /// Longest time from the end of the upload to the answer.
+    #[arg(long, env = "PIXMESH_SYNC_DEADLINE", default_value = "30s")]
+    pub sync_deadline: Period,
+    /// How the log is written.
+    #[arg(long, env = "PIXMESH_LOG_FORMAT", default_value = "human")]
+    pub log_format: LogFormat,
+    /// What a client may send, and how slowly.
+    #[command(flatten)]
+    pub limits: Limits,
+}
+
+/// What a client may send, and how slowly.
+#[derive(Args, Clone, Debug)]
+pub struct Limits {
+    /// Longest body of a request.
+    #[arg(long, env = "PIXMESH_MAX_BODY", default_value = "32MiB")]
+    pub max_body: ByteSize,
+    /// Most pixels of an image.
+    #[arg(long, env = "PIXMESH_MAX_PIXELS", default_value = "40000000")]
+    pub max_pixels: NonZeroU64,
+    /// Most columns or rows of an image.
+    #[arg(long, env = "PIXMESH_MAX_SIDE", default_value = "16384")]
+    pub max_side: NonZeroUsize,
+    /// Longest time for a request's header to arrive, and for an idle connection to stay.
+    #[arg(long, env = "PIXMESH_HEADER_TIMEOUT", default_value = "10s")]
+    pub header_timeout: Period,
+    /// Longest time for a request's body to arrive.
+    #[arg(long, env = "PIXMESH_BODY_TIMEOUT", default_value = "30s")]
+    pub body_timeout: Period,
+    /// Most connections open at the same time.
+    #[arg(long, env = "PIXMESH_MAX_CONNECTIONS", default_value = "1024")]
+    pub max_connections: NonZeroUsize,
+}
+
+/// The settings of `pixmesh health`.
+#[derive(Args, Clone, Debug)]
+pub struct HealthSettings {
+    /// Address of the listener for health and metrics of the service to ask.
+    #[arg(long, env = "PIXMESH_OPS_LISTEN", default_value = OPS_LISTEN)]
+    pub ops_listen: SocketAddr,
+}
+
+/// How the log is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    Human,
+    /// One JSON object per line.
+    Json,
+}
+
+const OPS_LISTEN: &str = "127.0.0.1:8081";
+
+impl Settings {
+    /// The settings, after the checks that need more than one of them.
+    ///
+    /// # Errors
+    /// When the public listener could be reached from elsewhere and nothing allows that.
+    pub fn checked(self) -> Result<Self, Box<dyn Error>> {
+        if !self.listen.ip().is_loopback() && !self.insecure_no_auth {
+            return Err(format!(
+                "--listen {} can be reached from other hosts, and anyone could use the service: \
+                 listen on 127.0.0.1, or say --insecure-no-auth",
+                self.listen
+            )
+            .into());
+        }
+        Ok(self)
+    }
+
+    /// Meshes made at the same time.
+    #[must_use]
+    pub fn worker_count(&self) -> usize {
+        let cores = || available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        self.workers.unwrap_or_else(cores).get()
+    }
+
+    /// Memory for request bodies: a quarter of the budget.
+    #[must_use]
+    pub fn body_budget(&self) -> ByteSize {
+        ByteSize(self.memory_budget.0 / 4)
+    }
+
+    /// Memory for work: what the bodies leave of the budget.
+    #[must_use]
+    pub fn work_budget(&self) -> ByteSize {
+        ByteSize(self.memory_budget.0 - self.body_budget().0)
+    }
+
+    /// The longest time from the end of the upload to the answer.
+    #[must_use]
+    pub fn deadline(&self) -> Duration {
+        self.sync_deadline.0
+    }
+}
+
+impl Limits {
+    /// Those that the codec checks.
+    #[must_use]
+    pub fn of_pictures(&self) -> pixmesh_codec::Limits {
+        pixmesh_codec::Limits { max_pixels: self.max_pixels.get(), max_side: self.max_side.get() }
+    }
+}
+
+impl fmt::Display for Settings {
+    /// One line `flag value` per setting in force.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { limits, .. } = self;
+        let log_format = match self.log_format {
+            LogFormat::Human => "human",
+            LogFormat::Json => "json",
+        };
+        writeln!(formatter, "--listen {}", self.listen)?;
+        writeln!(formatter, "--ops-listen {}", self.ops_listen)?;
+        writeln!(formatter, "--insecure-no-auth {}", self.insecure_no_auth)?;
+        writeln!(formatter, "--workers {}", self.worker_count())?;
+        writeln!(formatter, "--memory-budget {}", self.memory_budget)?;
+        writeln!(formatter, "--queue-seconds {}", self.queue_seconds)?;
+        writeln!(formatter, "--sync-deadline {}", self.sync_deadline)?;
+        writeln!(formatter, "--log-format {log_format}")?;
+        writeln!(formatter, "--max-body {}", limits.max_body)?;
+        writeln!(formatter, "--max-pixels {}", limits.max_pixels)?;
+        writeln!(formatter, "--max-side {}", limits.max_side)?;
+        writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
+        writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
+        writeln!(formatter, "--max-connections {}", limits.max_connections)
+    }
+}
+
+/// Refuses variables that look like settings and are none.
+///
+/// # Errors
+/// The first such variable, with the setting that is most like it.
+pub fn check_environment(
+    variables: impl Iterator<Item = (OsString, OsString)>,
+) -> Result<(), Box<dyn Error>> {
+    let known = known_variables();
+    for (name, _) in variables {
+        let name = name.to_string_lossy();
+        if name.starts_with("PIXMESH_") && !known.iter().any(|known| *known == name) {
+            let nearest = crate::extract::nearest_name(&name, known.iter().map(String::as_str));
+            return Err(format!(
+                "there is no setting {name}: the nearest one is {}",
+                nearest.unwrap_or("PIXMESH_LISTEN")
+            )
+            .into());
+        }
+    }
+    Ok(())
+}
+
+/// The environment variable of every setting.
+fn known_variables() -> Vec<String> {
+    #[derive(Parser)]
+    struct Declared {
+        #[command(flatten)]
+        _settings: Settings,
+    }
+    let command = Declared::command();
+    let names = command.get_arguments().filter_map(|argument| argument.get_env());
+    names.map(|name| name.to_string_lossy().into_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn environment(name: &str) -> Result<(), String> {
+        let variables = [(OsString::from(name), OsString::from("1"))];
+        check_environment(variables.into_iter()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_misspelt_variable_is_refused_with_the_nearest_name() {
+        assert_eq!(environment("PIXMESH_MAX_BODY"), Ok(()));
+        assert_eq!(environment("PATH"), Ok(()));
+        let error = environment("PIXMESH_MAXBODY").unwrap_err();
+        assert!(error.contains("PIXMESH_MAXBODY") && error.contains("PIXMESH_MAX_BODY"), "{error}");
+    }
+}

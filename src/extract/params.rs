@@ -1,0 +1,169 @@
+//! The parameters of a mesh, and the only parser of them.
+//!
+//! Query, form fields and JSON all become pairs of a name and a text, and each pair goes through
+//! [`ParameterSet::add`]: an unknown name, a repeated one, a text that is no value of the
+//! parameter's grammar, and a value out of its bounds are refused there. What the parameters mean
+//! together is decided in [`ParameterSet::finish`]. Every parameter is optional; without a target
+//! the mesh has [`DEFAULT_DENSITY`] percent of the image's pixels as vertices.
+
+mod grammar;
+mod sources;
+mod table;
+
+pub use table::{Parameter, TABLE, Takes};
+
+use super::accept::Format;
+use super::nearest_name;
+use crate::problem::{Kind, Problem};
+use pixmesh_codec::Header;
+use pixmesh_meshing::{
+    Boundary, Generator, InitialSize, Method, Parameters, Plan, Policy, Scan, Smoothing, Startup,
+    Target,
+};
+
+/// The density in percent, where neither density, size nor target PSNR is given.
+pub const DEFAULT_DENSITY: f64 = 2.0;
+
+/// The method, where none is given.
+pub const DEFAULT_METHOD: Method = Method::Mgprfs;
+
+/// The parameters given so far, each at most once.
+#[derive(Debug, Default)]
+pub struct ParameterSet {
+    seen: Vec<&'static str>,
+    choices: Choices,
+}
+
+/// The values given, by parameter.
+#[derive(Debug, Default)]
+struct Choices {
+    method: Option<Method>,
+    density: Option<f64>,
+    size: Option<usize>,
+    target_psnr: Option<f64>,
+    gamma: Option<f64>,
+    initial_size: Option<usize>,
+    policy: Option<Policy>,
+    startup: Option<Startup>,
+    initial: Option<Generator>,
+    smoothing_order: Option<usize>,
+    smoothing: Option<Smoothing>,
+    boundary: Option<Boundary>,
+    scan: Option<Scan>,
+    leaky: Option<bool>,
+    tolerance: Option<usize>,
+    bad_point_removal: Option<bool>,
+    seed: Option<u64>,
+    format: Option<Format>,
+}
+
+/// What to make: the method and what is left of it after the parameters given.
+#[derive(Clone, Debug)]
+pub struct Order {
+    /// The method that the parameters started from.
+    pub method: Method,
+    /// Everything that decides which mesh is made.
+    pub parameters: Parameters,
+    /// The format asked for by name.
+    pub format: Option<Format>,
+}
+
+impl ParameterSet {
+    /// Takes one more parameter.
+    ///
+    /// # Errors
+    /// `unknown-parameter`, `duplicate-parameter`, `parameter-malformed`, `not-finite`,
+    /// `parameter-out-of-range` or `unknown-value`.
+    pub fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
+        let parameter = TABLE.iter().find(|row| row.name == name).ok_or_else(|| unknown(name))?;
+        if self.seen.contains(&parameter.name) {
+            return Err(repeated(parameter.name));
+        }
+        self.seen.push(parameter.name);
+        parameter.read(text, &mut self.choices)
+    }
+
+    /// What the parameters mean together.
+    ///
+    /// # Errors
+    /// `conflicting-parameters` for more than one target or initial size, and whatever the methods
+    /// refuse before they see an image.
+    pub fn finish(&self) -> Result<Order, Problem> {
+        self.at_most_one_of(&["density", "size", "target_psnr"])?;
+        self.at_most_one_of(&["gamma", "initial_size"])?;
+        let method = self.choices.method.unwrap_or(DEFAULT_METHOD);
+        let parameters = self.choices.apply(&method.parameters(self.choices.target()));
+        parameters.check()?;
+        Ok(Order { method, parameters, format: self.choices.format })
+    }
+
+    fn at_most_one_of(&self, names: &[&'static str]) -> Result<(), Problem> {
+        let given: Vec<&str> = names.iter().copied().filter(|n| self.seen.contains(n)).collect();
+        if let [first, second, ..] = given[..] {
+            let detail = format!("{first} and {second} exclude each other: give one of them");
+            return Err(Problem::new(Kind::ConflictingParameters, detail).param(second));
+        }
+        Ok(())
+    }
+}
+
+impl Choices {
+    fn target(&self) -> Target {
+        let size = self.size.map(Target::Size);
+        let psnr = self.target_psnr.map(Target::Psnr);
+        size.or(psnr).unwrap_or(Target::Density(self.density.unwrap_or(DEFAULT_DENSITY)))
+    }
+
+    /// The parameters of a method, but for those given explicitly.
+    fn apply(&self, method: &Parameters) -> Parameters {
+        let gamma = self.gamma.map(InitialSize::Gamma);
+        let initial_size = self.initial_size.map(InitialSize::Size);
+        Parameters {
+            initial_size: gamma.or(initial_size).unwrap_or(method.initial_size),
+            generator: self.initial.unwrap_or(method.generator),
+            policy: self.policy.unwrap_or(method.policy),
+            startup: self.startup.unwrap_or(method.startup),
+            scan: self.scan.unwrap_or(method.scan),
+            leaky: self.leaky.unwrap_or(method.leaky),
+            tolerance: self.tolerance.or(method.tolerance),
+            smoothing: self.smoothing.unwrap_or(method.smoothing),
+            smoothing_order: self.smoothing_order.unwrap_or(method.smoothing_order),
+            boundary: self.boundary.unwrap_or(method.boundary),
+            bad_point_removal: self.bad_point_removal.unwrap_or(method.bad_point_removal),
+            seed: self.seed.unwrap_or(method.seed),
+            ..*method
+        }
+    }
+}
+
+impl Order {
+    /// Checks the order against an image's header, and computes what it means for that image.
+    ///
+    /// # Errors
+    /// The first parameter that does not fit such an image.
+    pub fn plan(&self, header: &Header) -> Result<Plan, Problem> {
+        self.method.check_component_count(header.component_count)?;
+        Ok(self.parameters.plan(header.shape())?)
+    }
+
+    /// What was run, as a query that asks for the same.
+    #[must_use]
+    pub fn query(&self) -> String {
+        let pairs =
+            TABLE.iter().filter_map(|row| Some(format!("{}={}", row.name, row.show(self)?)));
+        pairs.collect::<Vec<_>>().join("&")
+    }
+}
+
+fn unknown(name: &str) -> Problem {
+    let name: String = name.chars().take(64).collect();
+    let problem = Problem::new(Kind::UnknownParameter, format!("there is no parameter '{name}'"));
+    match nearest_name(&name, TABLE.iter().map(|row| row.name)) {
+        Some(nearest) => problem.param(name).nearest(nearest),
+        None => problem.param(name),
+    }
+}
+
+fn repeated(name: &str) -> Problem {
+    Problem::new(Kind::DuplicateParameter, format!("{name} is given more than once")).param(name)
+}

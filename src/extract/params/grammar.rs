@@ -1,0 +1,123 @@
+//! How values are written: a strict grammar, the same wherever they come from.
+//!
+//! A number is an optional minus, ASCII digits, and for decimals an optional fraction and exponent;
+//! no spaces, no plus sign, no other digits, no units. What reads as a number but has no finite
+//! value (`NaN`, `inf`, `1e309`) is refused as such and not as malformed.
+
+use crate::problem::{Kind, Problem};
+use serde_json::Value;
+
+/// A decimal number between bounds.
+pub(super) fn decimal(name: &str, text: &str, least: f64, most: f64) -> Result<f64, Problem> {
+    if is_no_number_word(text) {
+        return Err(not_finite(name));
+    }
+    if !is_decimal(text) {
+        return Err(malformed(name, "a decimal number such as 2 or 0.5"));
+    }
+    let value: f64 = text.parse().map_err(|_| malformed(name, "a decimal number"))?;
+    if !value.is_finite() {
+        return Err(not_finite(name));
+    }
+    if value < least || value > most {
+        return Err(out_of_range(name, text, least, most));
+    }
+    Ok(value)
+}
+
+/// A whole number; `None` for one that 64 bits without a sign do not hold.
+pub(super) fn whole(name: &str, text: &str) -> Result<Option<u64>, Problem> {
+    if is_no_number_word(text) {
+        return Err(not_finite(name));
+    }
+    let digits = text.strip_prefix('-').unwrap_or(text);
+    if !all_digits(digits) {
+        return Err(malformed(name, "a whole number such as 1000"));
+    }
+    let is_zero = digits.bytes().all(|digit| digit == b'0');
+    Ok(if is_zero { Some(0) } else { text.parse().ok() })
+}
+
+/// `true` or `false`.
+pub(super) fn flag(name: &str, text: &str) -> Result<bool, Problem> {
+    text.parse().map_err(|_| {
+        let detail = format!("{name} must be true or false");
+        Problem::new(Kind::UnknownValue, detail).param(name).allowed(&["true", "false"])
+    })
+}
+
+/// The refusal of a text that is no value at all.
+pub(super) fn malformed(name: &str, expected: &str) -> Problem {
+    Problem::new(Kind::ParameterMalformed, format!("{name} must be {expected}")).param(name)
+}
+
+/// The refusal of a number out of bounds.
+pub(super) fn out_of_range<T>(name: &str, text: &str, least: T, most: T) -> Problem
+where
+    T: std::fmt::Display + Into<Value>,
+{
+    let text: String = text.chars().take(32).collect();
+    let detail = format!("{name} is {text}, but must lie in {least} to {most}");
+    Problem::new(Kind::ParameterOutOfRange, detail).param(name).range(least, most, text)
+}
+
+fn not_finite(name: &str) -> Problem {
+    Problem::new(Kind::NotFinite, format!("{name} must be a finite number")).param(name)
+}
+
+/// Whether the text is a word for what is no finite number, in any case, with or without a sign.
+fn is_no_number_word(text: &str) -> bool {
+    let word = text.strip_prefix(['+', '-']).unwrap_or(text);
+    ["nan", "inf", "infinity"].iter().any(|known| word.eq_ignore_ascii_case(known))
+}
+
+/// `-? digits ( . digits )? ( [eE] -? digits )?`
+fn is_decimal(text: &str) -> bool {
+    let unsigned = text.strip_prefix('-').unwrap_or(text);
+    let (number, exponent) = unsigned.split_once(['e', 'E']).unwrap_or((unsigned, "0"));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
+    let exponent = exponent.strip_prefix('-').unwrap_or(exponent);
+    [whole, fraction, exponent].into_iter().all(all_digits)
+}
+
+fn all_digits(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|letter| letter.is_ascii_digit())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kind_of<T>(result: Result<T, Problem>) -> Option<Kind> {
+        result.err().map(|problem| problem.kind())
+    }
+
+    #[test]
+    fn decimals_follow_the_grammar_and_nothing_else() {
+        for text in ["5", "0.5", "-0.5", "1e2", "1.5E-1", "007"] {
+            assert_eq!(kind_of(decimal("density", text, -10.0, 100.0)), None, "{text}");
+        }
+        for text in [
+            "", " 5", "5 ", "5%", "5,0", "0x10", "٥", "1_000", "+5", ".5", "5.", "1e", "e5", "--1",
+            "1e+2",
+        ] {
+            let kind = kind_of(decimal("density", text, 0.0, 100.0));
+            assert_eq!(kind, Some(Kind::ParameterMalformed), "{text}");
+        }
+        for text in ["NaN", "nan", "inf", "-inf", "+Infinity", "1e309", "-1e309"] {
+            let kind = kind_of(decimal("density", text, 0.0, 100.0));
+            assert_eq!(kind, Some(Kind::NotFinite), "{text}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_have_no_fraction_and_tell_overflow_apart() {
+        assert_eq!(whole("seed", "18446744073709551615"), Ok(Some(u64::MAX)));
+        assert_eq!(whole("seed", "18446744073709551616"), Ok(None));
+        assert_eq!(whole("seed", "-1"), Ok(None));
+        assert_eq!(whole("seed", "-0"), Ok(Some(0)));
+        for text in ["1e6", "3.5", "", "+1", " 1", "-"] {
+            assert_eq!(kind_of(whole("seed", text)), Some(Kind::ParameterMalformed), "{text}");
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Where parameters come from: the query and JSON, as pairs for the one parser.
+
+use super::ParameterSet;
+use crate::problem::{Kind, Problem};
+use percent_encoding::percent_decode_str;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
+use serde_json::value::RawValue;
+use std::fmt;
+
+impl ParameterSet {
+    /// The parameters of a query: `name=value` pairs between `&`, percent-encoded; a plus sign is
+    /// a plus sign.
+    ///
+    /// # Errors
+    /// `query-malformed` for a broken encoding, else as [`ParameterSet::add`].
+    pub fn of_query(query: Option<&str>) -> Result<Self, Problem> {
+        let mut set = Self::default();
+        for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
+            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+            set.add(&percent_decoded(name)?, &percent_decoded(value)?)?;
+        }
+        Ok(set)
+    }
+
+    /// Adds the members of a flat JSON object: numbers, words and truth values.
+    ///
+    /// # Errors
+    /// `json-malformed` for anything else, else as [`ParameterSet::add`].
+    pub fn add_json(&mut self, text: &[u8]) -> Result<(), Problem> {
+        let Pairs(pairs) = serde_json::from_slice(text).map_err(|error| json_malformed(&error))?;
+        pairs.iter().try_for_each(|(name, value)| self.add(name, value))
+    }
+}
+
+/// Decodes `%41` and the like; broken escapes, broken UTF-8 and control characters are refused.
+fn percent_decoded(text: &str) -> Result<String, Problem> {
+    let is_digit = |digit: Option<&u8>| digit.is_some_and(u8::is_ascii_hexdigit);
+    let bytes = text.as_bytes();
+    let escapes = (0..bytes.len()).filter(|&start| bytes[start] == b'%');
+    for start in escapes {
+        if !(is_digit(bytes.get(start + 1)) && is_digit(bytes.get(start + 2))) {
+            return Err(query_malformed("a '%' without two hexadecimal digits after it"));
+        }
+    }
+    let decoded = percent_decode_str(text)
+        .decode_utf8()
+        .map_err(|_| query_malformed("escapes that are not UTF-8"))?;
+    if decoded.chars().any(char::is_control) {
+        return Err(query_malformed("an escaped control character"));
+    }
+    Ok(decoded.into_owned())
+}
+
+fn query_malformed(what: &str) -> Problem {
+    Problem::new(Kind::QueryMalformed, format!("the query has {what}"))
+}
+
+fn json_malformed(error: &serde_json::Error) -> Problem {
+    Problem::new(Kind::JsonMalformed, format!("params: {error}")).param("params")
+}
+
+/// The members of an object in their order, also repeated ones, each value as its text.
+struct Pairs(Vec<(String, String)>);
+
+impl<'de> de::Deserialize<'de> for Pairs {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(PairsVisitor)
+    }
+}
+
+struct PairsVisitor;
+
+impl<'de> Visitor<'de> for PairsVisitor {
+    type Value = Pairs;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("an object of numbers, strings, true and false")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Pairs, A::Error> {
+        let mut pairs = Vec::new();
+        while let Some((name, value)) = members.next_entry::<String, &RawValue>()? {
+            pairs.push((name, text_of(value.get()).map_err(de::Error::custom)?));
+        }
+        Ok(Pairs(pairs))
+    }
+}
+
+/// The text of a JSON value that is a string, a number or a truth value.
+fn text_of(json: &str) -> Result<String, serde_json::Error> {
+    match json.as_bytes().first() {
+        Some(b'"') => serde_json::from_str(json),
+        Some(b't' | b'f') => Ok(json.to_owned()),
+        _ => serde_json::from_str::<f64>(json).map(|_| json.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slug(result: Result<(), Problem>) -> &'static str {
+        result.map_or_else(|problem| problem.kind().slug(), |()| "")
+    }
+
+    fn json(text: &[u8]) -> &'static str {
+        slug(ParameterSet::default().add_json(text))
+    }
+
+    fn query(text: &str) -> &'static str {
+        slug(ParameterSet::of_query(Some(text)).map(|_| ()))
+    }
+
+    #[test]
+    fn a_flat_object_gives_the_same_as_a_query() {
+        let mut set = ParameterSet::default();
+        set.add_json(br#"{"density": 2.5, "method": "med", "leaky": true, "seed": 7}"#).unwrap();
+        let from_query = ParameterSet::of_query(Some("density=2.5&method=med&leaky=true&seed=7"));
+        let query = from_query.unwrap().finish().unwrap().query();
+        assert_eq!(set.finish().unwrap().query(), query);
+    }
+
+    #[test]
+    fn what_is_not_a_flat_object_is_refused() {
+        let deep = [vec![b'['; 10_000], vec![b']'; 10_000]].concat();
+        let nested = [b"{\"density\":".as_slice(), &deep, b"}"].concat();
+        for text in [
+            deep.as_slice(),
+            nested.as_slice(),
+            b"",
+            b"[]",
+            b"{\"density\": 1e400}",
+            b"\xEF\xBB\xBF{}",
+            b"{\"density\": 2,}",
+            b"{} {}",
+            b"{\"method\": \"\xFF\"}",
+            b"{\"method\": \"\\ud800\"}",
+            b"{\"density\": null}",
+            b"{\"density\": {}}",
+        ] {
+            assert_eq!(json(text), "json-malformed", "{}", String::from_utf8_lossy(text));
+        }
+        assert_eq!(json(br#"{"density": 1, "density": 2}"#), "duplicate-parameter");
+        assert_eq!(json(br#"{"desnity": 1}"#), "unknown-parameter");
+    }
+
+    #[test]
+    fn broken_escapes_are_refused_and_plus_is_no_space() {
+        for text in
+            ["density=%zz", "density=%", "density=%4", "density=%00", "density=%c0%af", "%ff=1"]
+        {
+            assert_eq!(query(text), "query-malformed", "{text}");
+        }
+        assert_eq!(query("density=+5"), "parameter-malformed");
+        assert_eq!(query("density=%205"), "parameter-malformed");
+        assert_eq!(query("density"), "parameter-malformed");
+        assert_eq!(query("%64ensity=5&&"), "");
+    }
+}

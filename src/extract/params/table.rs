@@ -1,0 +1,242 @@
+//! The table of parameters: name, values, meaning, and where each value goes.
+//!
+//! The parser, `GET /v1/methods` and the OpenAPI document are all made from it.
+
+use super::grammar::{decimal, flag, malformed, out_of_range, whole};
+use super::{Choices, Order};
+use crate::extract::accept::Format;
+use crate::problem::Problem;
+use pixmesh_meshing::{
+    Boundary, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_PSNR_DB, MAX_SMOOTHING_ORDER,
+    MIN_DENSITY, MIN_SIZE, Method, ParameterError, Policy, Scan, Smoothing, Startup, Target,
+};
+use std::str::FromStr;
+
+/// One parameter.
+pub struct Parameter {
+    /// Its name in query, form and JSON.
+    pub name: &'static str,
+    /// What it means, with its unit.
+    pub about: &'static str,
+    /// The values it takes.
+    pub takes: Takes,
+    read: Reader,
+    show: fn(&Order) -> Option<String>,
+}
+
+/// The values that a parameter takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Takes {
+    /// A decimal number between bounds, both allowed.
+    Decimal {
+        /// The least.
+        least: f64,
+        /// The most.
+        most: f64,
+    },
+    /// A whole number between bounds, both allowed.
+    Whole {
+        /// The least.
+        least: u64,
+        /// The most.
+        most: u64,
+    },
+    /// `true` or `false`.
+    Flag,
+    /// One of these words.
+    Word(&'static [&'static str]),
+}
+
+/// Puts a value where it belongs.
+enum Reader {
+    Decimal(fn(&mut Choices, f64)),
+    Whole(fn(&mut Choices, u64)),
+    Flag(fn(&mut Choices, bool)),
+    Word(fn(&mut Choices, &str) -> Result<(), ParameterError>),
+}
+
+impl Parameter {
+    /// Reads the text of a value and puts the value where it belongs.
+    pub(super) fn read(&self, text: &str, choices: &mut Choices) -> Result<(), Problem> {
+        match (&self.read, self.takes) {
+            (Reader::Decimal(put), Takes::Decimal { least, most }) => {
+                put(choices, decimal(self.name, text, least, most)?);
+            }
+            (Reader::Whole(put), Takes::Whole { least, most }) => {
+                let value = whole(self.name, text)?;
+                let in_range = value.filter(|value| (least..=most).contains(value));
+                put(choices, in_range.ok_or_else(|| out_of_range(self.name, text, least, most))?);
+            }
+            (Reader::Flag(put), _) => put(choices, flag(self.name, text)?),
+            (Reader::Word(put), _) => put(choices, text)?,
+            _ => return Err(malformed(self.name, "a value")),
+        }
+        Ok(())
+    }
+
+    /// The value in an order; `None` where the parameter plays no part in it.
+    #[must_use]
+    pub fn show(&self, order: &Order) -> Option<String> {
+        (self.show)(order)
+    }
+}
+
+/// A decimal parameter.
+macro_rules! decimal {
+    ($name:ident, $about:literal, $least:expr, $most:expr, $show:expr) => {
+        Parameter {
+            name: stringify!($name),
+            about: $about,
+            takes: Takes::Decimal { least: $least, most: $most },
+            read: Reader::Decimal(|choices, value| choices.$name = Some(value)),
+            show: $show,
+        }
+    };
+}
+
+/// A whole-number parameter.
+macro_rules! whole {
+    ($name:ident, $about:literal, $least:expr, $most:expr, $show:expr) => {
+        Parameter {
+            name: stringify!($name),
+            about: $about,
+            takes: Takes::Whole { least: $least, most: $most },
+            read: Reader::Whole(|choices, value| choices.$name = value.try_into().ok()),
+            show: $show,
+        }
+    };
+}
+
+/// A parameter that is true or false.
+macro_rules! flag {
+    ($name:ident, $about:literal, $show:expr) => {
+        Parameter {
+            name: stringify!($name),
+            about: $about,
+            takes: Takes::Flag,
+            read: Reader::Flag(|choices, value| choices.$name = Some(value)),
+            show: $show,
+        }
+    };
+}
+
+/// A parameter that takes one of a type's names.
+macro_rules! word {
+    ($name:ident: $type:ident, $about:literal, $show:expr) => {
+        Parameter {
+            name: stringify!($name),
+            about: $about,
+            takes: Takes::Word($type::NAMES),
+            read: Reader::Word(|choices, text| put_word(&mut choices.$name, text)),
+            show: $show,
+        }
+    };
+}
+
+fn put_word<T: FromStr<Err = ParameterError>>(
+    place: &mut Option<T>,
+    text: &str,
+) -> Result<(), ParameterError> {
+    let bounded: String = text.chars().take(64).collect();
+    *place = Some(bounded.parse()?);
+    Ok(())
+}
+
+/// The most vertices: indices of vertices have 32 bits.
+const MAX_SIZE: u64 = u32::MAX as u64;
+const LEAST_SIZE: u64 = MIN_SIZE as u64;
+const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
+/// Every parameter, in the order of their documentation.
+pub static TABLE: [Parameter; 18] = [
+    word!(method: Method, "The method, which sets every other parameter; one given explicitly wins. Default: mgprfs.",
+        |order| Some(order.method.to_string())),
+    decimal!(
+        density,
+        "Vertices in percent of the image's pixels, the four corners at least. The default is 2, where neither size nor target_psnr is given.",
+        MIN_DENSITY,
+        MAX_DENSITY,
+        |order| match order.parameters.target {
+            Target::Density(density) => Some(density.to_string()),
+            _ => None,
+        }
+    ),
+    whole!(
+        size,
+        "Number of vertices, at most that of pixels; instead of density.",
+        LEAST_SIZE,
+        MAX_SIZE,
+        |order| match order.parameters.target {
+            Target::Size(size) => Some(size.to_string()),
+            _ => None,
+        }
+    ),
+    decimal!(
+        target_psnr,
+        "The fewest vertices with at least this PSNR in decibels; instead of density, for methods that simplify.",
+        0.0,
+        MAX_PSNR_DB,
+        |order| match order.parameters.target {
+            Target::Psnr(psnr_db) => Some(psnr_db.to_string()),
+            _ => None,
+        }
+    ),
+    decimal!(
+        gamma,
+        "How many times as many points the mesh starts with as it ends with; 4 to 5.5 is the useful range.",
+        1.0,
+        MAX_GAMMA,
+        |order| match order.parameters.initial_size {
+            InitialSize::Gamma(gamma) => Some(gamma.to_string()),
+            _ => None,
+        }
+    ),
+    whole!(
+        initial_size,
+        "Number of points the mesh starts with; instead of gamma.",
+        LEAST_SIZE,
+        MAX_SIZE,
+        |order| match order.parameters.initial_size {
+            InitialSize::Size(size) => Some(size.to_string()),
+            _ => None,
+        }
+    ),
+    word!(initial: Generator, "How the initial points are chosen: by error diffusion, all, at random, or on a regular grid.",
+        |order| Some(order.parameters.generator.to_string())),
+    word!(policy: Policy, "How the image becomes the density of the initial points.",
+        |order| Some(order.parameters.policy.to_string())),
+    word!(startup: Startup, "The errors that error diffusion starts with.",
+        |order| Some(order.parameters.startup.to_string())),
+    word!(scan: Scan, "The direction in which error diffusion visits each row.",
+        |order| Some(order.parameters.scan.to_string())),
+    flag!(leaky, "Whether error that would leave the image is lost.", |order| Some(
+        order.parameters.leaky.to_string()
+    )),
+    whole!(
+        tolerance,
+        "How many more or fewer points error diffusion may choose than asked for; the default is the policy's own.",
+        0,
+        MAX_SIZE,
+        |order| order.parameters.tolerance.map(|points| points.to_string())
+    ),
+    word!(smoothing: Smoothing, "The smoothing filter.",
+        |order| Some(order.parameters.smoothing.to_string())),
+    whole!(
+        smoothing_order,
+        "The order of the smoothing filter, odd; 1 is no smoothing.",
+        1,
+        MOST_SMOOTHING,
+        |order| Some(order.parameters.smoothing_order.to_string())
+    ),
+    word!(boundary: Boundary, "What the filters see beyond the image's border.",
+        |order| Some(order.parameters.boundary.to_string())),
+    flag!(
+        bad_point_removal,
+        "Whether removal goes on below the target while it lowers the error.",
+        |order| Some(order.parameters.bad_point_removal.to_string())
+    ),
+    whole!(seed, "Seed of the random initial points.", 0, u64::MAX, |order| Some(
+        order.parameters.seed.to_string()
+    )),
+    word!(format: Format, "The format of the answer; wins over the Accept header. Default: model.",
+        |order| order.format.map(|format| format.name().to_owned())),
+];

@@ -1,0 +1,121 @@
+//! Reads a form: one part `image`, and the parameters as fields or as one JSON part `params`.
+
+use super::meter::Metered;
+use super::{accept_image_label, refusal_in};
+use crate::extract::params::ParameterSet;
+use crate::problem::{Kind, Problem};
+use axum::body::Body;
+use axum::extract::multipart::{Field, MultipartError};
+use axum::extract::{FromRequest, Multipart, Request};
+use axum::http::HeaderMap;
+use axum::http::header::CONTENT_TYPE;
+
+/// The most parts of a form.
+const MAX_PARTS: usize = 16;
+/// The longest field in bytes; the part `image` is only bound by the body's limit.
+const MAX_FIELD: usize = 64 * 1024;
+
+/// Receives a form: adds its parameters, and returns the bytes of its image.
+pub(super) async fn receive(
+    headers: &HeaderMap,
+    body: Metered,
+    parameters: &mut ParameterSet,
+) -> Result<Vec<u8>, Problem> {
+    let mut form = parts_of(headers, body).await?;
+    let mut contents = Contents::default();
+    let mut count = 0;
+    while let Some(field) = form.next_field().await.map_err(|error| malformed(&error))? {
+        count += 1;
+        if count > MAX_PARTS {
+            return Err(too_many_parts());
+        }
+        contents.take(field, parameters).await?;
+    }
+    contents.image.ok_or_else(|| {
+        Problem::new(Kind::ImageMissing, "the form has no part 'image'").param("image")
+    })
+}
+
+/// The parts of a body, split at the boundary that its label names.
+async fn parts_of(headers: &HeaderMap, body: Metered) -> Result<Multipart, Problem> {
+    let mut request = Request::new(Body::new(body));
+    if let Some(label) = headers.get(CONTENT_TYPE) {
+        request.headers_mut().insert(CONTENT_TYPE, label.clone());
+    }
+    Multipart::from_request(request, &()).await.map_err(|_| {
+        Problem::new(Kind::MultipartMalformed, "the form's Content-Type names no boundary")
+    })
+}
+
+/// What was found in a form so far.
+#[derive(Default)]
+struct Contents {
+    image: Option<Vec<u8>>,
+    has_params: bool,
+}
+
+impl Contents {
+    /// Takes one part.
+    async fn take(
+        &mut self,
+        field: Field<'_>,
+        parameters: &mut ParameterSet,
+    ) -> Result<(), Problem> {
+        let name = field.name().map(str::to_owned).ok_or_else(nameless)?;
+        match name.as_str() {
+            "image" if self.image.is_some() => return Err(repeated("image")),
+            "image" => {
+                accept_image_label(field.content_type().unwrap_or("image/*"))?;
+                self.image = Some(read(field, usize::MAX).await?);
+            }
+            "params" if self.has_params => return Err(repeated("params")),
+            "params" => {
+                self.has_params = true;
+                parameters.add_json(&read(field, MAX_FIELD).await?)?;
+            }
+            _ => parameters.add(&name, &text(read(field, MAX_FIELD).await?, &name)?)?,
+        }
+        Ok(())
+    }
+}
+
+/// The bytes of a part, up to `limit` of them.
+async fn read(mut field: Field<'_>, limit: usize) -> Result<Vec<u8>, Problem> {
+    let mut bytes = Vec::new();
+    while let Some(chunk) = field.chunk().await.map_err(|error| malformed(&error))? {
+        if bytes.len() + chunk.len() > limit {
+            let detail = format!("a field of the form is longer than {limit} bytes");
+            return Err(Problem::new(Kind::MultipartMalformed, detail));
+        }
+        bytes.extend_from_slice(&chunk);
+    }
+    Ok(bytes)
+}
+
+fn text(bytes: Vec<u8>, name: &str) -> Result<String, Problem> {
+    String::from_utf8(bytes).map_err(|_| {
+        let name: String = name.chars().take(64).collect();
+        Problem::new(Kind::ParameterMalformed, format!("{name} is not UTF-8")).param(name)
+    })
+}
+
+fn malformed(error: &MultipartError) -> Problem {
+    refusal_in(error).unwrap_or_else(|| {
+        let detail = format!("the form cannot be read: {}", error.body_text());
+        Problem::new(Kind::MultipartMalformed, detail)
+    })
+}
+
+fn nameless() -> Problem {
+    Problem::new(Kind::MultipartMalformed, "a part of the form has no name")
+}
+
+fn repeated(name: &str) -> Problem {
+    let detail = format!("the form has more than one part '{name}'");
+    Problem::new(Kind::DuplicatePart, detail).param(name)
+}
+
+fn too_many_parts() -> Problem {
+    let detail = format!("the form has more than {MAX_PARTS} parts");
+    Problem::new(Kind::TooManyParts, detail).limit(MAX_PARTS, MAX_PARTS + 1)
+}

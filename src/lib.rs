@@ -1,0 +1,32 @@
+//! The service: pictures in, triangle meshes out, over HTTP.
+//!
+//! It adapts and never computes: `pixmesh_codec` reads and writes the bytes, `pixmesh_meshing`
+//! makes the meshes. In reading order:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`config`] | every setting: flag, environment variable, default and check |
+//! | [`server`] | the two listeners, their timeouts, and the graceful stop |
+//! | [`routes`] | the route table, the order of the layers, one module per resource |
+//! | [`extract`] | from a request to typed values: upload, parameters, accepted format |
+//! | [`admission`] | what may run now, what waits, and what is turned away at once |
+//! | [`pool`] | one piece of work on a blocking thread, with its deadline |
+//! | [`pipeline`] | from an upload to the bytes of the answer |
+//! | [`problem`] | every refusal, as RFC 9457 has it |
+//! | [`telemetry`] | the log and the metrics |
+//! | [`health`] | asks a running service whether it is ready |
+//!
+//! A request flows one way: `extract::upload` receives it, the codec probes the picture's header,
+//! [`admission`] gives a ticket, and [`pool`] runs [`pipeline`] with it. What a client can get wrong
+//! is refused before admission, so that such an answer never waits for work.
+
+pub mod admission;
+pub mod config;
+pub mod extract;
+pub mod health;
+pub mod pipeline;
+pub mod pool;
+pub mod problem;
+pub mod routes;
+pub mod server;
+pub mod telemetry;

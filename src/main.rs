@@ -1,0 +1,52 @@
+//! The program `pixmesh`: `serve`, `health`, `config` and `openapi`.
+
+use clap::{Parser, Subcommand};
+use pixmesh::config::{self, HealthSettings, Settings};
+use pixmesh::{health, routes, server};
+use std::error::Error;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+/// Pictures to triangle meshes, over HTTP.
+#[derive(Parser)]
+#[command(version, arg_required_else_help = true)]
+struct Program {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Serves until SIGTERM or SIGINT.
+    Serve(Settings),
+    /// Asks a running service whether it is ready: exit status 0 when it is, 1 when not.
+    Health(HealthSettings),
+    /// Prints every setting in force, after the checks that `serve` makes.
+    Config(Settings),
+    /// Prints the interface as an OpenAPI document.
+    Openapi,
+}
+
+fn main() -> ExitCode {
+    let command = Program::parse().command;
+    match config::check_environment(std::env::vars_os()).and_then(|()| run(command)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let _ = writeln!(io::stderr(), "pixmesh: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> Result<(), Box<dyn Error>> {
+    match command {
+        Command::Serve(settings) => server::run(&settings.checked()?)?,
+        Command::Health(settings) => health::ask(&settings)?,
+        Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
+        Command::Openapi => write!(io::stdout(), "{}", routes::openapi::document_text())?,
+    }
+    Ok(())
+}

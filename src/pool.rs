@@ -1,0 +1,117 @@
+//! One piece of work on a blocking thread: its ticket moves in, and it ends at its deadline.
+//!
+//! The thread belongs to tokio's pool for blocking work; how many work at a time, the tickets of
+//! [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
+//! future is dropped, and with it a guard that raises the work's flag; the kernels poll the flag
+//! through [`Watch`] and stop within milliseconds. Only then is the ticket given back.
+
+mod watch;
+
+pub use watch::Watch;
+
+use crate::admission::Ticket;
+use crate::problem::{Kind, Problem};
+use crate::telemetry::{self, Shed};
+use std::sync::Arc;
+use std::time::Instant;
+use tokio::task::{JoinError, spawn_blocking};
+use tokio::time::timeout_at;
+use tracing::Span;
+
+/// Runs `work` and waits for it until `deadline`.
+///
+/// # Errors
+/// The work's own refusal, `deadline-exceeded`, or `internal` when it panicked.
+pub async fn run<T: Send + 'static>(
+    ticket: Ticket,
+    deadline: Instant,
+    work: impl FnOnce(&Watch) -> Result<T, Problem> + Send + 'static,
+) -> Result<T, Problem> {
+    let watch = Arc::new(Watch::new(deadline));
+    let _guard = CancelOnDrop(Arc::clone(&watch));
+    let span = Span::current();
+    let task = spawn_blocking(move || {
+        let _entered = span.enter();
+        watch.record("queue", ticket.waited);
+        let result = work(&watch);
+        match &result {
+            Ok(_) => ticket.completed(),
+            Err(_) => ticket.stopped(),
+        }
+        result
+    });
+    match timeout_at(deadline.into(), task).await {
+        Ok(Ok(Err(problem))) if problem.kind() == Kind::DeadlineExceeded => Err(too_slow()),
+        Ok(joined) => joined.unwrap_or_else(|error| Err(panicked(&error))),
+        Err(_) => Err(too_slow()),
+    }
+}
+
+/// Raises the flag when the one who waits for the work goes away.
+struct CancelOnDrop(Arc<Watch>);
+
+impl Drop for CancelOnDrop {
+    fn drop(&mut self) {
+        self.0.cancel();
+    }
+}
+
+fn too_slow() -> Problem {
+    telemetry::shed(Shed::Deadline);
+    let detail = "the work was not done by its deadline: send a smaller image, or ask for fewer \
+                  vertices or a faster method such as med";
+    Problem::new(Kind::DeadlineExceeded, detail).setting("--sync-deadline")
+}
+
+/// The panic itself is in the log already, by the hook.
+fn panicked(_: &JoinError) -> Problem {
+    Problem::new(Kind::Internal, "the log has the reason under this request's id")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::admission::{Admission, Cost};
+    use pixmesh_codec::probe;
+    use pixmesh_meshing::{Method, Target};
+    use std::time::Duration;
+
+    const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
+
+    fn cost() -> Cost {
+        let header = probe(PICTURE, &pixmesh_codec::Limits::default()).unwrap();
+        let plan = Method::Med.parameters(Target::Size(4)).plan(header.shape()).unwrap();
+        Cost::of_mesh(&header, &plan)
+    }
+
+    #[tokio::test]
+    async fn a_panic_is_an_internal_failure_and_gives_the_ticket_back() {
+        let gate = Admission::new(1, 1 << 20, 1.0);
+        let deadline = Instant::now() + Duration::from_secs(60);
+        for _ in 0..3 {
+            let ticket = gate.admit(cost(), deadline).await.unwrap();
+            let result: Result<(), _> = run(ticket, deadline, |_| panic!("on purpose")).await;
+            let problem = result.unwrap_err();
+            assert_eq!(problem.kind(), Kind::Internal);
+            assert!(!problem.document(None).contains("on purpose"));
+        }
+    }
+
+    #[tokio::test]
+    async fn dropping_the_wait_stops_the_work_and_only_then_gives_the_ticket_back() {
+        let gate = Admission::new(1, 1 << 20, 1.0);
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let ticket = gate.admit(cost(), deadline).await.unwrap();
+        let work = run(ticket, deadline, |watch| -> Result<(), Problem> {
+            while watch.check().is_ok() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+            Ok(())
+        });
+        assert!(tokio::time::timeout(Duration::from_millis(50), work).await.is_err());
+        let left = Instant::now();
+        gate.admit(cost(), deadline).await.unwrap();
+        assert!(left.elapsed() >= Duration::from_millis(40), "{:?}", left.elapsed());
+    }
+}

@@ -1,0 +1,126 @@
+//! What a piece of work is watched by: a flag and a deadline to stop it, and a clock per stage.
+
+use crate::telemetry;
+use pixmesh_meshing::{Cancelled, Control, Stage};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// The watch over one piece of work.
+#[derive(Debug)]
+pub struct Watch {
+    cancelled: AtomicBool,
+    deadline: Instant,
+    stages: Mutex<Stages>,
+}
+
+/// The time that each stage took, in the order in which they began, and the one that runs.
+#[derive(Debug, Default)]
+struct Stages {
+    past: Vec<(&'static str, Duration)>,
+    present: Option<(&'static str, Instant)>,
+}
+
+impl Watch {
+    /// A watch over work that must end by `deadline`.
+    #[must_use]
+    pub fn new(deadline: Instant) -> Self {
+        Self { cancelled: AtomicBool::new(false), deadline, stages: Mutex::default() }
+    }
+
+    /// Asks the work to stop.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// Says whether the work shall go on.
+    ///
+    /// # Errors
+    /// [`Cancelled`] when it shall not.
+    pub fn check(&self) -> Result<(), Cancelled> {
+        if self.cancelled.load(Ordering::Relaxed) || Instant::now() >= self.deadline {
+            return Err(Cancelled);
+        }
+        Ok(())
+    }
+
+    /// Begins a stage, and ends the one before it.
+    pub fn begin(&self, name: &'static str) {
+        let mut stages = self.stages();
+        if stages.present.is_none_or(|(present, _)| present != name) {
+            stages.end_present();
+            stages.present = Some((name, Instant::now()));
+        }
+    }
+
+    /// Adds a stage that was timed elsewhere.
+    pub fn record(&self, name: &'static str, took: Duration) {
+        self.stages().add(name, took);
+    }
+
+    /// Ends the last stage and returns the time of each.
+    #[must_use]
+    pub fn finish(&self) -> Vec<(&'static str, Duration)> {
+        let mut stages = self.stages();
+        stages.end_present();
+        for (name, took) in &stages.past {
+            telemetry::stage(name, *took);
+        }
+        std::mem::take(&mut stages.past)
+    }
+
+    fn stages(&self) -> MutexGuard<'_, Stages> {
+        self.stages.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Stages {
+    fn end_present(&mut self) {
+        if let Some((name, began)) = self.present.take() {
+            self.add(name, began.elapsed());
+        }
+    }
+
+    fn add(&mut self, name: &'static str, took: Duration) {
+        match self.past.iter_mut().find(|(past, _)| *past == name) {
+            Some((_, sum)) => *sum += took,
+            None => self.past.push((name, took)),
+        }
+    }
+}
+
+impl Control for Watch {
+    fn poll(&self, stage: Stage, done: usize, _: usize) -> Result<(), Cancelled> {
+        if done == 0 {
+            self.begin(stage.name());
+        }
+        self.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_are_timed_in_the_order_in_which_they_begin() {
+        let watch = Watch::new(Instant::now() + Duration::from_secs(60));
+        watch.record("queue", Duration::from_millis(3));
+        watch.begin("decode");
+        watch.poll(Stage::Density, 0, 9).unwrap();
+        watch.poll(Stage::Density, 5, 9).unwrap();
+        watch.begin("encode");
+        let names: Vec<_> = watch.finish().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["queue", "decode", "density", "encode"]);
+    }
+
+    #[test]
+    fn work_stops_at_its_deadline_or_when_nobody_waits() {
+        let late = Watch::new(Instant::now());
+        assert_eq!(late.poll(Stage::Simplify, 1, 2), Err(Cancelled));
+        let left = Watch::new(Instant::now() + Duration::from_secs(60));
+        assert_eq!(left.check(), Ok(()));
+        left.cancel();
+        assert_eq!(left.check(), Err(Cancelled));
+    }
+}

@@ -1,0 +1,210 @@
+//! Every refusal, as a problem document (RFC 9457).
+//!
+//! The table below is the one place where a refusal gets its slug, status and title. The `type` of
+//! a document is the reference `/problems/<slug>`, which the service answers with the row itself;
+//! `detail` names the parameter or limit and the numbers; nothing internal is ever in it.
+//! A handler returns a [`Problem`]; the outermost layer writes it out with the request's id.
+
+mod domain;
+mod render;
+
+pub(crate) use domain::internal;
+pub use render::render;
+
+use axum::http::StatusCode;
+use serde_json::Value;
+
+/// Declares the table of problems.
+macro_rules! problems {
+    ($($kind:ident = $status:ident $slug:literal $title:literal;)+) => {
+        /// What kind of refusal it is.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Kind {
+            $(#[doc = $title] $kind),+
+        }
+
+        impl Kind {
+            /// Every kind, by status.
+            pub const ALL: &'static [Self] = &[$(Self::$kind),+];
+
+            /// The stable name at the end of the problem's `type`.
+            #[must_use]
+            pub fn slug(self) -> &'static str {
+                match self { $(Self::$kind => $slug),+ }
+            }
+
+            /// The status it is answered with.
+            #[must_use]
+            pub fn status(self) -> StatusCode {
+                match self { $(Self::$kind => StatusCode::$status),+ }
+            }
+
+            /// The fixed title.
+            #[must_use]
+            pub fn title(self) -> &'static str {
+                match self { $(Self::$kind => $title),+ }
+            }
+        }
+    };
+}
+
+problems! {
+    BadRequest = BAD_REQUEST "bad-request" "The request cannot be read";
+    AmbiguousLength = BAD_REQUEST "ambiguous-length" "The end of the request's body is ambiguous";
+    QueryMalformed = BAD_REQUEST "query-malformed" "The query is not correctly encoded";
+    UnknownParameter = BAD_REQUEST "unknown-parameter" "There is no such parameter";
+    DuplicateParameter = BAD_REQUEST "duplicate-parameter" "A parameter is given twice";
+    ParameterMalformed = BAD_REQUEST "parameter-malformed" "A parameter's value cannot be read";
+    JsonMalformed = BAD_REQUEST "json-malformed" "The parameters are not a flat JSON object";
+    MultipartMalformed = BAD_REQUEST "multipart-malformed" "The form cannot be read";
+    TooManyParts = BAD_REQUEST "too-many-parts" "The form has too many parts";
+    DuplicatePart = BAD_REQUEST "duplicate-part" "A part of the form is given twice";
+    ImageMissing = BAD_REQUEST "image-missing" "The form has no part 'image'";
+    EmptyFile = BAD_REQUEST "empty-file" "The file is empty";
+    NotFound = NOT_FOUND "not-found" "There is no such resource";
+    MethodNotAllowed = METHOD_NOT_ALLOWED "method-not-allowed" "The resource does not allow this method";
+    NotAcceptable = NOT_ACCEPTABLE "not-acceptable" "No format offered is acceptable";
+    RequestTimeout = REQUEST_TIMEOUT "request-timeout" "The request took too long to arrive";
+    BodyTooLarge = PAYLOAD_TOO_LARGE "body-too-large" "The request's body is too large";
+    UriTooLong = URI_TOO_LONG "uri-too-long" "The request's target is too long";
+    UnsupportedMediaType = UNSUPPORTED_MEDIA_TYPE "unsupported-media-type" "The body's type is not accepted";
+    UnsupportedEncoding = UNSUPPORTED_MEDIA_TYPE "unsupported-encoding" "The body's content encoding is not accepted";
+    UnsupportedImage = UNSUPPORTED_MEDIA_TYPE "unsupported-image" "The file is of no accepted image format";
+    UnknownValue = UNPROCESSABLE_ENTITY "unknown-value" "A parameter does not have such a value";
+    NotFinite = UNPROCESSABLE_ENTITY "not-finite" "A number is not finite";
+    ParameterOutOfRange = UNPROCESSABLE_ENTITY "parameter-out-of-range" "A parameter is out of its range";
+    ConflictingParameters = UNPROCESSABLE_ENTITY "conflicting-parameters" "Parameters exclude each other";
+    ComponentCount = UNPROCESSABLE_ENTITY "component-count" "The choice does not fit the image's components";
+    ImageTooLarge = UNPROCESSABLE_ENTITY "image-too-large" "The image is too large";
+    MetadataTooLarge = UNPROCESSABLE_ENTITY "metadata-too-large" "The image's metadata is too large";
+    DegenerateImage = UNPROCESSABLE_ENTITY "degenerate-image" "The image is too small to be meshed";
+    ImageDecodeFailed = UNPROCESSABLE_ENTITY "image-decode-failed" "The image cannot be decoded";
+    FormatNotPossible = UNPROCESSABLE_ENTITY "format-not-possible" "The format cannot hold this result";
+    WorkTooLarge = UNPROCESSABLE_ENTITY "work-too-large" "The work needs more memory than there is";
+    HeadersTooLarge = REQUEST_HEADER_FIELDS_TOO_LARGE "headers-too-large" "The request's header is too large";
+    Internal = INTERNAL_SERVER_ERROR "internal" "The service failed";
+    Overloaded = SERVICE_UNAVAILABLE "overloaded" "The service is busy";
+    DeadlineExceeded = SERVICE_UNAVAILABLE "deadline-exceeded" "The work took too long";
+    ShuttingDown = SERVICE_UNAVAILABLE "shutting-down" "The service is stopping";
+}
+
+impl Kind {
+    /// The reference in the problem's `type`.
+    #[must_use]
+    pub fn reference(self) -> String {
+        format!("/problems/{}", self.slug())
+    }
+
+    /// The kind for a refusal that the framework made with nothing but a status.
+    fn of_status(status: StatusCode) -> Self {
+        let named = [
+            Self::NotFound,
+            Self::MethodNotAllowed,
+            Self::NotAcceptable,
+            Self::RequestTimeout,
+            Self::BodyTooLarge,
+            Self::UriTooLong,
+            Self::UnsupportedMediaType,
+            Self::HeadersTooLarge,
+            Self::Overloaded,
+        ];
+        let fallback = if status.is_client_error() { Self::BadRequest } else { Self::Internal };
+        named.into_iter().find(|kind| kind.status() == status).unwrap_or(fallback)
+    }
+}
+
+/// One refusal: its kind, what exactly is wrong, and members that programs can read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    kind: Kind,
+    detail: String,
+    members: Vec<(&'static str, Value)>,
+}
+
+impl Problem {
+    /// A refusal with its detail: what is wrong, with the parameter or limit and the numbers.
+    #[must_use]
+    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
+        Self { kind, detail: detail.into(), members: Vec::new() }
+    }
+
+    /// What kind it is.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// Names the parameter or part that is wrong.
+    #[must_use]
+    pub fn param(self, name: impl Into<String>) -> Self {
+        self.member("param", name.into())
+    }
+
+    /// The limit and what was found instead.
+    #[must_use]
+    pub fn limit(self, limit: impl Into<Value>, actual: impl Into<Value>) -> Self {
+        self.member("limit", limit).member("actual", actual)
+    }
+
+    /// The least and the most a number may be, and what it is.
+    #[must_use]
+    pub fn range(
+        self,
+        minimum: impl Into<Value>,
+        maximum: impl Into<Value>,
+        actual: impl Into<Value>,
+    ) -> Self {
+        self.member("minimum", minimum).member("maximum", maximum).member("actual", actual)
+    }
+
+    /// Every value allowed.
+    #[must_use]
+    pub fn allowed(self, values: &[&str]) -> Self {
+        self.member("allowed", values)
+    }
+
+    /// The known name that is most like the one given.
+    #[must_use]
+    pub fn nearest(self, name: impl Into<String>) -> Self {
+        self.member("nearest", name.into())
+    }
+
+    /// The setting that the operator can change the limit with.
+    #[must_use]
+    pub fn setting(self, flag: &'static str) -> Self {
+        self.member("setting", flag)
+    }
+
+    /// When to try again, in seconds; also sent as `Retry-After`.
+    #[must_use]
+    pub fn retry_after_s(self, seconds: u64) -> Self {
+        self.member("retry_after_s", seconds)
+    }
+
+    fn member(mut self, name: &'static str, value: impl Into<Value>) -> Self {
+        self.members.push((name, value.into()));
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slugs_are_distinct_and_statuses_are_errors() {
+        let slugs: std::collections::HashSet<_> =
+            Kind::ALL.iter().map(|kind| kind.slug()).collect();
+        assert_eq!(slugs.len(), Kind::ALL.len());
+        for kind in Kind::ALL {
+            assert!(kind.status().is_client_error() || kind.status().is_server_error());
+        }
+    }
+
+    #[test]
+    fn a_bare_status_gets_the_kind_that_has_it() {
+        assert_eq!(Kind::of_status(StatusCode::NOT_FOUND), Kind::NotFound);
+        assert_eq!(Kind::of_status(StatusCode::IM_A_TEAPOT), Kind::BadRequest);
+        assert_eq!(Kind::of_status(StatusCode::BAD_GATEWAY), Kind::Internal);
+    }
+}

@@ -1,0 +1,110 @@
+//! From the errors of the other crates to problems: one conversion each.
+
+use super::{Kind, Problem};
+use pixmesh_codec::{DecodeError, EncodeError};
+use pixmesh_meshing::{Cancelled, GenerateError, ImageError, ParameterError};
+
+impl From<DecodeError> for Problem {
+    fn from(error: DecodeError) -> Self {
+        let detail = error.to_string();
+        match error {
+            DecodeError::Empty => Self::new(Kind::EmptyFile, detail),
+            DecodeError::UnknownFormat | DecodeError::Unsupported { .. } => {
+                Self::new(Kind::UnsupportedImage, detail)
+            }
+            DecodeError::TooManyPixels { pixels, limit, .. } => {
+                Self::new(Kind::ImageTooLarge, detail).limit(limit, pixels).setting("--max-pixels")
+            }
+            DecodeError::SideTooLong { width, height, limit } => {
+                Self::new(Kind::ImageTooLarge, detail)
+                    .limit(limit, width.max(height))
+                    .setting("--max-side")
+            }
+            DecodeError::MetadataTooLarge { limit, .. } => {
+                Self::new(Kind::MetadataTooLarge, detail).member("limit", limit)
+            }
+            DecodeError::Image(error) => error.into(),
+            _ => Self::new(Kind::ImageDecodeFailed, detail),
+        }
+    }
+}
+
+impl From<ImageError> for Problem {
+    fn from(error: ImageError) -> Self {
+        let detail = error.to_string();
+        match error {
+            ImageError::TooSmall { width, height } => {
+                Self::new(Kind::DegenerateImage, detail).limit(2, width.min(height))
+            }
+            ImageError::TooLarge { width, height } => Self::new(Kind::ImageTooLarge, detail)
+                .limit(pixmesh_meshing::MAX_SIDE, width.max(height)),
+            _ => Self::new(Kind::ImageDecodeFailed, detail),
+        }
+    }
+}
+
+impl From<ParameterError> for Problem {
+    fn from(error: ParameterError) -> Self {
+        use ParameterError as E;
+        let detail = error.to_string();
+        match error {
+            E::UnknownValue { parameter, allowed, .. } => {
+                Self::new(Kind::UnknownValue, detail).param(parameter).allowed(allowed)
+            }
+            E::NotFinite { parameter } => Self::new(Kind::NotFinite, detail).param(parameter),
+            E::OutOfRange { parameter, value, minimum, maximum } => {
+                Self::new(Kind::ParameterOutOfRange, detail)
+                    .param(parameter)
+                    .range(minimum, maximum, value)
+            }
+            E::Even { parameter, value } => Self::new(Kind::ParameterOutOfRange, detail)
+                .param(parameter)
+                .member("actual", value),
+            E::ComponentCount { parameter, allowed, actual, .. } => {
+                Self::new(Kind::ComponentCount, detail)
+                    .param(parameter)
+                    .allowed(&allowed)
+                    .member("actual", actual)
+            }
+            E::TargetNeedsSimplification => {
+                Self::new(Kind::ConflictingParameters, detail).param("target_psnr")
+            }
+            E::Shape(error) => error.into(),
+            _ => Self::new(Kind::ParameterOutOfRange, detail),
+        }
+    }
+}
+
+impl From<GenerateError> for Problem {
+    fn from(error: GenerateError) -> Self {
+        match error {
+            GenerateError::Parameter(error) => error.into(),
+            GenerateError::Cancelled(cancelled) => cancelled.into(),
+            _ => internal("mesh generation failed", &error),
+        }
+    }
+}
+
+impl From<Cancelled> for Problem {
+    /// Work is cancelled at its deadline, or when nobody is left to hear of it.
+    fn from(_: Cancelled) -> Self {
+        Self::new(Kind::DeadlineExceeded, "the work was stopped before it was done")
+    }
+}
+
+impl From<EncodeError> for Problem {
+    fn from(error: EncodeError) -> Self {
+        match error {
+            EncodeError::ComponentCount { .. } | EncodeError::TooLarge { .. } => {
+                Self::new(Kind::FormatNotPossible, error.to_string()).param("format")
+            }
+            _ => internal("encoding failed", &error),
+        }
+    }
+}
+
+/// A failure of ours: the log has the reason, the client only the request's id to ask with.
+pub(crate) fn internal(what: &str, error: &dyn std::error::Error) -> Problem {
+    tracing::error!(error = %error, "{what}");
+    Problem::new(Kind::Internal, "the log has the reason under this request's id")
+}

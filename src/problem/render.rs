@@ -1,0 +1,103 @@
+//! Writes problems out: the outermost layer, which knows the request's id.
+
+use super::{Kind, Problem};
+use crate::extract::request_id::RequestId;
+use axum::body::Body;
+use axum::extract::Request;
+use axum::http::header::{CONNECTION, CONTENT_LENGTH, CONTENT_TYPE, RETRY_AFTER};
+use axum::http::{HeaderValue, StatusCode};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value};
+
+/// The media type of every refusal.
+const MEDIA_TYPE: &str = "application/problem+json";
+
+impl IntoResponse for Problem {
+    /// A response with the problem beside it, which [`render`] writes into the body.
+    fn into_response(self) -> Response {
+        let mut response = self.kind.status().into_response();
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+/// The layer that gives every refusal its document, also those that the framework makes.
+pub async fn render(request: Request, next: Next) -> Response {
+    let id = request.extensions().get::<RequestId>().cloned();
+    let mut response = next.run(request).await;
+    if !is_refusal(response.status()) {
+        return response;
+    }
+    let problem = response
+        .extensions_mut()
+        .remove::<Problem>()
+        .unwrap_or_else(|| Problem::of_status(response.status()));
+    problem.write_into(response, id.as_ref())
+}
+
+fn is_refusal(status: StatusCode) -> bool {
+    status.is_client_error() || status.is_server_error()
+}
+
+impl Problem {
+    /// The problem of a response that says no more than its status.
+    fn of_status(status: StatusCode) -> Self {
+        let kind = Kind::of_status(status);
+        Self::new(kind, kind.title())
+    }
+
+    /// Replaces the body of `response`, and keeps headers such as `Allow`.
+    fn write_into(&self, mut response: Response, id: Option<&RequestId>) -> Response {
+        let headers = response.headers_mut();
+        headers.remove(CONTENT_LENGTH);
+        headers.insert(CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        if let Some(seconds) = self.seconds_to_retry() {
+            headers.insert(RETRY_AFTER, seconds.into());
+        }
+        if self.ends_connection() {
+            headers.insert(CONNECTION, HeaderValue::from_static("close"));
+        }
+        *response.status_mut() = self.kind.status();
+        *response.body_mut() = Body::from(self.document(id));
+        response
+    }
+
+    /// The JSON text of the problem.
+    #[must_use]
+    pub fn document(&self, id: Option<&RequestId>) -> String {
+        let mut document = self.kind.document();
+        document.insert("detail".into(), self.detail.as_str().into());
+        for (name, value) in &self.members {
+            document.insert((*name).into(), value.clone());
+        }
+        if let Some(id) = id {
+            document.insert("request_id".into(), id.as_str().into());
+        }
+        Value::Object(document).to_string()
+    }
+
+    fn seconds_to_retry(&self) -> Option<u64> {
+        self.members.iter().find(|(name, _)| *name == "retry_after_s")?.1.as_u64()
+    }
+
+    /// Whether what is left of the request cannot or shall not be read.
+    fn ends_connection(&self) -> bool {
+        matches!(
+            self.kind,
+            Kind::AmbiguousLength | Kind::RequestTimeout | Kind::BodyTooLarge | Kind::ShuttingDown
+        )
+    }
+}
+
+impl Kind {
+    /// The members that every problem of this kind shares: type, title and status.
+    #[must_use]
+    pub fn document(self) -> Map<String, Value> {
+        let mut document = Map::new();
+        document.insert("type".into(), self.reference().into());
+        document.insert("title".into(), self.title().into());
+        document.insert("status".into(), self.status().as_u16().into());
+        document
+    }
+}

@@ -1,0 +1,123 @@
+//! The route table, and the order of the layers around it.
+
+pub mod health;
+pub mod index;
+pub mod meshes;
+pub mod methods;
+pub mod metrics;
+pub mod openapi;
+pub mod problems;
+
+mod guard;
+mod observe;
+
+use crate::admission::Admission;
+use crate::config::Settings;
+use crate::extract::request_id::identify;
+use crate::extract::upload::{BodyMemory, Intake};
+use crate::problem::{self, Kind, Problem};
+use crate::server::Lifecycle;
+use axum::Router;
+use axum::middleware::from_fn;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use metrics_exporter_prometheus::PrometheusHandle;
+use std::any::Any;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+use tower::ServiceBuilder;
+use tower_http::catch_panic::CatchPanicLayer;
+
+/// What the public routes share.
+#[derive(Debug)]
+pub struct Service {
+    /// How bodies are received.
+    pub intake: Intake,
+    /// What images may be like.
+    pub pictures: pixmesh_codec::Limits,
+    /// The gate that all work passes.
+    pub admission: Admission,
+    /// The longest time from the end of the upload to the answer.
+    pub deadline: Duration,
+    /// Raised when a stopping service can wait no longer for its work.
+    pub cut: CancellationToken,
+}
+
+/// What the routes for operations share.
+#[derive(Clone, Debug)]
+pub struct Operations {
+    /// Whether the service is starting, ready or stopping.
+    pub lifecycle: Lifecycle,
+    /// Writes the metrics out.
+    pub metrics: PrometheusHandle,
+}
+
+impl Service {
+    /// What the settings make of it.
+    #[must_use]
+    pub fn new(settings: &Settings) -> Self {
+        Self {
+            intake: Intake {
+                max_body: settings.limits.max_body.0,
+                timeout: settings.limits.body_timeout.0,
+                memory: BodyMemory::new(settings.body_budget().0),
+            },
+            pictures: settings.limits.of_pictures(),
+            admission: Admission::new(
+                settings.worker_count(),
+                settings.work_budget().0,
+                settings.queue_seconds,
+            ),
+            deadline: settings.deadline(),
+            cut: CancellationToken::new(),
+        }
+    }
+}
+
+/// The public routes.
+pub fn public(service: Arc<Service>) -> Router {
+    let routes = Router::new()
+        .route("/", get(index::show))
+        .route("/v1/meshes", post(meshes::create))
+        .route("/v1/methods", get(methods::list))
+        .route("/problems/{slug}", get(problems::show))
+        .route("/openapi.json", get(openapi::show))
+        .fallback(not_found)
+        .with_state(service);
+    routes.layer(
+        ServiceBuilder::new()
+            .layer(from_fn(identify))
+            .layer(from_fn(observe::observe))
+            .layer(from_fn(problem::render))
+            .layer(CatchPanicLayer::custom(panicked))
+            .layer(from_fn(guard::guard)),
+    )
+}
+
+/// The routes for operations, on a listener of their own.
+pub fn operations(operations: Operations) -> Router {
+    let routes = Router::new()
+        .route("/livez", get(health::live))
+        .route("/readyz", get(health::ready))
+        .route("/metrics", get(metrics::show))
+        .fallback(not_found)
+        .with_state(operations);
+    routes.layer(
+        ServiceBuilder::new()
+            .layer(from_fn(identify))
+            .layer(from_fn(problem::render))
+            .layer(CatchPanicLayer::custom(panicked))
+            .layer(from_fn(guard::guard)),
+    )
+}
+
+async fn not_found() -> Problem {
+    Problem::new(Kind::NotFound, "there is nothing at this path; / lists what there is")
+}
+
+/// The panic itself is in the log already, by the hook.
+#[allow(clippy::needless_pass_by_value, reason = "the layer hands over the payload")]
+fn panicked(_: Box<dyn Any + Send>) -> Response {
+    Problem::new(Kind::Internal, "the log has the reason under this request's id").into_response()
+}

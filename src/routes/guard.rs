@@ -1,0 +1,66 @@
+//! What no request may be like, whatever its route, and what every answer says.
+
+use crate::problem::{Kind, Problem};
+use crate::server::Framing;
+use axum::extract::Request;
+use axum::http::header::{CONNECTION, TRANSFER_ENCODING, X_CONTENT_TYPE_OPTIONS};
+use axum::http::{HeaderMap, HeaderValue, Uri};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+/// The longest request target in bytes.
+const MAX_TARGET: usize = 8192;
+/// The most bytes of names and values in a request's header.
+const MAX_HEADER: usize = 16 * 1024;
+/// The most lines of a request's header.
+const MAX_HEADER_LINES: usize = 100;
+
+/// The layer that refuses ambiguous and oversized requests, and forbids clients to guess types.
+///
+/// A request with `Transfer-Encoding` is the last one of its connection, so that nothing that
+/// follows its body can be taken for a request (RFC 9112, section 6.1).
+pub(super) async fn guard(request: Request, next: Next) -> Response {
+    let is_last = request.headers().contains_key(TRANSFER_ENCODING);
+    let mut response = match refusal(&request) {
+        Some(problem) => problem.into_response(),
+        None => next.run(request).await,
+    };
+    let headers = response.headers_mut();
+    headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    if is_last {
+        headers.insert(CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
+}
+
+fn refusal(request: &Request) -> Option<Problem> {
+    let framing = request.extensions().get::<Framing>();
+    if framing.is_some_and(Framing::is_ambiguous) {
+        let detail = "Content-Length together with Transfer-Encoding, or a line without CR LF";
+        return Some(Problem::new(Kind::AmbiguousLength, detail));
+    }
+    let target = length_of(request.uri());
+    if target > MAX_TARGET {
+        let detail = format!("the request's target is longer than {MAX_TARGET} bytes");
+        return Some(Problem::new(Kind::UriTooLong, detail).limit(MAX_TARGET, target));
+    }
+    oversized(request.headers())
+}
+
+fn length_of(target: &Uri) -> usize {
+    target.path_and_query().map_or(0, |target| target.as_str().len())
+}
+
+/// The refusal of too long a header.
+fn oversized(headers: &HeaderMap) -> Option<Problem> {
+    let lines = headers.len();
+    if lines > MAX_HEADER_LINES {
+        let detail = format!("the request's header has more than {MAX_HEADER_LINES} lines");
+        return Some(Problem::new(Kind::HeadersTooLarge, detail).limit(MAX_HEADER_LINES, lines));
+    }
+    let length: usize = headers.iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
+    (length > MAX_HEADER).then(|| {
+        let detail = format!("the request's header is longer than {MAX_HEADER} bytes");
+        Problem::new(Kind::HeadersTooLarge, detail).limit(MAX_HEADER, length)
+    })
+}

@@ -1,0 +1,23 @@
+//! `GET /livez` and `GET /readyz`: whether the process lives, and whether it takes requests.
+
+use super::Operations;
+use crate::problem::{Kind, Problem};
+use crate::server::Stage;
+use axum::extract::State;
+
+/// Answers as long as there is a process to answer.
+pub async fn live() -> &'static str {
+    "alive\n"
+}
+
+/// Answers 200 when requests are taken.
+///
+/// # Errors
+/// `overloaded` while starting, `shutting-down` while stopping.
+pub async fn ready(State(operations): State<Operations>) -> Result<&'static str, Problem> {
+    match operations.lifecycle.stage() {
+        Stage::Starting => Err(Problem::new(Kind::Overloaded, "the service is starting")),
+        Stage::Ready => Ok("ready\n"),
+        Stage::Stopping => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
+    }
+}

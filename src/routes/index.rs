@@ -1,0 +1,17 @@
+//! `GET /`: what there is.
+
+use axum::Json;
+use serde_json::{Value, json};
+
+/// Answers with links to the resources.
+pub async fn show() -> Json<Value> {
+    Json(json!({
+        "service": "pixmesh",
+        "version": env!("CARGO_PKG_VERSION"),
+        "links": {
+            "meshes": "/v1/meshes",
+            "methods": "/v1/methods",
+            "openapi": "/openapi.json",
+        },
+    }))
+}

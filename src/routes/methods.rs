@@ -1,0 +1,61 @@
+//! `GET /v1/methods`: every method, policy, parameter and format, from the parser's own table.
+
+use crate::extract::accept::OFFERED;
+use crate::extract::params::{DEFAULT_DENSITY, DEFAULT_METHOD, Order, Parameter, TABLE, Takes};
+use axum::Json;
+use pixmesh_meshing::{Method, Policy, Target};
+use serde_json::{Map, Value, json};
+
+/// Answers with everything that can be asked for.
+pub async fn list() -> Json<Value> {
+    Json(json!({
+        "default": DEFAULT_METHOD.name(),
+        "methods": Method::ALL.iter().map(|&method| of_method(method)).collect::<Vec<_>>(),
+        "policies": Policy::ALL.iter().map(|&policy| of_policy(policy)).collect::<Vec<_>>(),
+        "parameters": TABLE.iter().map(of_parameter).collect::<Vec<_>>(),
+        "formats": OFFERED.map(|offer| json!({
+            "format": offer.format.name(),
+            "media_type": offer.media_type,
+        })),
+    }))
+}
+
+/// A method: the components it is for (null for any), and what it sets each parameter to.
+fn of_method(method: Method) -> Value {
+    let parameters = method.parameters(Target::Density(DEFAULT_DENSITY));
+    let order = Order { method, parameters, format: None };
+    let defaults: Map<String, Value> = TABLE
+        .iter()
+        .filter(|row| row.name != "method")
+        .filter_map(|row| Some((row.name.to_owned(), typed(row, row.show(&order)?))))
+        .collect();
+    json!({ "name": method.name(), "components": method.component_count(), "defaults": defaults })
+}
+
+fn of_policy(policy: Policy) -> Value {
+    json!({ "name": policy.name(), "components": policy.component_count() })
+}
+
+fn of_parameter(parameter: &Parameter) -> Value {
+    let Parameter { name, about, .. } = parameter;
+    match parameter.takes {
+        Takes::Decimal { least, most } => {
+            json!({ "name": name, "about": about, "type": "number", "minimum": least, "maximum": most })
+        }
+        Takes::Whole { least, most } => {
+            json!({ "name": name, "about": about, "type": "integer", "minimum": least, "maximum": most })
+        }
+        Takes::Flag => json!({ "name": name, "about": about, "type": "boolean" }),
+        Takes::Word(allowed) => {
+            json!({ "name": name, "about": about, "type": "string", "allowed": allowed })
+        }
+    }
+}
+
+/// The value of a parameter, as JSON of its type.
+fn typed(parameter: &Parameter, text: String) -> Value {
+    match parameter.takes {
+        Takes::Word(_) => text.into(),
+        _ => serde_json::from_str(&text).unwrap_or(Value::String(text)),
+    }
+}

@@ -1,0 +1,15 @@
+//! `GET /metrics`: the counts, in Prometheus' text format.
+
+use super::Operations;
+use crate::telemetry;
+use axum::extract::State;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::IntoResponse;
+
+/// Answers with every metric.
+pub async fn show(State(operations): State<Operations>) -> impl IntoResponse {
+    telemetry::process();
+    operations.metrics.run_upkeep();
+    let content_type = "text/plain; version=0.0.4; charset=utf-8";
+    ([(CONTENT_TYPE, content_type)], operations.metrics.render())
+}

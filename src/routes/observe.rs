@@ -1,0 +1,68 @@
+//! Sees every request from its header to its answer: one span, one log line, two metrics.
+
+use crate::extract::request_id::RequestId;
+use crate::telemetry;
+use axum::extract::{MatchedPath, Request};
+use axum::http::Method;
+use axum::middleware::Next;
+use axum::response::Response;
+use std::time::Instant;
+use tracing::{Instrument, info, info_span};
+
+/// The layer that logs and counts.
+pub(super) async fn observe(request: Request, next: Next) -> Response {
+    let id = request.extensions().get::<RequestId>();
+    let span = info_span!("request", id = id.map_or("", RequestId::as_str));
+    let matched = request.extensions().get::<MatchedPath>().cloned();
+    let route = matched.as_ref().map_or(telemetry::UNKNOWN_ROUTE, MatchedPath::as_str);
+    let progress = Progress::begin(span.clone());
+    let method = label(request.method());
+    let response = next.run(request).instrument(span.clone()).await;
+    let took = progress.end();
+    let code = response.status().as_u16();
+    telemetry::answered(route, method, code, took);
+    span.in_scope(|| info!(method, route, code, seconds = took.as_secs_f64(), "answered"));
+    response
+}
+
+/// A request in progress; dropped before its end when the client goes away.
+struct Progress {
+    began: Instant,
+    span: tracing::Span,
+    ended: bool,
+}
+
+impl Progress {
+    fn begin(span: tracing::Span) -> Self {
+        telemetry::requests_in_progress(1.0);
+        Self { began: Instant::now(), span, ended: false }
+    }
+
+    fn end(mut self) -> std::time::Duration {
+        self.ended = true;
+        self.began.elapsed()
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        telemetry::requests_in_progress(-1.0);
+        if !self.ended {
+            self.span.in_scope(|| info!("the client went away"));
+        }
+    }
+}
+
+/// The method as a label: one of HTTP's, never a client's own word.
+fn label(method: &Method) -> &'static str {
+    match *method {
+        Method::GET => "GET",
+        Method::HEAD => "HEAD",
+        Method::POST => "POST",
+        Method::PUT => "PUT",
+        Method::DELETE => "DELETE",
+        Method::PATCH => "PATCH",
+        Method::OPTIONS => "OPTIONS",
+        _ => "OTHER",
+    }
+}

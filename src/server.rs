@@ -1,0 +1,161 @@
+//! The two listeners, from the start to the graceful stop.
+//!
+//! The public listener and the work share one runtime; the listener for operations has a thread
+//! and a runtime of its own, so that health and metrics answer while every core is busy. On
+//! SIGTERM or SIGINT the service says at once that it is not ready, takes no more connections, and
+//! lets the running requests end: after [`GRACE`] those that are left are told 503, after
+//! [`LAST_WORDS`] more the process exits all the same.
+
+mod framing;
+mod listener;
+mod stream;
+
+pub use framing::Framing;
+
+use crate::config::Settings;
+use crate::routes::{self, Operations, Service};
+use crate::telemetry;
+use listener::Listener;
+use std::error::Error;
+use std::io::{self, Write};
+use std::net::TcpListener;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::thread;
+use std::time::Duration;
+use tokio::runtime::{Builder, Runtime};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
+
+/// How long running requests may take to end, once the service stops.
+pub const GRACE: Duration = Duration::from_secs(25);
+/// How long the refusal of the rest may take to be sent.
+pub const LAST_WORDS: Duration = Duration::from_secs(2);
+/// How long threads may take to end, once nobody waits for them.
+const REMAINING_THREADS: Duration = Duration::from_secs(1);
+
+/// Where in its life the service is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Not listening yet.
+    Starting,
+    /// Taking requests.
+    Ready,
+    /// Taking no more.
+    Stopping,
+}
+
+/// Where in its life the service is, as every thread sees it.
+#[derive(Clone, Debug, Default)]
+pub struct Lifecycle(Arc<AtomicU8>);
+
+impl Lifecycle {
+    /// The stage now.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        match self.0.load(Ordering::Acquire) {
+            0 => Stage::Starting,
+            1 => Stage::Ready,
+            _ => Stage::Stopping,
+        }
+    }
+
+    fn enter(&self, stage: Stage) {
+        self.0.store(stage as u8, Ordering::Release);
+    }
+}
+
+/// Serves until SIGTERM or SIGINT.
+///
+/// # Errors
+/// When an address cannot be listened on, or a runtime cannot be started.
+pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
+    telemetry::start_log(settings.log_format);
+    let metrics = telemetry::start_metrics(settings.worker_count())?;
+    let lifecycle = Lifecycle::default();
+    let public = bind(settings.listen)?;
+    let operations = bind(settings.ops_listen)?;
+    announce(&public, &operations)?;
+
+    let stop_operations = CancellationToken::new();
+    let routes = routes::operations(Operations { lifecycle: lifecycle.clone(), metrics });
+    let listener = Listener::new(operations, routes, &settings.limits);
+    let operations = start_operations(listener, stop_operations.clone())?;
+
+    let runtime = Builder::new_multi_thread().enable_all().build()?;
+    let result = runtime.block_on(serve(public, settings, &lifecycle));
+    runtime.shutdown_timeout(REMAINING_THREADS);
+    stop_operations.cancel();
+    let _ = operations.join();
+    result
+}
+
+fn bind(address: std::net::SocketAddr) -> Result<TcpListener, String> {
+    let listener = TcpListener::bind(address)
+        .and_then(|listener| listener.set_nonblocking(true).map(|()| listener));
+    listener.map_err(|error| format!("{address} cannot be listened on: {error}"))
+}
+
+/// Says on standard output where the service listens, whichever ports were free.
+fn announce(public: &TcpListener, operations: &TcpListener) -> io::Result<()> {
+    let mut output = io::stdout().lock();
+    writeln!(output, "listening on http://{}", public.local_addr()?)?;
+    writeln!(output, "operations on http://{}", operations.local_addr()?)?;
+    output.flush()
+}
+
+/// Starts the thread for operations.
+fn start_operations(
+    listener: Listener,
+    stop: CancellationToken,
+) -> io::Result<thread::JoinHandle<()>> {
+    let runtime: Runtime = Builder::new_current_thread().enable_all().build()?;
+    thread::Builder::new().name("operations".into()).spawn(move || {
+        let served = runtime.block_on(async {
+            let mut draining = listener.serve(stop).await?;
+            draining.finish(LAST_WORDS).await;
+            io::Result::Ok(())
+        });
+        if let Err(error) = served {
+            tracing::error!(%error, "the listener for operations failed");
+        }
+    })
+}
+
+/// Serves the public routes until a signal, then lets what runs end.
+async fn serve(
+    listener: TcpListener,
+    settings: &Settings,
+    lifecycle: &Lifecycle,
+) -> Result<(), Box<dyn Error>> {
+    let service = Arc::new(Service::new(settings));
+    let listener = Listener::new(listener, routes::public(Arc::clone(&service)), &settings.limits);
+    let stop = stop_on_signal(lifecycle.clone())?;
+    lifecycle.enter(Stage::Ready);
+    tracing::info!(workers = settings.worker_count(), "ready");
+    let mut draining = listener.serve(stop).await?;
+    if !draining.finish(GRACE).await {
+        service.cut.cancel();
+        draining.finish(LAST_WORDS).await;
+    }
+    tracing::info!("stopped");
+    Ok(())
+}
+
+/// A token that the first SIGTERM or SIGINT raises, after the service has said that it stops.
+fn stop_on_signal(lifecycle: Lifecycle) -> io::Result<CancellationToken> {
+    let stop = CancellationToken::new();
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let raised = stop.clone();
+    tokio::spawn(async move {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+        lifecycle.enter(Stage::Stopping);
+        tracing::info!("stopping");
+        raised.cancel();
+    });
+    Ok(stop)
+}

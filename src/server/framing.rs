@@ -1,0 +1,171 @@
+//! Sees whether the end of a request's body is ambiguous, before the HTTP library decides it.
+//!
+//! A request with both `Content-Length` and `Transfer-Encoding` ends at different places for
+//! different readers, and so does one whose lines end in LF alone; behind a proxy, what one of them
+//! takes for a body the other takes for a request ("request smuggling"; RFC 9112, sections 2.2 and
+//! 6.1). The library resolves both silently, so the bytes are looked at on their way in: heads are
+//! read, bodies of a known length skipped. After a request with `Transfer-Encoding` nothing needs
+//! looking at, because the service answers no other on that connection.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The longest head that is looked at; the library refuses longer ones itself.
+const MAX_HEAD: usize = 128 * 1024;
+
+/// What was seen of the requests on one connection.
+#[derive(Clone, Debug)]
+pub struct Framing(Arc<Mutex<State>>);
+
+#[derive(Debug)]
+enum State {
+    /// Bytes of a head that has not ended yet.
+    Head(Vec<u8>),
+    /// So many bytes of a body are to come.
+    Body(u64),
+    /// Nothing more will be looked at.
+    Done,
+    /// A request was ambiguous.
+    Ambiguous,
+}
+
+impl Default for Framing {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new(State::Head(Vec::new()))))
+    }
+}
+
+impl Framing {
+    /// Whether a request on this connection was ambiguous.
+    #[must_use]
+    pub fn is_ambiguous(&self) -> bool {
+        matches!(*self.state(), State::Ambiguous)
+    }
+
+    /// Sees the next bytes of the connection.
+    pub(super) fn see(&self, mut bytes: &[u8]) {
+        let mut state = self.state();
+        while !bytes.is_empty() {
+            bytes = state.see(bytes);
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Sees some of the bytes and returns the rest.
+    fn see<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
+        match self {
+            Self::Done | Self::Ambiguous => &[],
+            Self::Body(left) => {
+                let skipped = usize::try_from(*left).unwrap_or(usize::MAX).min(bytes.len());
+                *left -= skipped as u64;
+                if *left == 0 {
+                    *self = Self::Head(Vec::new());
+                }
+                &bytes[skipped..]
+            }
+            Self::Head(head) => {
+                let line =
+                    bytes.iter().position(|&byte| byte == b'\n').map_or(bytes.len(), |n| n + 1);
+                let (line, rest) = bytes.split_at(line);
+                head.extend_from_slice(line);
+                if is_blank(head) {
+                    head.clear();
+                } else if ends_head(head) {
+                    *self = after(head);
+                } else if head.len() > MAX_HEAD {
+                    *self = Self::Done;
+                }
+                rest
+            }
+        }
+    }
+}
+
+/// Empty lines before a request are skipped.
+fn is_blank(head: &[u8]) -> bool {
+    head == b"\r\n" || head == b"\n"
+}
+
+fn ends_head(head: &[u8]) -> bool {
+    head.ends_with(b"\n\r\n") || head.ends_with(b"\n\n")
+}
+
+/// What comes after a head.
+fn after(head: &[u8]) -> State {
+    let mut lines = head.split_inclusive(|&byte| byte == b'\n');
+    if lines.clone().any(|line| !line.ends_with(b"\r\n")) {
+        return State::Ambiguous;
+    }
+    let length = lines.clone().find_map(|line| value_of(line, b"content-length"));
+    let is_encoded = lines.any(|line| value_of(line, b"transfer-encoding").is_some());
+    match length {
+        Some(_) if is_encoded => State::Ambiguous,
+        _ if is_encoded => State::Done,
+        None => State::Head(Vec::new()),
+        Some(text) => match text.parse() {
+            Ok(0) => State::Head(Vec::new()),
+            Ok(length) => State::Body(length),
+            Err(_) => State::Done,
+        },
+    }
+}
+
+/// The value of a header line, when it is the header of this name.
+fn value_of<'a>(line: &'a [u8], name: &[u8]) -> Option<&'a str> {
+    let (start, value) = line.split_at_checked(name.len())?;
+    let value = value.strip_prefix(b":")?;
+    start.eq_ignore_ascii_case(name).then(|| str::from_utf8(value).unwrap_or_default().trim())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether the bytes are ambiguous, however they are cut into pieces.
+    fn is_ambiguous(bytes: &str) -> bool {
+        let of_pieces = |length: usize| {
+            let framing = Framing::default();
+            bytes.as_bytes().chunks(length).for_each(|piece| framing.see(piece));
+            framing.is_ambiguous()
+        };
+        let answers = [1, 2, 3, 7, bytes.len()].map(of_pieces);
+        assert!(answers.iter().all(|answer| *answer == answers[0]), "{bytes:?}");
+        answers[0]
+    }
+
+    #[test]
+    fn both_lengths_are_ambiguous_in_any_order() {
+        let both = "Content-Length: 5\r\ntransfer-encoding: chunked\r\n";
+        let swapped = "Transfer-Encoding: chunked\r\nCONTENT-LENGTH: 5\r\n";
+        for headers in [both, swapped] {
+            assert!(is_ambiguous(&format!("POST / HTTP/1.1\r\nHost: a\r\n{headers}\r\n0\r\n\r\n")));
+            let second = format!(
+                "POST / HTTP/1.1\r\nContent-Length: 3\r\n\r\nabcPOST / HTTP/1.1\r\n{headers}\r\n"
+            );
+            assert!(is_ambiguous(&second), "also as the second request");
+        }
+    }
+
+    #[test]
+    fn lines_that_end_in_a_bare_line_feed_are_ambiguous() {
+        assert!(is_ambiguous("GET / HTTP/1.1\nHost: a\n\n"));
+        assert!(is_ambiguous("GET / HTTP/1.1\r\nHost: a\nX: b\r\n\r\n"));
+    }
+
+    #[test]
+    fn what_a_body_holds_is_not_looked_at() {
+        let body = "GET / HTTP/1.1\nContent-Length: 1\nTransfer-Encoding: chunked\n\n";
+        let length = body.len();
+        assert!(!is_ambiguous(&format!(
+            "POST / HTTP/1.1\r\nContent-Length: {length}\r\n\r\n{body}"
+        )));
+        assert!(!is_ambiguous(&format!(
+            "POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n{body}"
+        )));
+        assert!(!is_ambiguous("\r\n\r\nGET / HTTP/1.1\r\nHost: a\r\n\r\n"));
+    }
+}

@@ -1,0 +1,176 @@
+//! The log, and every metric by name.
+//!
+//! Metrics are in base units, and their names begin with `pixmesh_`, but for the usual `process_`. A label never holds what a
+//! client sent: a route is one of the route table or `UNKNOWN`, a method one of HTTP's or `OTHER`.
+
+use crate::config::LogFormat;
+use metrics::{counter, gauge, histogram};
+use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
+use std::io;
+use std::time::Duration;
+use tracing::level_filters::LevelFilter;
+
+/// The route label of a request that matches none.
+pub const UNKNOWN_ROUTE: &str = "UNKNOWN";
+
+const HTTP_REQUESTS: &str = "pixmesh_http_requests_total";
+const HTTP_DURATION: &str = "pixmesh_http_request_duration_seconds";
+const STAGE_DURATION: &str = "pixmesh_stage_duration_seconds";
+const REQUESTS_IN_PROGRESS: &str = "pixmesh_requests_in_progress";
+const JOBS_IN_PROGRESS: &str = "pixmesh_jobs_in_progress";
+const QUEUE_DEPTH: &str = "pixmesh_queue_depth";
+const QUEUE_WAIT: &str = "pixmesh_queue_wait_seconds";
+const REQUESTS_SHED: &str = "pixmesh_requests_shed_total";
+const MEMORY_PERMITS: &str = "pixmesh_memory_permits_mib";
+const WORKERS: &str = "pixmesh_workers";
+const INPUT_PIXELS: &str = "pixmesh_input_pixels";
+const MESH_VERTICES: &str = "pixmesh_mesh_vertices";
+const PANICS: &str = "pixmesh_panics_total";
+const PROCESS_RESIDENT: &str = "process_resident_memory_bytes";
+const PROCESS_FDS: &str = "process_open_fds";
+const BUILD_INFO: &str = "pixmesh_build_info";
+
+const DURATION_BUCKETS_S: [f64; 13] =
+    [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
+const SIZE_BUCKETS: [f64; 7] = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
+
+/// Sends the log to standard error.
+pub fn start_log(format: LogFormat) {
+    let log = tracing_subscriber::fmt().with_writer(io::stderr).with_max_level(LevelFilter::INFO);
+    match format {
+        LogFormat::Human => log.init(),
+        LogFormat::Json => log.json().flatten_event(true).init(),
+    }
+    log_panics();
+}
+
+/// Sends panics to the log, and counts them.
+fn log_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        counter!(PANICS).increment(1);
+        tracing::error!(message = %panic, "panicked");
+    }));
+}
+
+/// Starts counting, and returns what writes the counts out.
+///
+/// # Errors
+/// When this process counts already.
+pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
+    let handle = PrometheusBuilder::new()
+        .set_buckets_for_metric(Matcher::Suffix("_seconds".into()), &DURATION_BUCKETS_S)?
+        .set_buckets_for_metric(Matcher::Full(INPUT_PIXELS.into()), &SIZE_BUCKETS)?
+        .set_buckets_for_metric(Matcher::Full(MESH_VERTICES.into()), &SIZE_BUCKETS)?
+        .install_recorder()?;
+    describe();
+    counter!(PANICS).absolute(0);
+    gauge!(WORKERS).set(workers as f64);
+    gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    requests_in_progress(0.0);
+    jobs_in_progress(0.0);
+    queue_depth(0);
+    Ok(handle)
+}
+
+fn describe() {
+    use metrics::{describe_counter, describe_gauge, describe_histogram};
+    describe_counter!(HTTP_REQUESTS, "Requests answered, by route, method and status");
+    describe_histogram!(HTTP_DURATION, "Seconds from a request's header to its answer");
+    describe_histogram!(STAGE_DURATION, "Seconds that a stage of the work took");
+    describe_gauge!(REQUESTS_IN_PROGRESS, "Requests being received, waiting or worked on");
+    describe_gauge!(JOBS_IN_PROGRESS, "Meshes being made");
+    describe_gauge!(QUEUE_DEPTH, "Requests that wait for a worker or memory");
+    describe_histogram!(QUEUE_WAIT, "Seconds that work waited");
+    describe_counter!(REQUESTS_SHED, "Requests turned away because of load, by reason");
+    describe_gauge!(MEMORY_PERMITS, "Memory for work, used and in all, in MiB");
+    describe_gauge!(WORKERS, "Meshes that can be made at the same time");
+    describe_histogram!(INPUT_PIXELS, "Pixels of the images meshed");
+    describe_histogram!(MESH_VERTICES, "Vertices of the meshes made");
+    describe_counter!(PANICS, "Panics, each a defect");
+    describe_gauge!(PROCESS_RESIDENT, "Resident memory of the process in bytes");
+    describe_gauge!(PROCESS_FDS, "Files and connections the process has open");
+    describe_gauge!(BUILD_INFO, "Version of the service");
+}
+
+/// Why a request was turned away.
+#[derive(Clone, Copy, Debug)]
+pub enum Shed {
+    /// The queue holds as many seconds of work as it may.
+    QueueFull,
+    /// Bodies take all of their memory.
+    Memory,
+    /// The work's deadline passed.
+    Deadline,
+}
+
+/// Counts a request turned away.
+pub fn shed(reason: Shed) {
+    let reason = match reason {
+        Shed::QueueFull => "queue_full",
+        Shed::Memory => "memory",
+        Shed::Deadline => "deadline",
+    };
+    counter!(REQUESTS_SHED, "reason" => reason).increment(1);
+}
+
+/// Counts an answered request.
+pub fn answered(route: &str, method: &'static str, code: u16, duration: Duration) {
+    let (route, code) = (route.to_owned(), code.to_string());
+    histogram!(HTTP_DURATION, "route" => route.clone()).record(duration);
+    counter!(HTTP_REQUESTS, "route" => route, "method" => method, "code" => code).increment(1);
+}
+
+/// Counts the time that a stage took.
+pub fn stage(name: &'static str, duration: Duration) {
+    histogram!(STAGE_DURATION, "stage" => name).record(duration);
+}
+
+/// Counts the time that work waited.
+pub fn queue_wait(duration: Duration) {
+    histogram!(QUEUE_WAIT).record(duration);
+}
+
+/// Counts a mesh made.
+pub fn meshed(pixels: usize, vertices: usize) {
+    histogram!(INPUT_PIXELS).record(pixels as f64);
+    histogram!(MESH_VERTICES).record(vertices as f64);
+}
+
+/// One request more (1) or less (-1).
+pub fn requests_in_progress(change: f64) {
+    gauge!(REQUESTS_IN_PROGRESS).increment(change);
+}
+
+/// One piece of work more (1) or less (-1).
+pub fn jobs_in_progress(change: f64) {
+    gauge!(JOBS_IN_PROGRESS).increment(change);
+}
+
+/// So many requests wait.
+pub fn queue_depth(depth: usize) {
+    gauge!(QUEUE_DEPTH).set(depth as f64);
+}
+
+/// What the system knows of this process: resident memory and open files.
+pub fn process() {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let resident_kib = resident.and_then(|value| value.trim().strip_suffix(" kB"));
+    if let Some(kib) = resident_kib.and_then(|kib| kib.trim().parse::<f64>().ok()) {
+        gauge!(PROCESS_RESIDENT).set(kib * 1024.0);
+    }
+    if let Ok(open) = std::fs::read_dir("/proc/self/fd") {
+        gauge!(PROCESS_FDS).set(open.count() as f64);
+    }
+}
+
+/// So much memory there is for work.
+pub fn memory_total_mib(total: usize) {
+    gauge!(MEMORY_PERMITS, "state" => "total").set(total as f64);
+    memory_used_mib(0.0);
+}
+
+/// So much more memory is used for work, or less when negative.
+pub fn memory_used_mib(change: f64) {
+    gauge!(MEMORY_PERMITS, "state" => "used").increment(change);
+}

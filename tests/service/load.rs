@@ -1,0 +1,119 @@
+//! More work than there are workers: what waits, what is turned away, and who frees what.
+
+use crate::client::{Answer, connect};
+use crate::pictures::{disc, noise};
+use crate::server::Server;
+use std::io::Write;
+use std::net::TcpStream;
+use std::thread;
+use std::time::Duration;
+
+/// Work that takes seconds: removal from a million points of noise.
+const SLOW: &str = "method=mgpr&density=1";
+
+/// Sends slow work, and does not wait for its answer.
+fn begin_slow_work(server: &Server, image: &[u8]) -> TcpStream {
+    let mut stream = connect(server.public);
+    let length = image.len();
+    let head =
+        format!("POST /v1/meshes?{SLOW} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
+    stream.write_all(&[head.as_bytes(), image].concat()).unwrap();
+    stream
+}
+
+fn wait_for_metric(server: &Server, name: &str, value: f64) {
+    server.wait_until(&format!("{name} is {value}"), || server.metric(name) == value);
+}
+
+#[test]
+fn a_client_that_leaves_frees_its_worker_its_memory_and_its_place() {
+    let server = Server::start(&["--workers", "1"]);
+    let slow = noise(1024);
+    let running = begin_slow_work(&server, &slow);
+    wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
+    let waiting = begin_slow_work(&server, &slow);
+    wait_for_metric(&server, "pixmesh_queue_depth", 1.0);
+    assert!(server.metric("pixmesh_memory_permits_mib{state=\"used\"}") > 100.0);
+    drop(waiting);
+    wait_for_metric(&server, "pixmesh_queue_depth", 0.0);
+    assert_eq!(server.metric("pixmesh_jobs_in_progress"), 1.0);
+    drop(running);
+    let began = std::time::Instant::now();
+    server.wait_until_idle();
+    assert!(began.elapsed() < Duration::from_secs(1), "stopped after {:?}", began.elapsed());
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
+    assert!(server.log().contains("the client went away"));
+}
+
+#[test]
+fn a_full_queue_is_told_at_once_and_cheap_answers_stay_quick() {
+    let server = Server::start(&["--workers", "1", "--queue-seconds", "0.001"]);
+    let slow = noise(1024);
+    let first = begin_slow_work(&server, &slow);
+    wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
+    let second = begin_slow_work(&server, &slow);
+    wait_for_metric(&server, "pixmesh_queue_depth", 1.0);
+    let image = disc(30, 30, 1);
+    for _ in 0..5 {
+        let answer = server.mesh("", &[], &image);
+        let problem = answer.problem(503, "overloaded");
+        let seconds: u64 = answer.header("retry-after").parse().unwrap();
+        assert_eq!(problem["retry_after_s"], seconds);
+        assert!((1..=300).contains(&seconds));
+        assert_eq!(problem["setting"], "--queue-seconds");
+        assert_quick(&answer);
+        assert_quick(&server.mesh("density=-1", &[], &image));
+        assert_quick(&server.mesh("", &[], b"no picture"));
+        for target in ["/livez", "/readyz", "/metrics"] {
+            let answer = server.operate(target);
+            assert_eq!(answer.status, 200);
+            assert_quick(&answer);
+        }
+    }
+    assert_eq!(server.metric("pixmesh_requests_shed_total{reason=\"queue_full\"}"), 5.0);
+    drop((first, second));
+    server.wait_until_idle();
+    assert_eq!(server.mesh("", &[], &image).status, 200);
+}
+
+fn assert_quick(answer: &Answer) {
+    assert!(answer.took < Duration::from_millis(500), "{:?}: {}", answer.took, answer.text());
+}
+
+#[test]
+fn work_past_its_deadline_is_stopped_and_so_is_work_that_waits_too_long() {
+    let server = Server::start(&["--workers", "1", "--sync-deadline", "700ms"]);
+    let slow = noise(1024);
+    let (running, waiting) = thread::scope(|scope| {
+        let running = scope.spawn(|| server.mesh(SLOW, &[], &slow));
+        wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
+        let hold = begin_slow_work(&server, &slow);
+        let waiting = scope.spawn(|| server.mesh(SLOW, &[], &slow));
+        let answers = (running.join().unwrap(), waiting.join().unwrap());
+        drop(hold);
+        answers
+    });
+    for answer in [running, waiting] {
+        answer.problem(503, "deadline-exceeded");
+        assert!(answer.took < Duration::from_secs(3), "{:?}", answer.took);
+    }
+    server.wait_until_idle();
+    assert!(server.metric("pixmesh_requests_shed_total{reason=\"deadline\"}") >= 2.0);
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
+}
+
+#[test]
+fn no_more_work_runs_than_there_are_workers_even_when_clients_leave() {
+    let server = Server::start(&["--workers", "2"]);
+    let slow = noise(300);
+    let mut most = 0.0_f64;
+    for _ in 0..10 {
+        let clients: Vec<_> = (0..8).map(|_| begin_slow_work(&server, &slow)).collect();
+        thread::sleep(Duration::from_millis(20));
+        most = most.max(server.metric("pixmesh_jobs_in_progress"));
+        drop(clients);
+        most = most.max(server.metric("pixmesh_jobs_in_progress"));
+    }
+    assert!((1.0..=2.0).contains(&most), "{most} at once");
+    server.wait_until_idle();
+}

@@ -1,0 +1,15 @@
+//! Black-box tests: the real program, real sockets, pictures made here.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod client;
+mod contract;
+mod formats;
+mod lifecycle;
+mod load;
+mod parameters;
+mod pictures;
+mod readme;
+mod rejected_pictures;
+mod server;
+mod transport;
+mod uploads;

@@ -1,0 +1,126 @@
+//! What a parameter may be: one table, the same for the query, a field and JSON.
+
+use crate::client::{field, form, send};
+use crate::pictures::disc;
+use crate::server::Server;
+
+/// A query, and the refusal it gets.
+const REFUSALS: [(&str, u16, &str); 58] = [
+    ("density=0", 422, "parameter-out-of-range"),
+    ("density=-0.0", 422, "parameter-out-of-range"),
+    ("density=-1", 422, "parameter-out-of-range"),
+    ("density=101", 422, "parameter-out-of-range"),
+    ("density=100.0000001", 422, "parameter-out-of-range"),
+    ("density=1e308", 422, "parameter-out-of-range"),
+    ("density=1e-320", 422, "parameter-out-of-range"),
+    ("density=0.0000009", 422, "parameter-out-of-range"),
+    ("density=NaN", 422, "not-finite"),
+    ("density=inf", 422, "not-finite"),
+    ("density=-inf", 422, "not-finite"),
+    ("density=%2BInfinity", 422, "not-finite"),
+    ("density=1e309", 422, "not-finite"),
+    ("density=", 400, "parameter-malformed"),
+    ("density", 400, "parameter-malformed"),
+    ("density=%205%20", 400, "parameter-malformed"),
+    ("density=+5", 400, "parameter-malformed"),
+    ("density=5%25", 400, "parameter-malformed"),
+    ("density=5,0", 400, "parameter-malformed"),
+    ("density=0x10", 400, "parameter-malformed"),
+    ("density=%D9%A5", 400, "parameter-malformed"),
+    ("density=1_000", 400, "parameter-malformed"),
+    ("size=0", 422, "parameter-out-of-range"),
+    ("size=3", 422, "parameter-out-of-range"),
+    ("size=-1", 422, "parameter-out-of-range"),
+    ("size=4294967296", 422, "parameter-out-of-range"),
+    ("size=401", 422, "parameter-out-of-range"),
+    ("size=1e2", 400, "parameter-malformed"),
+    ("size=3.5", 400, "parameter-malformed"),
+    ("density=5&size=50", 422, "conflicting-parameters"),
+    ("target_psnr=30&size=50", 422, "conflicting-parameters"),
+    ("gamma=4&initial_size=50", 422, "conflicting-parameters"),
+    ("method=med&target_psnr=30", 422, "conflicting-parameters"),
+    ("target_psnr=-1", 422, "parameter-out-of-range"),
+    ("target_psnr=1000", 422, "parameter-out-of-range"),
+    ("density=1&density=99", 400, "duplicate-parameter"),
+    ("density=1&%64ensity=1", 400, "duplicate-parameter"),
+    ("desnity=5", 400, "unknown-parameter"),
+    ("zzzzzzzzzzzzzzzzzz=5", 400, "unknown-parameter"),
+    ("Density=5", 400, "unknown-parameter"),
+    ("=5", 400, "unknown-parameter"),
+    ("method=MED", 422, "unknown-value"),
+    ("method=", 422, "unknown-value"),
+    ("format=gif", 422, "unknown-value"),
+    ("format=PNG", 422, "unknown-value"),
+    ("policy=psa", 422, "unknown-value"),
+    ("leaky=yes", 422, "unknown-value"),
+    ("seed=18446744073709551616", 422, "parameter-out-of-range"),
+    ("tolerance=99999999999", 422, "parameter-out-of-range"),
+    ("smoothing_order=2", 422, "parameter-out-of-range"),
+    ("smoothing_order=23", 422, "parameter-out-of-range"),
+    ("gamma=0.5", 422, "parameter-out-of-range"),
+    ("gamma=1001", 422, "parameter-out-of-range"),
+    ("density=%zz", 400, "query-malformed"),
+    ("density=%00", 400, "query-malformed"),
+    ("density=%C0%AF", 400, "query-malformed"),
+    ("method=ced", 422, "component-count"),
+    ("policy=psc", 422, "component-count"),
+];
+
+#[test]
+fn every_wrong_value_gets_its_refusal_at_once() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    for (query, status, slug) in REFUSALS {
+        let answer = server.mesh(query, &[], &image);
+        let problem = answer.problem(status, slug);
+        assert!(answer.took.as_millis() < 1000, "{query}: {:?}", answer.took);
+        let names = ["param", "detail"].map(|member| problem[member].as_str().unwrap_or_default());
+        let given = query.split(['=', '&']).next().unwrap();
+        let named = names.iter().any(|name| name.contains(given) || slug == "query-malformed");
+        let other = ["conflicting-parameters", "duplicate-parameter"].contains(&slug);
+        assert!(named || other, "{query} is not named: {problem}");
+    }
+    assert_eq!(server.mesh("density=5", &[], &image).status, 200);
+    server.wait_until_idle();
+}
+
+#[test]
+fn fields_are_refused_like_the_query() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    for (query, status, slug) in REFUSALS {
+        let simple =
+            !query.contains(['%', '&']) && query.contains('=') && slug != "query-malformed";
+        let Some((name, value)) = query.split_once('=').filter(|_| simple) else { continue };
+        let (content_type, body) =
+            form(&[(&field(name), value.as_bytes()), (&field("image"), &image)]);
+        let headers = [("Content-Type", content_type.as_str())];
+        send(server.public, "POST", "/v1/meshes", &headers, &body).problem(status, slug);
+    }
+}
+
+#[test]
+fn a_refusal_carries_bounds_alternatives_and_the_nearest_name() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let refusal = |query: &str| server.mesh(query, &[], &image).json();
+    let problem = refusal("density=101");
+    assert_eq!((&problem["param"], &problem["maximum"]), (&"density".into(), &100.0.into()));
+    assert_eq!(problem["actual"], "101");
+    assert_eq!(refusal("size=3")["minimum"], 4);
+    assert_eq!(refusal("size=401")["maximum"], 400.0, "no more vertices than pixels");
+    assert_eq!(refusal("desnity=5")["nearest"], "density");
+    assert_eq!(refusal("smooting_order=5")["nearest"], "smoothing_order");
+    let allowed = refusal("method=MED")["allowed"].clone();
+    assert!(allowed.as_array().unwrap().contains(&"med".into()), "{allowed}");
+    let allowed = refusal("method=ced")["allowed"].clone();
+    assert!(!allowed.as_array().unwrap().contains(&"cgpr".into()), "{allowed}");
+}
+
+#[test]
+fn without_a_target_the_mesh_has_two_percent_of_the_pixels() {
+    let server = Server::start(&[]);
+    let answer = server.mesh("", &[], &disc(50, 40, 3));
+    assert_eq!(answer.header("mesh-vertices"), "40");
+    assert!(answer.header("mesh-parameters").starts_with("method=mgprfs&density=2&"));
+}

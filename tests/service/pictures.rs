@@ -1,0 +1,72 @@
+//! Pictures to send, made in code.
+
+use pixmesh_meshing::Image;
+
+/// A disc on a gradient, 8 bits, as PNG.
+pub(crate) fn disc(width: usize, height: usize, components: usize) -> Vec<u8> {
+    png(&disc_image(width, height, components))
+}
+
+pub(crate) fn disc_image(width: usize, height: usize, components: usize) -> Image {
+    let (radius, x0, y0) = (width.min(height) / 3, width / 2, height / 2);
+    let sample = |c: usize, x: usize, y: usize| {
+        let inside = x.abs_diff(x0).pow(2) + y.abs_diff(y0).pow(2) < radius.pow(2);
+        let gradient = [x * 100 / width, y * 100 / height, (x + y) * 50 / (width + height)][c % 3];
+        if inside { 250 - gradient as u16 } else { gradient as u16 }
+    };
+    image(width, height, components, sample)
+}
+
+/// Noise, 8 bits gray, as PGM: nothing simplifies quickly in it.
+pub(crate) fn noise(side: usize) -> Vec<u8> {
+    let mut state = 1_u32;
+    let mut bytes = format!("P5\n{side} {side}\n255\n").into_bytes();
+    bytes.extend((0..side * side).map(|_| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    }));
+    bytes
+}
+
+pub(crate) fn png(image: &Image) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    pixmesh_codec::write_png(image, &mut bytes).unwrap();
+    bytes
+}
+
+/// A PNG of nothing but a signature, a header that claims a size, and a little data.
+pub(crate) fn png_claiming(width: u32, height: u32) -> Vec<u8> {
+    let mut header = b"IHDR".to_vec();
+    header.extend_from_slice(&width.to_be_bytes());
+    header.extend_from_slice(&height.to_be_bytes());
+    header.extend_from_slice(&[8, 0, 0, 0, 0]);
+    let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+    for chunk in [header, b"IDAT\x78".to_vec(), b"IEND".to_vec()] {
+        bytes.extend_from_slice(&(chunk.len() as u32 - 4).to_be_bytes());
+        bytes.extend_from_slice(&chunk);
+        bytes.extend_from_slice(&crc32(&chunk).to_be_bytes());
+    }
+    bytes
+}
+
+fn image(
+    width: usize,
+    height: usize,
+    components: usize,
+    sample: impl Fn(usize, usize, usize) -> u16,
+) -> Image {
+    let plane = |c: usize| (0..width * height).map(|i| sample(c, i % width, i / width)).collect();
+    Image::from_top_down(width, height, 8, (0..components).map(plane).collect()).unwrap()
+}
+
+/// The checksum of a PNG's chunk.
+fn crc32(bytes: &[u8]) -> u32 {
+    let mut crc = u32::MAX;
+    for &byte in bytes {
+        crc ^= u32::from(byte);
+        for _ in 0..8 {
+            crc = (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg());
+        }
+    }
+    !crc
+}

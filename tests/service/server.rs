@@ -1,0 +1,141 @@
+//! The program under test, on ports of its own; killed when dropped.
+
+use crate::client::{Answer, send};
+use std::io::{BufRead, BufReader, Read};
+use std::net::SocketAddr;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The program, without anything of this environment that could change it.
+pub(crate) fn program() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pixmesh"));
+    for (name, _) in std::env::vars_os() {
+        if name.to_string_lossy().starts_with("PIXMESH_") {
+            command.env_remove(name);
+        }
+    }
+    command
+}
+
+/// A running service.
+pub(crate) struct Server {
+    child: Child,
+    pub(crate) public: SocketAddr,
+    pub(crate) operations: SocketAddr,
+    log: Arc<Mutex<String>>,
+}
+
+impl Server {
+    /// Starts the service with flags beside those for the ports.
+    pub(crate) fn start(flags: &[&str]) -> Self {
+        let mut child = program()
+            .args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"])
+            .args(flags)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let log = follow(child.stderr.take().unwrap());
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut address = |prefix: &str| {
+            let line = lines.next().unwrap().unwrap();
+            line.strip_prefix(prefix).unwrap().parse().unwrap()
+        };
+        let public = address("listening on http://");
+        let operations = address("operations on http://");
+        let server = Self { child, public, operations, log };
+        server.wait_until("it is ready", || server.operate("/readyz").status == 200);
+        server
+    }
+
+    /// Sends an image with a query and headers.
+    pub(crate) fn mesh(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
+        send(self.public, "POST", &format!("/v1/meshes?{query}"), headers, image)
+    }
+
+    pub(crate) fn get(&self, target: &str) -> Answer {
+        send(self.public, "GET", target, &[], &[])
+    }
+
+    /// Asks the listener for operations.
+    pub(crate) fn operate(&self, target: &str) -> Answer {
+        send(self.operations, "GET", target, &[], &[])
+    }
+
+    /// The value of a metric, by its name with labels; 0 when it was never counted.
+    pub(crate) fn metric(&self, name: &str) -> f64 {
+        let metrics = self.operate("/metrics").text();
+        let line = metrics.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        line.map_or(0.0, |value| value.parse().unwrap())
+    }
+
+    /// Waits until something holds, for 10 s at most.
+    #[track_caller]
+    pub(crate) fn wait_until(&self, what: &str, mut holds: impl FnMut() -> bool) {
+        let began = Instant::now();
+        while !holds() {
+            assert!(began.elapsed() < Duration::from_secs(10), "never: {what}\n{}", self.log());
+            thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits until nothing waits, runs or holds memory.
+    #[track_caller]
+    pub(crate) fn wait_until_idle(&self) {
+        let idle = [
+            "pixmesh_requests_in_progress",
+            "pixmesh_jobs_in_progress",
+            "pixmesh_queue_depth",
+            "pixmesh_memory_permits_mib{state=\"used\"}",
+        ];
+        self.wait_until("it is idle", || idle.iter().all(|name| self.metric(name) == 0.0));
+    }
+
+    /// A line of `/proc/<pid>/status` in KiB, such as `VmRSS` or `VmHWM`.
+    pub(crate) fn memory_kib(&self, name: &str) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let line = status.lines().find(|line| line.starts_with(name)).unwrap();
+        line.split_whitespace().nth(1).unwrap().parse().unwrap()
+    }
+
+    pub(crate) fn log(&self) -> String {
+        self.log.lock().unwrap().clone()
+    }
+
+    /// Sends a signal by name, such as `TERM`.
+    pub(crate) fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        let sent = Command::new("sh").args(["-c", &format!("kill -{name} {id}")]).status().unwrap();
+        assert!(sent.success());
+    }
+
+    /// Waits for the end of the process.
+    pub(crate) fn wait(&mut self) -> ExitStatus {
+        self.child.wait().unwrap()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        if !thread::panicking() {
+            assert!(!self.log().contains("panicked"), "{}", self.log());
+        }
+    }
+}
+
+/// Collects what the process logs.
+fn follow(mut output: impl Read + Send + 'static) -> Arc<Mutex<String>> {
+    let log = Arc::new(Mutex::new(String::new()));
+    let shared = Arc::clone(&log);
+    thread::spawn(move || {
+        let mut buffer = [0; 4096];
+        while let Ok(count @ 1..) = output.read(&mut buffer) {
+            shared.lock().unwrap().push_str(&String::from_utf8_lossy(&buffer[..count]));
+        }
+    });
+    log
+}

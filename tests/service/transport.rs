@@ -1,0 +1,213 @@
+//! The wire: limits, timeouts, methods, and requests that mean two things.
+
+use crate::client::{connect, exchange, receive, send};
+use crate::pictures::disc;
+use crate::server::Server;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+#[test]
+fn a_body_over_the_limit_is_refused_announced_or_not() {
+    let server = Server::start(&["--max-body", "64KiB"]);
+    let head = "POST /v1/meshes HTTP/1.1\r\nHost: test\r\n";
+    let announced = format!("{head}Content-Length: 65537\r\nExpect: 100-continue\r\n\r\n");
+    let mut stream = connect(server.public);
+    stream.write_all(announced.as_bytes()).unwrap();
+    let mut first_line = [0; 12];
+    stream.read_exact(&mut first_line).unwrap();
+    assert_eq!(&first_line, b"HTTP/1.1 413", "without 100 Continue before it");
+
+    let whole = format!("{head}Content-Length: 10000000\r\n\r\n").into_bytes();
+    let answer = exchange(server.public, &[whole, vec![0; 10_000_000]].concat());
+    let problem = answer.problem(413, "body-too-large");
+    assert_eq!((&problem["limit"], &problem["actual"]), (&65536.into(), &10_000_000.into()));
+    assert_eq!(problem["setting"], "--max-body");
+
+    let mut chunked = format!("{head}Transfer-Encoding: chunked\r\n\r\n").into_bytes();
+    for _ in 0..200 {
+        chunked.extend_from_slice(b"4000\r\n");
+        chunked.extend_from_slice(&[0; 0x4000]);
+        chunked.extend_from_slice(b"\r\n");
+    }
+    exchange(server.public, &chunked).problem(413, "body-too-large");
+    server.wait_until_idle();
+}
+
+#[test]
+fn a_chunked_body_is_received_and_ends_its_connection() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let mut request =
+        b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n".to_vec();
+    for piece in image.chunks(100) {
+        request.extend_from_slice(format!("{:x}\r\n", piece.len()).as_bytes());
+        request.extend_from_slice(piece);
+        request.extend_from_slice(b"\r\n");
+    }
+    request.extend_from_slice(b"0\r\n\r\n");
+    let answer = exchange(server.public, &request);
+    assert_eq!((answer.status, answer.header("connection")), (200, "close"), "{}", answer.text());
+}
+
+#[test]
+fn one_connection_serves_many_requests() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let mut stream = connect(server.public);
+    for _ in 0..5 {
+        let head = format!(
+            "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: {}\r\n\r\n",
+            image.len()
+        );
+        stream.write_all(&[head.as_bytes(), &image].concat()).unwrap();
+        assert_eq!(receive(&mut stream, Instant::now()).status, 200);
+    }
+}
+
+#[test]
+fn a_request_whose_end_is_ambiguous_is_refused_and_the_connection_closed() {
+    let server = Server::start(&[]);
+    for lengths in [
+        "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: chunked\r\nContent-Length: 5\r\n",
+        "transfer-encoding: CHUNKED\r\ncontent-length: 0\r\n",
+        "X: y\nContent-Length: 0\r\n",
+    ] {
+        let request = format!(
+            "POST /v1/meshes HTTP/1.1\r\nHost: a\r\n{lengths}\r\n0\r\n\r\nGET / HTTP/1.1\r\n\r\n"
+        );
+        let mut stream = connect(server.public);
+        stream.write_all(request.as_bytes()).unwrap();
+        let answer = receive(&mut stream, Instant::now());
+        answer.problem(400, "ambiguous-length");
+        assert_eq!(answer.header("connection"), "close");
+        assert_eq!(stream.read(&mut [0; 1]).unwrap(), 0, "no second answer");
+    }
+}
+
+#[test]
+fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
+    let server = Server::start(&[]);
+    for target in
+        ["/nothing", "/v1", "/v1/meshes/", "/v1/meshes/..%2f..%2fetc", "/%00", "/v1/jobs/1"]
+    {
+        server.get(target).problem(404, "not-found");
+    }
+    for method in ["GET", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW"] {
+        let answer = send(server.public, method, "/v1/meshes", &[], &[]);
+        assert_eq!((answer.status, answer.header("allow")), (405, "POST"), "{method}");
+    }
+    let answer = send(server.public, "POST", "/v1/methods", &[], &[]);
+    answer.problem(405, "method-not-allowed");
+    assert_eq!(answer.header("allow"), "GET,HEAD");
+    server.get(&format!("/{}", "a".repeat(16_000))).problem(414, "uri-too-long");
+    for length in [20_000, 100_000] {
+        let long = "a".repeat(length);
+        let answer = send(server.public, "GET", "/", &[("X-Long", &long)], &[]);
+        let problem = answer.problem(431, "headers-too-large");
+        assert_eq!(problem["limit"], 16 * 1024);
+    }
+    let huge = "a".repeat(400_000);
+    assert_eq!(send(server.public, "GET", "/", &[("X-Long", &huge)], &[]).status, 431);
+    let headers: Vec<_> = (0..1000).map(|i| (format!("X-{i}"), "y")).collect();
+    let headers: Vec<_> = headers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+    assert_eq!(send(server.public, "GET", "/", &headers, &[]).status, 431);
+    for request in ["nonsense\r\n\r\n", "GET / HTTP/1.1\r\nA b: c\r\n\r\n"] {
+        assert_eq!(exchange(server.public, request.as_bytes()).status, 400, "{request}");
+    }
+    for target in ["CONNECT test:80", "OPTIONS *", "GET *"] {
+        let request = format!("{target} HTTP/1.1\r\nHost: test\r\n\r\n");
+        let answer = exchange(server.public, request.as_bytes());
+        assert!((400..500).contains(&answer.status), "{target}: {}", answer.status);
+    }
+    let absolute = "GET http://elsewhere/v1/methods HTTP/1.0\r\n\r\n";
+    assert_eq!(exchange(server.public, absolute.as_bytes()).status, 200);
+}
+
+#[test]
+fn a_request_id_that_could_do_harm_is_replaced() {
+    let server = Server::start(&[]);
+    let id = |given: &str| {
+        let answer = send(server.public, "GET", "/", &[("X-Request-ID", given)], &[]);
+        answer.header("x-request-id").to_owned()
+    };
+    assert_eq!(id("abc-DEF_123"), "abc-DEF_123");
+    for harmful in ["", "a b", "<script>", "a\"b", &"a".repeat(65), "caf\u{e9}"] {
+        let replaced = id(harmful);
+        assert!(replaced != harmful && replaced.len() == 36, "{harmful}: {replaced}");
+    }
+}
+
+#[test]
+fn a_header_that_does_not_arrive_closes_the_connection() {
+    let server = Server::start(&["--header-timeout", "300ms"]);
+    for sent in ["", "POST /v1/meshes HTT", "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nX-Slow: "] {
+        let mut stream = connect(server.public);
+        stream.write_all(sent.as_bytes()).unwrap();
+        assert_closed_within(&mut stream, Duration::from_secs(3));
+    }
+    let mut idle = connect(server.public);
+    idle.write_all(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n").unwrap();
+    assert_eq!(receive(&mut idle, Instant::now()).status, 200);
+    assert_closed_within(&mut idle, Duration::from_secs(3));
+}
+
+#[test]
+fn a_body_that_does_not_arrive_is_answered_408() {
+    let server = Server::start(&["--body-timeout", "300ms"]);
+    let mut stream = connect(server.public);
+    let began = Instant::now();
+    stream
+        .write_all(b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 1000\r\n\r\nP5")
+        .unwrap();
+    let answer = receive(&mut stream, began);
+    answer.problem(408, "request-timeout");
+    assert!((300..2000).contains(&answer.took.as_millis()), "{:?}", answer.took);
+    assert_closed_within(&mut stream, Duration::from_secs(3));
+    server.wait_until_idle();
+}
+
+#[test]
+fn connections_over_the_number_are_told_so() {
+    let server = Server::start(&["--max-connections", "3"]);
+    let held: Vec<_> = (0..3).map(|_| connect(server.public)).collect();
+    let mut over = connect(server.public);
+    let answer = receive(&mut over, Instant::now());
+    assert_eq!((answer.status, answer.header("retry-after")), (503, "1"));
+    assert_eq!(answer.json()["type"], "/problems/overloaded");
+    assert_eq!(server.operate("/livez").status, 200);
+    drop(held);
+    server.wait_until("there is a place again", || {
+        let mut stream = connect(server.public);
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n").unwrap();
+        receive(&mut stream, Instant::now()).status == 200
+    });
+}
+
+#[test]
+fn bodies_share_a_memory_of_their_own() {
+    let server = Server::start(&["--memory-budget", "4MiB"]);
+    let mut slow = connect(server.public);
+    let head = b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 1000000\r\n\r\n";
+    slow.write_all(&[head.as_slice(), &[0; 900_000]].concat()).unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    server.wait_until("bodies take their memory", || {
+        let answer = server.mesh("", &[], &[0; 500_000]);
+        if answer.status == 503 {
+            assert_eq!(answer.problem(503, "overloaded")["setting"], "--memory-budget");
+            assert!(!answer.header("retry-after").is_empty());
+        }
+        answer.status == 503
+    });
+    assert_eq!(server.mesh("", &[], &disc(20, 20, 1)).status, 200, "there is room for small ones");
+    drop(slow);
+    server.wait_until("it is freed", || server.mesh("", &[], &[0; 500_000]).status == 415);
+}
+
+fn assert_closed_within(stream: &mut TcpStream, limit: Duration) {
+    let began = Instant::now();
+    let mut rest = Vec::new();
+    let _ = stream.read_to_end(&mut rest);
+    assert!(began.elapsed() < limit, "open after {:?}", began.elapsed());
+}

@@ -1,0 +1,192 @@
+//! How an image may be sent, and what a form must be like.
+
+use crate::client::{Answer, exchange, field, form, send};
+use crate::pictures::disc;
+use crate::server::Server;
+
+const IMAGE: &str = "Content-Disposition: form-data; name=\"image\"; filename=\"../../etc/passwd\"";
+
+fn post_form(server: &Server, query: &str, parts: &[(&str, &[u8])]) -> Answer {
+    let (content_type, body) = form(parts);
+    let target = format!("/v1/meshes?{query}");
+    send(server.public, "POST", &target, &[("Content-Type", &content_type)], &body)
+}
+
+#[test]
+fn a_raw_body_a_form_and_json_parameters_all_mean_the_same() {
+    let server = Server::start(&[]);
+    let image = disc(50, 40, 3);
+    let raw = server.mesh("density=3&method=med", &[("Content-Type", "image/png")], &image);
+    assert_eq!(raw.status, 200, "{}", raw.text());
+    let fields: [(&str, &[u8]); 3] =
+        [(&field("density"), b"3"), (IMAGE, &image), (&field("method"), b"med")];
+    let json: [(&str, &[u8]); 2] =
+        [(IMAGE, &image), (&field("params"), br#"{"density": 3, "method": "med"}"#)];
+    let mixed: [(&str, &[u8]); 2] = [(IMAGE, &image), (&field("params"), br#"{"density": 3.0}"#)];
+    for answer in [
+        post_form(&server, "", &fields),
+        post_form(&server, "", &json),
+        post_form(&server, "method=med", &mixed),
+        post_form(&server, "method=med&density=3", &[(IMAGE, &image)]),
+    ] {
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        assert_eq!(answer.header("etag"), raw.header("etag"));
+    }
+}
+
+#[test]
+fn the_content_decides_and_not_the_label() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    for label in ["image/jpeg", "image/nonsense", "application/octet-stream; x=y", "IMAGE/PNG"] {
+        let answer = server.mesh("", &[("Content-Type", label)], &image);
+        assert_eq!(answer.status, 200, "{label}: {}", answer.text());
+    }
+    for label in ["text/html", "application/json", "", "x"] {
+        let answer = server.mesh("", &[("Content-Type", label)], &image);
+        answer.problem(415, "unsupported-media-type");
+    }
+    let labelled = format!("{IMAGE}\r\nContent-Type: text/html");
+    post_form(&server, "", &[(&labelled, &image)]).problem(415, "unsupported-media-type");
+    let labelled = format!("{IMAGE}\r\nContent-Type: image/gif");
+    assert_eq!(post_form(&server, "", &[(&labelled, &image)]).status, 200);
+}
+
+#[test]
+fn compressed_bodies_are_refused_unread() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    for encoding in ["gzip", "br", "identity, gzip", "zstd"] {
+        let answer = server.mesh("", &[("Content-Encoding", encoding)], &image);
+        answer.problem(415, "unsupported-encoding");
+    }
+    assert_eq!(server.mesh("", &[("Content-Encoding", "identity")], &image).status, 200);
+}
+
+#[test]
+fn a_form_must_have_one_image_and_no_more_than_sixteen_parts() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let image: (&str, &[u8]) = (IMAGE, &image);
+    let density = field("density");
+    let density: (&str, &[u8]) = (&density, b"5");
+    let params = field("params");
+    let params: (&str, &[u8]) = (&params, b"{}");
+    post_form(&server, "", &[density]).problem(400, "image-missing");
+    post_form(&server, "", &[]).problem(400, "image-missing");
+    post_form(&server, "", &[image, image]).problem(400, "duplicate-part");
+    post_form(&server, "", &[image, params, params]).problem(400, "duplicate-part");
+    post_form(&server, "", &[image, density, density]).problem(400, "duplicate-parameter");
+    post_form(&server, "density=5", &[image, density]).problem(400, "duplicate-parameter");
+    let nameless: (&str, &[u8]) = ("Content-Disposition: form-data", b"5");
+    post_form(&server, "", &[image, nameless]).problem(400, "multipart-malformed");
+    let unknown = field("desnity");
+    let problem =
+        post_form(&server, "", &[image, (&unknown, b"5")]).problem(400, "unknown-parameter");
+    assert_eq!(problem["nearest"], "density");
+    let names = [
+        "method",
+        "density",
+        "gamma",
+        "initial",
+        "policy",
+        "startup",
+        "scan",
+        "leaky",
+        "tolerance",
+        "smoothing",
+        "smoothing_order",
+        "boundary",
+        "bad_point_removal",
+        "seed",
+        "format",
+    ];
+    let values = [
+        "mgprfs",
+        "5",
+        "4",
+        "ed",
+        "psd_max_d",
+        "classic",
+        "raster",
+        "false",
+        "10",
+        "mean",
+        "5",
+        "zero",
+        "false",
+        "1",
+        "model",
+    ];
+    let headers = names.map(field);
+    let mut parts: Vec<(&str, &[u8])> = vec![image];
+    parts.extend(headers.iter().zip(values).map(|(h, v)| (h.as_str(), v.as_bytes())));
+    assert_eq!(parts.len(), 16);
+    assert_eq!(post_form(&server, "", &parts).status, 200);
+    parts.push(params);
+    let problem = post_form(&server, "", &parts).problem(400, "too-many-parts");
+    assert_eq!(problem["limit"], 16);
+    let many = vec![density; 5000];
+    post_form(&server, "", &many).problem(400, "duplicate-parameter");
+}
+
+#[test]
+fn a_form_that_cannot_be_read_is_refused() {
+    let server = Server::start(&[]);
+    let malformed = |content_type: &str, body: &[u8]| {
+        let headers = [("Content-Type", content_type)];
+        let answer = send(server.public, "POST", "/v1/meshes", &headers, body);
+        answer.problem(400, "multipart-malformed");
+    };
+    malformed("multipart/form-data", b"--limit\r\n");
+    malformed("multipart/form-data; boundary=limit", b"--limit\r\nContent-Dis");
+    malformed("multipart/form-data; boundary=other", b"--limit\r\n\r\nabc\r\n--limit--\r\n");
+    let headers = "X: y\r\n".repeat(10_000);
+    let (content_type, body) = form(&[(&format!("{headers}{IMAGE}"), b"abc")]);
+    malformed(&content_type, &body);
+    let mixed = format!("{IMAGE}\r\nContent-Type: multipart/mixed; boundary=inner");
+    let answer = post_form(&server, "", &[(&mixed, b"--inner--")]);
+    answer.problem(415, "unsupported-media-type");
+}
+
+#[test]
+fn a_form_over_the_limit_of_bodies_is_refused_like_any_body() {
+    let server = Server::start(&["--max-body", "64KiB"]);
+    let answer = post_form(&server, "", &[(IMAGE, &[0; 100_000])]);
+    assert_eq!(answer.problem(413, "body-too-large")["setting"], "--max-body");
+    let mut chunked = b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\
+        Content-Type: multipart/form-data; boundary=limit\r\n\r\n18700\r\n"
+        .to_vec();
+    let (_, body) = form(&[(IMAGE, &[0; 100_000])]);
+    chunked.extend_from_slice(&body[..0x18700]);
+    exchange(server.public, &chunked).problem(413, "body-too-large");
+    let field = field("params");
+    let answer = post_form(&server, "", &[(&field, &[b' '; 50_000]), (IMAGE, b"")]);
+    answer.problem(400, "json-malformed");
+}
+
+#[test]
+fn json_parameters_are_a_flat_object() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let params = field("params");
+    let post = |json: &[u8]| post_form(&server, "", &[(IMAGE, &image), (&params, json)]);
+    let deep = [b"{\"density\":".as_slice(), &[b'['; 10_000], &[b']'; 10_000], b"}"].concat();
+    for json in [
+        deep.as_slice(),
+        b"{\"density\": 1e400}",
+        b"\xEF\xBB\xBF{}",
+        b"{\"density\": 5,}",
+        b"[]",
+        b"{\"method\": \"\xFF\"}",
+        b"{\"method\": \"\\ud800\"}",
+        b"{} {}",
+        b"{\"leaky\": null}",
+    ] {
+        post(json).problem(400, "json-malformed");
+    }
+    post(br#"{"density": 5, "density": 6}"#).problem(400, "duplicate-parameter");
+    post(br#"{"density": -1}"#).problem(422, "parameter-out-of-range");
+    post(br#"{"density": "NaN"}"#).problem(422, "not-finite");
+    assert_eq!(post(br#"{"density": 5, "leaky": false}"#).status, 200);
+}
