@@ -1,0 +1,22 @@
+# Builds the service and runs it as a user without rights.
+#
+#   docker build -t pixmesh .
+#   docker run --rm -p 8080:8080 -p 8081:8081 pixmesh
+
+FROM docker.io/library/rust:1.95-bookworm AS build
+WORKDIR /pixmesh
+COPY . .
+RUN cargo build --release --locked --bin pixmesh
+
+FROM docker.io/library/debian:bookworm-slim
+COPY --from=build /pixmesh/target/release/pixmesh /usr/local/bin/pixmesh
+USER 65532:65532
+# Inside a container every address is reached from outside: whoever publishes the port decides who
+# may use it.
+ENV PIXMESH_LISTEN=0.0.0.0:8080 \
+    PIXMESH_OPS_LISTEN=0.0.0.0:8081 \
+    PIXMESH_INSECURE_NO_AUTH=true
+EXPOSE 8080 8081
+HEALTHCHECK --interval=10s --timeout=3s CMD ["pixmesh", "health"]
+ENTRYPOINT ["pixmesh"]
+CMD ["serve"]
