@@ -14,6 +14,7 @@ use std::ffi::OsString;
 use std::fmt;
 use std::net::SocketAddr;
 use std::num::{NonZeroU64, NonZeroUsize};
+use std::path::PathBuf;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
@@ -47,6 +48,30 @@ pub struct Settings {
     /// What a client may send, and how slowly.
     #[command(flatten)]
     pub limits: Limits,
+    /// Where and how jobs are kept.
+    #[command(flatten)]
+    pub jobs: JobSettings,
+}
+
+/// Settings of the interface's jobs, which this version does not offer: checked, so that one
+/// configuration fits this and later versions, and otherwise without effect, as the log says.
+#[derive(Args, Clone, Debug)]
+pub struct JobSettings {
+    /// Folder of the jobs.
+    #[arg(long, env = "PIXMESH_DATA_DIR", hide = true)]
+    pub data_dir: Option<PathBuf>,
+    /// Engine of the queue.
+    #[arg(long, env = "PIXMESH_QUEUE", hide = true, value_parser = ["embedded"])]
+    pub queue: Option<String>,
+    /// Store of pictures and results.
+    #[arg(long, env = "PIXMESH_BLOBS", hide = true, value_parser = ["file"])]
+    pub blobs: Option<String>,
+    /// Longest time of a job.
+    #[arg(long, env = "PIXMESH_JOB_DEADLINE", hide = true)]
+    pub job_deadline: Option<Period>,
+    /// How long results are kept.
+    #[arg(long, env = "PIXMESH_RESULT_TTL", hide = true)]
+    pub result_ttl: Option<Period>,
 }
 
 /// What a client may send, and how slowly.
@@ -131,6 +156,21 @@ impl Settings {
     #[must_use]
     pub fn deadline(&self) -> Duration {
         self.sync_deadline.0
+    }
+}
+
+impl JobSettings {
+    /// The flags of those that are given.
+    pub fn given(&self) -> impl Iterator<Item = &'static str> {
+        [
+            ("--data-dir", self.data_dir.is_some()),
+            ("--queue", self.queue.is_some()),
+            ("--blobs", self.blobs.is_some()),
+            ("--job-deadline", self.job_deadline.is_some()),
+            ("--result-ttl", self.result_ttl.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(flag, given)| given.then_some(flag))
     }
 }
 

@@ -71,6 +71,9 @@ impl Lifecycle {
 /// When an address cannot be listened on, or a runtime cannot be started.
 pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
     telemetry::start_log(settings.log_format);
+    for flag in settings.jobs.given() {
+        tracing::warn!(flag, "has no effect: this version keeps no jobs");
+    }
     let metrics = telemetry::start_metrics(settings.worker_count())?;
     let lifecycle = Lifecycle::default();
     let public = bind(settings.listen)?;

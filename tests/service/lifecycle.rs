@@ -87,6 +87,19 @@ fn a_wrong_setting_stops_the_start_with_a_reason() {
 }
 
 #[test]
+fn settings_of_jobs_are_checked_and_said_to_have_no_effect() {
+    let server =
+        Server::start(&["--data-dir", "somewhere", "--queue", "embedded", "--blobs", "file"]);
+    server.wait_until("the log says so", || {
+        let log = server.log();
+        ["--data-dir", "--queue", "--blobs"].iter().all(|flag| log.contains(flag))
+    });
+    assert!(!std::path::Path::new("somewhere").exists());
+    let refused = program().args(["serve", "--queue", "carrier-pigeon"]).output().unwrap();
+    assert!(!refused.status.success());
+}
+
+#[test]
 fn config_prints_the_settings_in_force() {
     let output = program()
         .args(["config", "--max-body", "2MiB"])
