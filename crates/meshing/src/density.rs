@@ -59,7 +59,10 @@ impl Density {
             Policy::PseL => of(Mol, Apart)?,
             Policy::PsbD => aggregate(&luma(image), &filter, Mmsodd, Maximum, control)?,
             Policy::PsbL => aggregate(&luma(image), &filter, Mol, Maximum, control)?,
-            Policy::Psc => vec![vector_gradient(&filter, image.components(), image.width())],
+            Policy::Psc => {
+                let (components, tie) = (image.components(), parameters.psc_tie);
+                vec![vector_gradient(&filter, components, image.width(), tie)]
+            }
         };
         let mut density = Self { width: image.width(), height: image.height(), fields };
         if image.is_flat() {

@@ -12,6 +12,8 @@
 use crate::control::{Cancelled, Control, Stage};
 use crate::density::Density;
 use crate::method::{Parameters, Scan, Startup};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
@@ -117,9 +119,17 @@ impl<'a> Diffusion<'a> {
             chosen: vec![0; width * density.height],
             rows: [vec![0.0; width], vec![0.0; width]],
         };
-        if parameters.startup == Startup::Mirroring {
-            for field in 0..density.fields.len() {
-                diffusion.initial_errors[field] = diffusion.mirrored_errors(field);
+        for field in 0..density.fields.len() {
+            match parameters.startup {
+                Startup::Classic => {}
+                Startup::Mirroring => {
+                    diffusion.initial_errors[field] = diffusion.mirrored_errors(field);
+                }
+                Startup::Random => {
+                    let reach = diffusion.first_threshold();
+                    diffusion.initial_errors[field] =
+                        random_errors(width, reach, parameters.seed, field as u64);
+                }
             }
         }
         diffusion
@@ -185,6 +195,15 @@ impl<'a> Diffusion<'a> {
             rightwards ^= self.serpentine;
         }
     }
+}
+
+/// Errors drawn evenly from `-reach..reach`, from the seed's stream for a field.
+fn random_errors(width: usize, reach: f64, seed: u64, field: u64) -> Vec<f64> {
+    let mut stream = ChaCha8Rng::seed_from_u64(seed);
+    stream.set_stream(field);
+    // 53 random bits, as many as a fraction in 0..1 has.
+    let fraction = |bits: u64| (bits >> 11) as f64 / (1u64 << 53) as f64;
+    (0..width).map(|_| (2.0 * fraction(stream.next_u64()) - 1.0) * reach).collect()
 }
 
 impl Density {
@@ -295,5 +314,21 @@ fn decide(value: f64, threshold: f64, chosen: &mut u8) -> f64 {
         value - 2.0 * threshold
     } else {
         value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_errors_are_those_of_the_seed_and_the_field_and_within_reach() {
+        let errors = random_errors(1000, 0.25, 7, 0);
+        assert_eq!(errors, random_errors(1000, 0.25, 7, 0));
+        assert_ne!(errors, random_errors(1000, 0.25, 8, 0));
+        assert_ne!(errors, random_errors(1000, 0.25, 7, 1));
+        assert!(errors.iter().all(|error| error.abs() <= 0.25));
+        let mean = errors.iter().sum::<f64>() / 1000.0;
+        assert!(mean.abs() < 0.02, "{mean}");
     }
 }

@@ -1,28 +1,41 @@
-//! Smoothing and differentiation as one filter.
+//! Smoothing and differentiation as one filter, or as two.
 //!
 //! The component is extended beyond its border, smoothed in full precision and differentiated,
 //! and only the result is cropped: each derivative is the correlation of the extended component
 //! with one separable stencil, the smoothing kernel convolved with a difference kernel along one
-//! axis or both. Stencils hold whole numbers, so that every value of a picture of up to 16 bits is
-//! an exact multiple of a known unit up to smoothing order 17 (beyond, it is rounded, in the same
-//! way on every machine); the unit is applied once, at the end.
+//! axis or both. With double convolution the smoothed component is cropped to the picture first
+//! and extended again for the differences. Stencils hold whole numbers, so that every value of a
+//! picture of up to 16 bits is an exact multiple of a known unit up to smoothing order 17 (beyond,
+//! it is rounded, in the same way on every machine); the unit is applied once, at the end.
 
-use crate::method::{Boundary, Parameters, Smoothing};
+use crate::method::{Boundary, Parameters, Smoothing, SmoothingDirection};
 
-/// The smoothing and difference kernels of one set of parameters, in whole numbers.
-///
-/// All three have the same odd length, `order + 2`, centred at the same sample.
+/// A kernel of odd length along each axis.
+#[derive(Clone, Debug)]
+struct Stencil {
+    x: Vec<f64>,
+    y: Vec<f64>,
+}
+
+/// The stencils of one set of parameters, in whole numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Filter {
-    /// The smoothing kernel.
-    smooth: Vec<f64>,
-    /// The smoothing kernel convolved with `[-1, 0, 1]`: twice the first derivative.
-    first: Vec<f64>,
-    /// The smoothing kernel convolved with `[1, -2, 1]`: the second derivative.
-    second: Vec<f64>,
-    /// What the filtered values must be divided by: the square of the kernel's sum.
+    first_x: Stages,
+    first_y: Stages,
+    second_x: Stages,
+    second_y: Stages,
+    mixed: Stages,
+    /// What the filtered values must be divided by.
     divisor: f64,
+    smoothing_boundary: Boundary,
     boundary: Boundary,
+}
+
+/// What makes one derivative of a component: one stencil, or two with a crop in between.
+#[derive(Clone, Debug)]
+struct Stages {
+    smoothing: Option<Stencil>,
+    derivative: Stencil,
 }
 
 /// Filtered values of one row, `width` each, in units of `1 / divisor`.
@@ -45,16 +58,34 @@ pub(crate) enum Order {
     Second,
 }
 
+/// No smoothing and no difference.
+const IDENTITY: &[f64] = &[1.0];
+/// Twice the first derivative.
+const FIRST_DIFFERENCE: &[f64] = &[-1.0, 0.0, 1.0];
+/// The second derivative.
+const SECOND_DIFFERENCE: &[f64] = &[1.0, -2.0, 1.0];
+
 impl Filter {
-    /// The kernels that the parameters ask for.
+    /// The stencils that the parameters ask for.
     pub(crate) fn new(parameters: &Parameters) -> Self {
         let kernel = smoothing_kernel(parameters.smoothing, parameters.smoothing_order);
         let sum: f64 = kernel.iter().sum();
+        let both = parameters.smoothing_direction == SmoothingDirection::Both;
+        let along = if both { kernel.as_slice() } else { IDENTITY };
+        // Without smoothing the mixed derivative is brought to the unit of the others.
+        let unit = [sum];
+        let (mixed_x, mixed_y) = if both { (along, along) } else { (IDENTITY, &unit[..]) };
+        let stages = |smooth_x: &[f64], smooth_y: &[f64], x: &[f64], y: &[f64]| {
+            Stages::new(parameters.double_convolution, [smooth_x, smooth_y], [x, y])
+        };
         Self {
-            smooth: convolve(&kernel, &[0.0, 1.0, 0.0]),
-            first: convolve(&kernel, &[-1.0, 0.0, 1.0]),
-            second: convolve(&kernel, &[1.0, -2.0, 1.0]),
-            divisor: sum * sum,
+            first_x: stages(along, &kernel, FIRST_DIFFERENCE, IDENTITY),
+            first_y: stages(&kernel, along, IDENTITY, FIRST_DIFFERENCE),
+            second_x: stages(along, &kernel, SECOND_DIFFERENCE, IDENTITY),
+            second_y: stages(&kernel, along, IDENTITY, SECOND_DIFFERENCE),
+            mixed: stages(mixed_x, mixed_y, FIRST_DIFFERENCE, FIRST_DIFFERENCE),
+            divisor: if both { sum * sum } else { sum },
+            smoothing_boundary: parameters.smoothing_boundary,
             boundary: parameters.boundary,
         }
     }
@@ -72,73 +103,130 @@ impl Filter {
         order: Order,
         mut use_row: impl FnMut(usize, &DerivativeRow),
     ) {
-        let height = component.len() / width;
-        let mut columns = ColumnSums::new(width, self.radius());
+        let prepare = |stages| Pass::new(stages, component, width, self);
+        let mut passes = match order {
+            Order::First => vec![prepare(&self.first_x), prepare(&self.first_y)],
+            Order::Second => {
+                vec![prepare(&self.second_x), prepare(&self.second_y), prepare(&self.mixed)]
+            }
+        };
         let mut row = DerivativeRow::default();
-        for y in 0..height {
-            let vertical = |kernel: &[f64], sums: &mut Vec<f64>| {
-                self.filter_columns(component, width, y, kernel, sums);
-            };
-            match order {
-                Order::First => {
-                    vertical(&self.smooth, &mut columns.smooth);
-                    vertical(&self.first, &mut columns.first);
-                    correlate(&columns.smooth, &self.first, width, &mut row.xx);
-                    correlate(&columns.first, &self.smooth, width, &mut row.yy);
-                }
-                Order::Second => {
-                    vertical(&self.smooth, &mut columns.smooth);
-                    vertical(&self.first, &mut columns.first);
-                    vertical(&self.second, &mut columns.second);
-                    correlate(&columns.smooth, &self.second, width, &mut row.xx);
-                    correlate(&columns.second, &self.smooth, width, &mut row.yy);
-                    correlate(&columns.first, &self.first, width, &mut row.xy);
-                }
+        for y in 0..component.len() / width {
+            let values = [&mut row.xx, &mut row.yy, &mut row.xy];
+            for (pass, values) in passes.iter_mut().zip(values) {
+                pass.row(y, values);
             }
             use_row(y, &row);
         }
     }
+}
 
-    /// How many samples the kernels reach to each side.
-    fn radius(&self) -> usize {
-        self.smooth.len() / 2
+impl Stages {
+    /// Smoothing along x and y, then a difference along x and y: as one stencil, or apart.
+    fn new(apart: bool, smooth: [&[f64]; 2], difference: [&[f64]; 2]) -> Self {
+        let stencil = |[x, y]: [&[f64]; 2]| Stencil { x: x.to_vec(), y: y.to_vec() };
+        if apart {
+            return Self { smoothing: Some(stencil(smooth)), derivative: stencil(difference) };
+        }
+        let x = convolve(smooth[0], difference[0]);
+        let y = convolve(smooth[1], difference[1]);
+        Self { smoothing: None, derivative: Stencil { x, y } }
+    }
+}
+
+/// One derivative of one component, row by row.
+struct Pass<'a> {
+    source: Source<'a>,
+    stencil: &'a Stencil,
+    width: usize,
+    boundary: Boundary,
+    /// A row of column sums, extended to both sides.
+    sums: Vec<f64>,
+}
+
+/// What a derivative is taken of.
+enum Source<'a> {
+    Samples(&'a [u16]),
+    Smoothed(Vec<f64>),
+}
+
+impl<'a> Pass<'a> {
+    /// Prepares a derivative: with double convolution by smoothing the whole component.
+    fn new(stages: &'a Stages, component: &'a [u16], width: usize, filter: &Filter) -> Self {
+        let source = match &stages.smoothing {
+            None => Source::Samples(component),
+            Some(stencil) => {
+                Source::Smoothed(filtered(component, width, stencil, filter.smoothing_boundary))
+            }
+        };
+        let sums = vec![0.0; width + stencil_margin(&stages.derivative)];
+        Self { source, stencil: &stages.derivative, width, boundary: filter.boundary, sums }
     }
 
-    /// Correlates the columns of the extended component with a kernel centred at row `y`, then
-    /// extends the row of sums to both sides by the kernels' radius.
-    fn filter_columns(
-        &self,
-        component: &[u16],
-        width: usize,
-        y: usize,
-        kernel: &[f64],
-        sums: &mut [f64],
-    ) {
-        let (radius, height) = (self.radius(), component.len() / width);
-        sums.fill(0.0);
-        for (k, &weight) in kernel.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
-            let at = y as isize + k as isize - radius as isize;
-            let Some(source) = extended_index(at, height, self.boundary) else { continue };
-            let samples = &component[source * width..][..width];
-            for (sum, &sample) in sums[radius..].iter_mut().zip(samples) {
-                *sum += weight * f64::from(sample);
+    /// The derivative of row `y`.
+    fn row(&mut self, y: usize, values: &mut Vec<f64>) {
+        let Self { source, stencil, width, boundary, sums } = self;
+        match source {
+            Source::Samples(samples) => {
+                filter_row(samples, *width, y, stencil, *boundary, sums, values);
+            }
+            Source::Smoothed(smoothed) => {
+                filter_row(smoothed, *width, y, stencil, *boundary, sums, values);
             }
         }
-        extend_sideways(sums, radius, width, self.boundary);
     }
 }
 
-/// Rows of column sums, extended by the kernels' radius to both sides.
-struct ColumnSums {
-    smooth: Vec<f64>,
-    first: Vec<f64>,
-    second: Vec<f64>,
+/// Values that both margins of a row of column sums hold.
+fn stencil_margin(stencil: &Stencil) -> usize {
+    stencil.x.len() - 1
 }
 
-impl ColumnSums {
-    fn new(width: usize, radius: usize) -> Self {
-        let row = || vec![0.0; width + 2 * radius];
-        Self { smooth: row(), first: row(), second: row() }
+/// A whole component, filtered and cropped.
+fn filtered(component: &[u16], width: usize, stencil: &Stencil, boundary: Boundary) -> Vec<f64> {
+    let mut sums = vec![0.0; width + stencil_margin(stencil)];
+    let (mut all, mut row) = (Vec::with_capacity(component.len()), Vec::new());
+    for y in 0..component.len() / width {
+        filter_row(component, width, y, stencil, boundary, &mut sums, &mut row);
+        all.extend_from_slice(&row);
+    }
+    all
+}
+
+/// Correlates an extended component with a stencil centred in each place of row `y`.
+fn filter_row<T: Copy + Into<f64>>(
+    component: &[T],
+    width: usize,
+    y: usize,
+    stencil: &Stencil,
+    boundary: Boundary,
+    sums: &mut [f64],
+    values: &mut Vec<f64>,
+) {
+    let radius = stencil.x.len() / 2;
+    sum_columns(component, width, y, &stencil.y, boundary, &mut sums[radius..][..width]);
+    extend_sideways(sums, radius, width, boundary);
+    correlate(sums, &stencil.x, width, values);
+}
+
+/// Correlates the columns of the extended component with a kernel centred at row `y`.
+fn sum_columns<T: Copy + Into<f64>>(
+    component: &[T],
+    width: usize,
+    y: usize,
+    kernel: &[f64],
+    boundary: Boundary,
+    sums: &mut [f64],
+) {
+    let (radius, height) = (kernel.len() / 2, component.len() / width);
+    sums.fill(0.0);
+    for (k, &weight) in kernel.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+        let at = y as isize + k as isize - radius as isize;
+        let Some(source) = extended_index(at, height, boundary) else { continue };
+        let samples = &component[source * width..][..width];
+        for (sum, &sample) in sums.iter_mut().zip(samples) {
+            *sum += weight * sample.into();
+        }
     }
 }
 
@@ -202,16 +290,88 @@ mod tests {
     use super::*;
     use crate::method::Target;
 
+    fn parameters() -> Parameters {
+        Parameters::new(Target::Size(4))
+    }
+
+    /// All derivatives of a component, divided by their unit.
+    fn derivatives(parameters: &Parameters, component: &[u16], width: usize) -> [Vec<f64>; 3] {
+        let filter = Filter::new(parameters);
+        let mut all = [Vec::new(), Vec::new(), Vec::new()];
+        filter.for_each_row(component, width, Order::Second, |_, row| {
+            for (all, row) in all.iter_mut().zip([&row.xx, &row.yy, &row.xy]) {
+                all.extend(row.iter().map(|value| value / filter.divisor()));
+            }
+        });
+        all
+    }
+
+    /// A 9 by 9 picture that is black but for one sample of 64 in the middle.
+    fn impulse() -> Vec<u16> {
+        let mut samples = vec![0; 81];
+        samples[4 * 9 + 4] = 64;
+        samples
+    }
+
     #[test]
     fn order_three_is_the_known_stencil() {
-        let filter = Filter::new(&Parameters::new(Target::Size(4)));
-        assert_eq!(filter.smooth, [0.0, 1.0, 2.0, 1.0, 0.0]);
-        assert_eq!(filter.second, [1.0, 0.0, -2.0, 0.0, 1.0]);
-        assert_eq!(
-            filter.first.iter().map(|w| -w).collect::<Vec<_>>(),
-            [1.0, 2.0, 0.0, -2.0, -1.0]
-        );
+        let filter = Filter::new(&parameters());
+        assert_eq!(filter.second_x.derivative.x, [1.0, 0.0, -2.0, 0.0, 1.0]);
+        assert_eq!(filter.second_x.derivative.y, [1.0, 2.0, 1.0]);
+        assert_eq!(filter.mixed.derivative.x, [-1.0, -2.0, 0.0, 2.0, 1.0]);
+        assert_eq!(filter.mixed.derivative.y, filter.mixed.derivative.x);
         assert_eq!(filter.divisor(), 16.0);
+    }
+
+    #[test]
+    fn orthogonal_smoothing_leaves_the_derivative_s_own_direction_sharp() {
+        let orthogonal =
+            Parameters { smoothing_direction: SmoothingDirection::Orthogonal, ..parameters() };
+        let [xx, yy, xy] = derivatives(&orthogonal, &impulse(), 9);
+        assert_eq!(xx[4 * 9 + 2..][..5], [0.0, 32.0, -64.0, 32.0, 0.0]);
+        assert_eq!(xx[3 * 9 + 2..][..5], [0.0, 16.0, -32.0, 16.0, 0.0]);
+        assert_eq!([yy[3 * 9 + 4], yy[4 * 9 + 4], yy[4 * 9 + 3]], [32.0, -64.0, -32.0]);
+        // Four times the mixed derivative, unsmoothed.
+        assert_eq!([xy[3 * 9 + 3], xy[3 * 9 + 4], xy[3 * 9 + 5]], [64.0, 0.0, -64.0]);
+    }
+
+    #[test]
+    fn two_passes_differ_from_one_at_the_border_only() {
+        for smoothing_direction in [SmoothingDirection::Both, SmoothingDirection::Orthogonal] {
+            let once = Parameters { smoothing_direction, ..parameters() };
+            let twice = Parameters { double_convolution: true, ..once.clone() };
+            let samples: Vec<u16> = (0..81).map(|i| 50 + i * i % 97).collect();
+            let (one, two) = (derivatives(&once, &samples, 9), derivatives(&twice, &samples, 9));
+            // At right angles to each other the two filters do not see each other's border.
+            assert_eq!(one != two, smoothing_direction == SmoothingDirection::Both);
+            for (one, two) in one.iter().zip(&two) {
+                for i in (0..81).filter(|i| (2..7).contains(&(i % 9)) && (2..7).contains(&(i / 9)))
+                {
+                    assert_eq!(one[i], two[i], "{i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn each_pass_extends_as_its_own_boundary_says() {
+        // A flat picture stays flat where it is extended by itself, and shows its border elsewhere.
+        let flat = [80; 36];
+        let second = |smoothing_boundary, boundary| {
+            let twice = Parameters {
+                double_convolution: true,
+                smoothing_boundary,
+                boundary,
+                ..parameters()
+            };
+            derivatives(&twice, &flat, 6)[0][2 * 6..][..6].to_vec()
+        };
+        assert_eq!(second(Boundary::Constant, Boundary::Symmetric), [0.0; 6]);
+        assert_eq!(second(Boundary::Constant, Boundary::Zero), [-80.0, 0.0, 0.0, 0.0, 0.0, -80.0]);
+        assert_eq!(
+            second(Boundary::Zero, Boundary::Constant),
+            [20.0, -20.0, 0.0, 0.0, -20.0, 20.0]
+        );
     }
 
     #[test]

@@ -5,10 +5,10 @@ use crate::face_error::FaceErrors;
 use crate::image::Image;
 use crate::luma::luma;
 use crate::mesh::{Mesh, Shape};
-use crate::method::{Meshed, ParameterError, Parameters, Plan};
+use crate::method::{ErrorMetric, Meshed, ParameterError, Parameters, Plan};
 use crate::metrics::Fidelity;
 use crate::sample_points::sample_points;
-use crate::simplify::{StopRule, simplify};
+use crate::simplify::{Removal, StopRule, simplify};
 use crate::triangulation::Triangulation;
 use thiserror::Error;
 
@@ -24,6 +24,8 @@ pub struct Model {
     pub fidelity: Fidelity,
     /// The numbers that the parameters meant for this image.
     pub plan: Plan,
+    /// The vertices that greedy removal took out, in order.
+    pub removals: Vec<Removal>,
 }
 
 /// Why no mesh was made.
@@ -52,13 +54,13 @@ pub fn generate(
     control: &dyn Control,
 ) -> Result<Model, GenerateError> {
     let plan = parameters.plan(image.shape())?;
-    let triangulation = match parameters.meshed {
+    let (triangulation, removals) = match parameters.meshed {
         Meshed::Components => triangulate_image(image, parameters, plan, control)?,
         Meshed::Luma => triangulate_image(&luma(image), &on_luma(parameters), plan, control)?,
     };
     let fidelity = Fidelity::of_sum(squared_error(image, &triangulation, control)?, image);
     let mesh = carry_samples(image, triangulation);
-    Ok(Model { mesh, fidelity, plan })
+    Ok(Model { mesh, fidelity, plan, removals })
 }
 
 /// Chooses, triangulates and simplifies.
@@ -67,22 +69,24 @@ fn triangulate_image(
     parameters: &Parameters,
     plan: Plan,
     control: &dyn Control,
-) -> Result<Triangulation, Cancelled> {
+) -> Result<(Triangulation, Vec<Removal>), Cancelled> {
     let points = sample_points(image, parameters, plan.initial_size, control)?;
     let triangulation = Triangulation::new(points, control)?;
-    let Plan { size, initial_size, minimum_psnr_db } = plan;
+    let Plan { size, initial_size, bound } = plan;
     let bad_point_removal = parameters.bad_point_removal;
-    if initial_size == size && minimum_psnr_db.is_none() && !bad_point_removal {
+    if initial_size == size && bound.is_none() && !bad_point_removal {
         // A one-shot mesh has the size that error diffusion gave it, a few points more or fewer.
-        return Ok(triangulation);
+        return Ok((triangulation, Vec::new()));
     }
-    simplify(image, triangulation, StopRule { size, minimum_psnr_db, bad_point_removal }, control)
+    let rule = StopRule { size, bound, metric: parameters.error_metric, bad_point_removal };
+    simplify(image, triangulation, rule, control)
 }
 
 /// The parameters of a colour method for the luma, an image of one component.
 fn on_luma(parameters: &Parameters) -> Parameters {
     let policy = parameters.policy.of_one_component();
-    Parameters { policy, meshed: Meshed::Components, ..parameters.clone() }
+    let error_metric = parameters.error_metric.of_one_component();
+    Parameters { policy, error_metric, meshed: Meshed::Components, ..parameters.clone() }
 }
 
 /// The squared error of an image's approximation over a triangulation.
@@ -91,14 +95,14 @@ fn squared_error(
     triangulation: &Triangulation,
     control: &dyn Control,
 ) -> Result<u64, Cancelled> {
-    let mut errors = FaceErrors::new(image);
+    let mut errors = FaceErrors::new(image, ErrorMetric::MeanCompSe);
     let (faces, mut sum) = (triangulation.origins.chunks_exact(3), 0);
     let count = faces.len();
     for (f, face) in faces.enumerate() {
         if f % FACES_PER_POLL == 0 {
             control.poll(Stage::Measure, f, count)?;
         }
-        sum += errors.squared_error([0, 1, 2].map(|i| triangulation.points[face[i] as usize]));
+        sum += errors.error([0, 1, 2].map(|i| triangulation.points[face[i] as usize]));
     }
     Ok(sum)
 }

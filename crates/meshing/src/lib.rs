@@ -39,6 +39,7 @@
 mod control;
 mod density;
 mod error_diffusion;
+mod error_metric;
 mod face_error;
 mod face_rows;
 mod filter;
@@ -65,12 +66,14 @@ pub use generate::{GenerateError, Model, generate};
 pub use image::{Image, ImageError, MAX_SIDE};
 pub use mesh::{Face, Mesh, MeshError, Point, Shape};
 pub use method::{
-    Boundary, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_PSNR_DB, MAX_SMOOTHING_ORDER,
-    MIN_DENSITY, MIN_SIZE, Meshed, Method, ParameterError, Parameters, Plan, Policy, Scan,
-    Smoothing, Startup, Target,
+    Boundary, ErrorBound, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA,
+    MAX_MEAN_ERROR, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed, Method,
+    ParameterError, Parameters, Plan, Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup,
+    Target,
 };
 pub use metrics::{Fidelity, ShapeMismatch};
 pub use predicates::{in_circle, orientation};
 pub use rasterize::rasterize;
 pub use sample_points::sample_points;
+pub use simplify::Removal;
 pub use triangulation::triangulate;

@@ -12,7 +12,7 @@ pub(crate) fn luma(image: &Image) -> Image {
     let samples = match image.components() {
         [red, green, blue, ..] => {
             let colours = red.iter().zip(green).zip(blue);
-            colours.map(|((&red, &green), &blue)| weighted_sum(red, green, blue)).collect()
+            colours.map(|((&red, &green), &blue)| luma_of([red, green, blue])).collect()
         }
         components => components[0].clone(),
     };
@@ -20,7 +20,8 @@ pub(crate) fn luma(image: &Image) -> Image {
 }
 
 /// The luma of one colour.
-fn weighted_sum(red: u16, green: u16, blue: u16) -> u16 {
+#[inline]
+pub(crate) fn luma_of([red, green, blue]: [u16; 3]) -> u16 {
     let sum = 0.299 * f64::from(red) + 0.587 * f64::from(green) + 0.114 * f64::from(blue);
     sum.floor() as u16
 }
@@ -31,8 +32,8 @@ mod tests {
 
     #[test]
     fn equal_components_are_their_own_luma_or_one_less() {
-        let off: Vec<u16> = (0..=255).filter(|&v| weighted_sum(v, v, v) != v).collect();
-        assert!(off.iter().all(|&v| weighted_sum(v, v, v) == v - 1), "{off:?}");
+        let off: Vec<u16> = (0..=255).filter(|&v| luma_of([v, v, v]) != v).collect();
+        assert!(off.iter().all(|&v| luma_of([v, v, v]) == v - 1), "{off:?}");
         assert!(off.contains(&128) && off.len() == 65, "{off:?}");
     }
 

@@ -27,6 +27,9 @@ pub const MAX_DENSITY: f64 = 100.0;
 /// The largest PSNR that may be asked for, in decibels.
 pub const MAX_PSNR_DB: f64 = 200.0;
 
+/// The largest mean error that may be asked for: more than any metric of 16 bits gives.
+pub const MAX_MEAN_ERROR: f64 = 1e12;
+
 /// The largest ratio of initial to final points.
 pub const MAX_GAMMA: f64 = 1000.0;
 
@@ -87,11 +90,16 @@ pub enum ParameterError {
         /// Values allowed for this image.
         allowed: Vec<&'static str>,
     },
-    /// A target PSNR with a method that does not simplify.
+    /// A target PSNR or error with a method that does not simplify.
     #[error(
-        "target_psnr needs a method that simplifies, which this set of parameters does not: its initial size is its final size"
+        "a target PSNR or error needs a method that simplifies, which this set of parameters does not: its initial size is its final size"
     )]
     TargetNeedsSimplification,
+    /// A target PSNR with a metric that is not the squared error.
+    #[error(
+        "target_psnr needs the error_metric mean_comp_se or vec_se, not {0}: give target_error instead"
+    )]
+    TargetNeedsSquaredError(ErrorMetric),
     /// The image itself cannot be meshed.
     #[error(transparent)]
     Shape(#[from] ImageError),
@@ -226,6 +234,8 @@ named_values! {
         Classic = "classic",
         /// Those of a pass over the image mirrored at row 0.
         Mirroring = "mirroring",
+        /// Drawn at random between minus and plus the first threshold, the same for the same seed.
+        Random = "random",
     }
 }
 
@@ -246,6 +256,47 @@ named_values! {
         Binomial = "binomial",
         /// Equal weights.
         Mean = "mean",
+    }
+}
+
+named_values! {
+    /// The directions in which the picture is smoothed before it is differentiated.
+    "smoothing_direction" SmoothingDirection {
+        /// Rows and columns.
+        Both = "both",
+        /// Only at right angles to the derivative: rows for the one along columns, columns for the
+        /// one along rows, neither for the mixed one.
+        Orthogonal = "orthogonal",
+    }
+}
+
+named_values! {
+    /// The vector gradient where its rates of change in x and y are equal.
+    "psc_tie" PscTie {
+        /// As if the mixed term were 0: so the published results were made.
+        Published = "published",
+        /// The larger eigenvalue, as everywhere else.
+        Exact = "exact",
+    }
+}
+
+named_values! {
+    /// The error that greedy removal raises least.
+    "error_metric" ErrorMetric {
+        /// Squared error, mean over the components.
+        MeanCompSe = "mean_comp_se",
+        /// Absolute error, mean over the components.
+        MeanCompAe = "mean_comp_ae",
+        /// Squared error of the luma of three components.
+        LumaSe = "luma_se",
+        /// Absolute error of the luma of three components.
+        LumaAe = "luma_ae",
+        /// Squared length of the difference of two colours in the YCbCr space.
+        YcbcrVecSe = "ycbcr_vec_se",
+        /// Length of the difference of two colours in the YCbCr space.
+        YcbcrVecAe = "ycbcr_vec_ae",
+        /// Squared length of the difference of two sample vectors.
+        VecSe = "vec_se",
     }
 }
 
@@ -282,6 +333,9 @@ pub enum Target {
     /// At least this PSNR, in decibels: greedy removal stops before the first vertex that would
     /// take the mesh below it.
     Psnr(f64),
+    /// At most this mean error per point in the unit of the error metric: greedy removal stops
+    /// before the first vertex that would take the mesh above it.
+    MeanError(f64),
 }
 
 /// How many points the mesh starts with.
@@ -321,25 +375,45 @@ pub struct Parameters {
     pub smoothing: Smoothing,
     /// Its order, odd; 1 is no smoothing.
     pub smoothing_order: usize,
+    /// The directions in which it smooths.
+    pub smoothing_direction: SmoothingDirection,
+    /// Whether the picture is smoothed and cropped first, then extended again and differentiated,
+    /// instead of both by one filter.
+    pub double_convolution: bool,
+    /// What the smoothing filter sees beyond the border, when it is a filter of its own.
+    pub smoothing_boundary: Boundary,
     /// What the filters see beyond the border.
     pub boundary: Boundary,
+    /// The vector gradient where its rates of change in x and y are equal.
+    pub psc_tie: PscTie,
     /// Which image's error rules the simplification.
     pub meshed: Meshed,
+    /// Which error that is.
+    pub error_metric: ErrorMetric,
     /// Whether removal goes on below the target while it lowers the error.
     pub bad_point_removal: bool,
-    /// Seed of [`Generator::Random`].
+    /// Seed of [`Generator::Random`] and [`Startup::Random`].
     pub seed: u64,
 }
 
 /// The numbers that parameters mean for one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Vertices to simplify down to: N. With a target PSNR the least, 4.
+    /// Vertices to simplify down to: N. With a bound on the error the least, 4.
     pub size: usize,
     /// Points to start with: N0.
     pub initial_size: usize,
-    /// PSNR below which removal must not go, in decibels.
-    pub minimum_psnr_db: Option<f64>,
+    /// The error that removal must not exceed.
+    pub bound: Option<ErrorBound>,
+}
+
+/// A quality that removal must keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ErrorBound {
+    /// At least this PSNR, in decibels.
+    PsnrDb(f64),
+    /// At most this mean error per point, in the unit of the error metric.
+    MeanError(f64),
 }
 
 impl Method {
@@ -405,6 +479,25 @@ impl Policy {
     }
 }
 
+impl ErrorMetric {
+    /// The number of components this metric is made for; `None` for any.
+    #[must_use]
+    pub fn component_count(self) -> Option<usize> {
+        match self {
+            Self::MeanCompSe | Self::MeanCompAe | Self::VecSe => None,
+            Self::LumaSe | Self::LumaAe | Self::YcbcrVecSe | Self::YcbcrVecAe => Some(3),
+        }
+    }
+
+    /// The same metric for the luma, an image of one component.
+    pub(crate) fn of_one_component(self) -> Self {
+        match self {
+            Self::MeanCompAe | Self::LumaAe | Self::YcbcrVecAe => Self::MeanCompAe,
+            Self::MeanCompSe | Self::LumaSe | Self::YcbcrVecSe | Self::VecSe => Self::MeanCompSe,
+        }
+    }
+}
+
 impl Parameters {
     /// Those of MGPRFS.
     #[must_use]
@@ -420,8 +513,13 @@ impl Parameters {
             tolerance: None,
             smoothing: Smoothing::Binomial,
             smoothing_order: 3,
+            smoothing_direction: SmoothingDirection::Both,
+            double_convolution: false,
+            smoothing_boundary: Boundary::Zero,
             boundary: Boundary::Zero,
+            psc_tie: PscTie::Published,
             meshed: Meshed::Components,
+            error_metric: ErrorMetric::MeanCompSe,
             bad_point_removal: false,
             seed: 0,
         }
@@ -435,7 +533,11 @@ impl Parameters {
         match self.target {
             Target::Density(density) => check_density("density", density)?,
             Target::Size(size) => check_size("size", size, MAX_POINTS)?,
-            Target::Psnr(psnr_db) => check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?,
+            Target::Psnr(psnr_db) => {
+                check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?;
+                self.check_metric_of_psnr()?;
+            }
+            Target::MeanError(error) => check_range("target_error", error, 0.0, MAX_MEAN_ERROR)?,
         }
         match self.initial_size {
             InitialSize::Target => {}
@@ -466,13 +568,14 @@ impl Parameters {
         }
         self.check()?;
         self.check_components(shape.component_count)?;
-        let (size, minimum_psnr_db) = match self.target {
+        let (size, bound) = match self.target {
             Target::Density(density) => (points_of_density(density, shape), None),
             Target::Size(size) => (size, None),
-            Target::Psnr(psnr_db) => (MIN_SIZE, Some(psnr_db)),
+            Target::Psnr(psnr_db) => (MIN_SIZE, Some(ErrorBound::PsnrDb(psnr_db))),
+            Target::MeanError(error) => (MIN_SIZE, Some(ErrorBound::MeanError(error))),
         };
         let initial_size = self.initial_points(size, shape)?;
-        Ok(Plan { size, initial_size, minimum_psnr_db })
+        Ok(Plan { size, initial_size, bound })
     }
 
     /// Number of points to start with.
@@ -484,8 +587,8 @@ impl Parameters {
         match (self.initial_size, self.target) {
             (InitialSize::Size(size), _) => Ok(size),
             (InitialSize::Density(density), _) => Ok(points_of_density(density, shape)),
-            (InitialSize::Gamma(_), Target::Psnr(_)) => Ok(all),
-            (InitialSize::Target, Target::Psnr(_)) => {
+            (InitialSize::Gamma(_), Target::Psnr(_) | Target::MeanError(_)) => Ok(all),
+            (InitialSize::Target, Target::Psnr(_) | Target::MeanError(_)) => {
                 Err(ParameterError::TargetNeedsSimplification)
             }
             (InitialSize::Gamma(gamma), Target::Density(density)) => {
@@ -498,11 +601,28 @@ impl Parameters {
         }
     }
 
-    /// The policy and the luma are defined for this many components.
+    /// A PSNR is one of the squared error.
+    fn check_metric_of_psnr(&self) -> Result<(), ParameterError> {
+        let metric = match self.meshed {
+            Meshed::Components => self.error_metric,
+            Meshed::Luma => self.error_metric.of_one_component(),
+        };
+        match metric {
+            ErrorMetric::MeanCompSe | ErrorMetric::VecSe => Ok(()),
+            _ => Err(ParameterError::TargetNeedsSquaredError(self.error_metric)),
+        }
+    }
+
+    /// The policy, the metric and the luma are defined for this many components.
     fn check_components(&self, actual: usize) -> Result<(), ParameterError> {
         if self.generator == Generator::ErrorDiffusion {
             let (all, count) = (Policy::ALL, Policy::component_count);
             check_count(Policy::PARAMETER, self.policy, all, Policy::name, count, actual)?;
+        }
+        if self.meshed == Meshed::Components {
+            let (all, count) = (ErrorMetric::ALL, ErrorMetric::component_count);
+            let (parameter, metric) = (ErrorMetric::PARAMETER, self.error_metric);
+            check_count(parameter, metric, all, ErrorMetric::name, count, actual)?;
         }
         let luma_needs = |meshed| (meshed == Meshed::Luma).then_some(3);
         check_count(Meshed::PARAMETER, self.meshed, Meshed::ALL, Meshed::name, luma_needs, actual)
@@ -580,10 +700,7 @@ mod tests {
     fn sizes_are_the_floor_of_the_density_and_not_gamma_times_the_size() {
         let lena = shape(512, 512, 3);
         let of = |method, density| plan(method, Target::Density(density), lena).unwrap();
-        assert_eq!(
-            of(Method::Med, 2.0),
-            Plan { size: 5242, initial_size: 5242, minimum_psnr_db: None }
-        );
+        assert_eq!(of(Method::Med, 2.0), Plan { size: 5242, initial_size: 5242, bound: None });
         assert_eq!(of(Method::Mgprfs, 2.0).initial_size, 20971);
         assert_eq!(of(Method::Mgprfs, 0.5).size, 1310);
         assert_eq!(of(Method::Mgprfs, 0.5).initial_size, 5242);

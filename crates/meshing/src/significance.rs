@@ -1,6 +1,7 @@
 //! How much each lattice point matters: local differential operators of the smoothed picture.
 
 use crate::filter::{DerivativeRow, Filter, Order};
+use crate::method::PscTie;
 
 /// A second-order operator on one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,8 +40,13 @@ fn mmsodd(xx: f64, yy: f64, xy: f64) -> f64 {
 ///
 /// Silvano Di Zenzo, "A note on the gradient of a multi-image", 1986: the square root of the
 /// larger eigenvalue of the sum over components of the gradients' outer products. Where
-/// `gxx = gyy` the thesis's published results ignore `gxy`, and so does this.
-pub(crate) fn vector_gradient(filter: &Filter, components: &[Vec<u16>], width: usize) -> Vec<f64> {
+/// `gxx = gyy` the thesis's published results ignore `gxy`; `tie` tells whether to do so.
+pub(crate) fn vector_gradient(
+    filter: &Filter,
+    components: &[Vec<u16>],
+    width: usize,
+    tie: PscTie,
+) -> Vec<f64> {
     let mut tensors = vec![[0.0f64; 3]; components[0].len()];
     for component in components {
         filter.for_each_row(component, width, Order::First, |y, row| {
@@ -54,14 +60,17 @@ pub(crate) fn vector_gradient(filter: &Filter, components: &[Vec<u16>], width: u
     }
     // The filter's first derivatives are doubled.
     let divisor = 2.0 * filter.divisor();
-    tensors.iter().map(|&tensor| larger_rate_of_change(tensor) / divisor).collect()
+    tensors.iter().map(|&tensor| larger_rate_of_change(tensor, tie) / divisor).collect()
 }
 
 /// Square root of the larger eigenvalue of `[gxx gxy; gxy gyy]`.
-fn larger_rate_of_change([gxx, gyy, gxy]: [f64; 3]) -> f64 {
+fn larger_rate_of_change([gxx, gyy, gxy]: [f64; 3], tie: PscTie) -> f64 {
     let difference = gxx - gyy;
-    let spread =
-        if difference == 0.0 { 0.0 } else { (difference * difference + 4.0 * (gxy * gxy)).sqrt() };
+    let spread = if difference == 0.0 && tie == PscTie::Published {
+        0.0
+    } else {
+        (difference * difference + 4.0 * (gxy * gxy)).sqrt()
+    };
     ((gxx + gyy + spread) * 0.5).sqrt()
 }
 
@@ -85,8 +94,11 @@ mod tests {
     }
 
     #[test]
-    fn the_vector_gradient_of_equal_rates_ignores_the_mixed_term() {
-        assert_eq!(larger_rate_of_change([4.0, 4.0, 4.0]), 2.0);
-        assert_eq!(larger_rate_of_change([4.0, 0.0, 0.0]), 2.0);
+    fn the_vector_gradient_of_equal_rates_ignores_the_mixed_term_unless_told() {
+        assert_eq!(larger_rate_of_change([4.0, 4.0, 4.0], PscTie::Published), 2.0);
+        assert_eq!(larger_rate_of_change([4.0, 4.0, 4.0], PscTie::Exact), 8f64.sqrt());
+        for tie in [PscTie::Published, PscTie::Exact] {
+            assert_eq!(larger_rate_of_change([4.0, 0.0, 0.0], tie), 2.0);
+        }
     }
 }

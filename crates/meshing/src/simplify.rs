@@ -1,4 +1,4 @@
-//! Greedy point removal: the vertex whose removal raises the squared error least goes first.
+//! Greedy point removal: the vertex whose removal raises the error least goes first.
 //!
 //! Laurent Demaret and Armin Iske, "Advances in digital image compression by adaptive thinning",
 //! 2004, remove from a Delaunay triangulation of an image's points, again and again, the least
@@ -11,6 +11,7 @@ use crate::face_error::FaceErrors;
 use crate::hole::{Base, HoleFiller};
 use crate::image::Image;
 use crate::mesh::Point;
+use crate::method::{ErrorBound, ErrorMetric};
 use crate::metrics::Fidelity;
 use crate::removal_queue::RemovalQueue;
 use crate::triangulation::{NONE, Triangulation, next, previous};
@@ -20,35 +21,47 @@ use crate::triangulation::{NONE, Triangulation, next, previous};
 pub(crate) struct StopRule {
     /// Vertices to keep.
     pub(crate) size: usize,
-    /// PSNR below which no removal may take the mesh, in decibels.
-    pub(crate) minimum_psnr_db: Option<f64>,
+    /// A quality that no removal may take from the mesh.
+    pub(crate) bound: Option<ErrorBound>,
+    /// The error that counts.
+    pub(crate) metric: ErrorMetric,
     /// Whether to go on below `size` while a removal lowers the error.
     pub(crate) bad_point_removal: bool,
 }
 
+/// A vertex that greedy removal took out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Removal {
+    /// Its place.
+    pub point: Point,
+    /// By how much the sum of errors changed, in the metric's whole numbers.
+    pub change: i64,
+}
+
 /// Removes vertices of a triangulation of `image` until the rule says stop, and returns the
-/// triangulation of those left, by row, then column.
+/// triangulation of those left, by row, then column, and the removals in order.
 pub(crate) fn simplify(
     image: &Image,
     triangulation: Triangulation,
     rule: StopRule,
     control: &dyn Control,
-) -> Result<Triangulation, Cancelled> {
-    let mut simplification = Simplification::new(image, triangulation);
+) -> Result<(Triangulation, Vec<Removal>), Cancelled> {
+    let mut simplification = Simplification::new(image, triangulation, rule.metric);
     let surplus = simplification.remaining.saturating_sub(rule.size);
     let mut queue = simplification.evaluate_all(surplus, control)?;
-    let mut removed = 0;
+    let mut removals = Vec::with_capacity(surplus);
     while let Some((change, vertex)) = queue.first() {
-        control.poll(Stage::Simplify, removed.min(surplus), surplus)?;
+        control.poll(Stage::Simplify, removals.len().min(surplus), surplus)?;
         if simplification.must_stop(change, rule) {
             break;
         }
         queue.remove_first();
         simplification.remove(vertex);
         simplification.update_neighbours(&mut queue);
-        removed += 1;
+        let point = simplification.triangulation.points[vertex as usize];
+        removals.push(Removal { point, change });
     }
-    Ok(simplification.finish())
+    Ok((simplification.finish(), removals))
 }
 
 /// A triangulation that loses vertices, and what is known of its faces.
@@ -59,8 +72,8 @@ struct Simplification<'a> {
     /// A half-edge that begins at each vertex; on the border the one with no twin.
     outgoing: Vec<u32>,
     errors: FaceErrors<'a>,
-    /// Squared error of each triangle.
-    squared_errors: Vec<u64>,
+    /// Error of each triangle.
+    face_errors: Vec<u64>,
     /// Sum of the above.
     total_error: u64,
     /// Vertices not removed.
@@ -69,7 +82,7 @@ struct Simplification<'a> {
     /// Vertices around the last hole.
     neighbours: Vec<u32>,
     filler: HoleFiller,
-    /// Squared error of each triangle of the last fill.
+    /// Error of each triangle of the last fill.
     fill_errors: Vec<u64>,
 }
 
@@ -87,12 +100,12 @@ struct Star {
 }
 
 impl<'a> Simplification<'a> {
-    fn new(image: &'a Image, triangulation: Triangulation) -> Self {
+    fn new(image: &'a Image, triangulation: Triangulation, metric: ErrorMetric) -> Self {
         let mut simplification = Self {
             image,
             outgoing: outgoing_half_edges(&triangulation),
-            errors: FaceErrors::new(image),
-            squared_errors: Vec::with_capacity(triangulation.origins.len() / 3),
+            errors: FaceErrors::new(image, metric),
+            face_errors: Vec::with_capacity(triangulation.origins.len() / 3),
             total_error: 0,
             remaining: triangulation.points.len(),
             star: Star::default(),
@@ -104,8 +117,8 @@ impl<'a> Simplification<'a> {
         for corners in simplification.triangulation.origins.chunks_exact(3) {
             let points =
                 [0, 1, 2].map(|i| simplification.triangulation.points[corners[i] as usize]);
-            let error = simplification.errors.squared_error(points);
-            simplification.squared_errors.push(error);
+            let error = simplification.errors.error(points);
+            simplification.face_errors.push(error);
             simplification.total_error += error;
         }
         simplification
@@ -128,16 +141,15 @@ impl<'a> Simplification<'a> {
         Ok(RemovalQueue::new(entries, count))
     }
 
-    /// By how much the squared error changes when the vertex goes; leaves the star and the fill of
+    /// By how much the error changes when the vertex goes; leaves the star and the fill of
     /// its hole in place.
     fn evaluate(&mut self, vertex: u32) -> i64 {
         self.star.gather(vertex, &self.triangulation, &self.outgoing);
-        let before: u64 =
-            self.star.triangles.iter().map(|&t| self.squared_errors[t as usize]).sum();
+        let before: u64 = self.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
         self.fill_errors.clear();
         for triangle in self.filler.fill(&self.star.boundary) {
             let corners = triangle.corners.map(|place| self.star.boundary[place as usize]);
-            self.fill_errors.push(self.errors.squared_error(corners));
+            self.fill_errors.push(self.errors.error(corners));
         }
         self.fill_errors.iter().sum::<u64>() as i64 - before as i64
     }
@@ -148,8 +160,13 @@ impl<'a> Simplification<'a> {
             return !(rule.bad_point_removal && change < 0);
         }
         let error = self.total_error.wrapping_add_signed(change);
-        let psnr_db = Fidelity::of_sum(error, self.image).psnr_db();
-        rule.minimum_psnr_db.is_some_and(|minimum| psnr_db < minimum)
+        match rule.bound {
+            None => false,
+            Some(ErrorBound::PsnrDb(least)) => {
+                Fidelity::of_sum(error, self.image).psnr_db() < least
+            }
+            Some(ErrorBound::MeanError(most)) => rule.metric.mean(error, self.image) > most,
+        }
     }
 
     /// Takes a vertex out of the mesh and fills its hole.
@@ -159,7 +176,7 @@ impl<'a> Simplification<'a> {
         let fill = std::mem::take(&mut self.filler);
         for (i, triangle) in fill.triangles().iter().enumerate() {
             let slot = self.star.triangles[i];
-            self.squared_errors[slot as usize] = self.fill_errors[i];
+            self.face_errors[slot as usize] = self.fill_errors[i];
             self.place(slot, triangle.corners);
             let opposite = match triangle.base {
                 Base::Boundary => self.star.beyond_last(),
@@ -169,7 +186,7 @@ impl<'a> Simplification<'a> {
             self.connect(3 * slot + 2, opposite);
         }
         for &slot in &self.star.triangles[fill.triangles().len()..] {
-            self.squared_errors[slot as usize] = 0;
+            self.face_errors[slot as usize] = 0;
             self.triangulation.origins[3 * slot as usize..][..3].fill(NONE);
         }
         self.filler = fill;
@@ -330,18 +347,18 @@ mod tests {
         (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y))).collect()
     }
 
-    /// The squared errors cached for the faces are those computed afresh.
+    /// The errors cached for the faces are those computed afresh.
     fn assert_errors_are_cached(simplification: &Simplification<'_>) {
-        let mut errors = FaceErrors::new(simplification.image);
+        let mut errors = FaceErrors::new(simplification.image, ErrorMetric::MeanCompSe);
         let Triangulation { points, origins, .. } = &simplification.triangulation;
         let mut total = 0;
         for (t, corners) in origins.chunks_exact(3).enumerate() {
             let fresh = if corners[0] == NONE {
                 0
             } else {
-                errors.squared_error([0, 1, 2].map(|i| points[corners[i] as usize]))
+                errors.error([0, 1, 2].map(|i| points[corners[i] as usize]))
             };
-            assert_eq!(simplification.squared_errors[t], fresh);
+            assert_eq!(simplification.face_errors[t], fresh);
             total += fresh;
         }
         assert_eq!(simplification.total_error, total);
@@ -390,7 +407,7 @@ mod tests {
         ) {
             let image = picture(width, height, &samples);
             let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
-            let mut simplification = Simplification::new(&image, triangulation);
+            let mut simplification = Simplification::new(&image, triangulation, ErrorMetric::MeanCompSe);
             let mut queue = simplification.evaluate_all(1, &Unattended).unwrap();
             while let Some((change, vertex)) = queue.first() {
                 let before = simplification.total_error;

@@ -4,8 +4,8 @@ use crate::pictures::{cases, gray, image, noise, pictures};
 use crate::twin;
 use crate::twin::error_diffusion::{Diffusion, with_corners};
 use pixmesh_meshing::{
-    Boundary, Density, Generator, Image, Parameters, Point, Policy, Scan, Smoothing, Startup,
-    Target, Unattended, sample_points,
+    Boundary, Density, Generator, Image, Parameters, Point, Policy, PscTie, Scan, Smoothing,
+    SmoothingDirection, Startup, Target, Unattended, sample_points,
 };
 use proptest::prelude::*;
 
@@ -13,24 +13,34 @@ use proptest::prelude::*;
 /// relative to the threshold.
 const ROUNDING: f64 = 1e-11;
 
+/// The start-ups whose errors the description gives; random ones are only the same for a seed.
+const DEFINED_STARTUPS: &[Startup] = &[Startup::Classic, Startup::Mirroring];
+
 /// Every choice that a density or a diffusion depends on.
 fn choices() -> impl Strategy<Value = Parameters> {
     let filters = (
         prop::sample::select(Smoothing::ALL),
         prop::sample::select(vec![1usize, 3, 5, 7]),
         prop::sample::select(Boundary::ALL),
+        prop::sample::select(SmoothingDirection::ALL),
+        any::<bool>(),
+        prop::sample::select(Boundary::ALL),
+        prop::sample::select(PscTie::ALL),
     );
     let diffusion = (
-        prop::sample::select(Startup::ALL),
+        prop::sample::select(DEFINED_STARTUPS),
         prop::sample::select(Scan::ALL),
         any::<bool>(),
         prop::sample::select(vec![None, Some(0usize), Some(1), Some(3)]),
     );
     (filters, diffusion).prop_map(|(filters, diffusion)| {
-        let (smoothing, smoothing_order, boundary) = filters;
+        let (smoothing, smoothing_order, boundary, smoothing_direction, ..) = filters;
+        let (.., double_convolution, smoothing_boundary, psc_tie) = filters;
         let (startup, scan, leaky, tolerance) = diffusion;
         let own = Parameters::new(Target::Density(50.0));
-        let filtered = Parameters { smoothing, smoothing_order, boundary, ..own };
+        let single = Parameters { smoothing, smoothing_order, boundary, psc_tie, ..own };
+        let filtered =
+            Parameters { smoothing_direction, double_convolution, smoothing_boundary, ..single };
         Parameters { startup, scan, leaky, tolerance, ..filtered }
     })
 }
@@ -141,7 +151,7 @@ fn every_combination_of_choices_gives_the_twins_density_and_points() {
 /// Every combination of start-up, scan, leakage, smoothing, order and boundary.
 fn every_choice() -> Vec<Parameters> {
     let mut all = vec![Parameters { tolerance: Some(1), ..Parameters::new(Target::Size(30)) }];
-    all = each(&all, Startup::ALL, |p, startup| Parameters { startup, ..p });
+    all = each(&all, DEFINED_STARTUPS, |p, startup| Parameters { startup, ..p });
     all = each(&all, Scan::ALL, |p, scan| Parameters { scan, ..p });
     all = each(&all, &[false, true], |p, leaky| Parameters { leaky, ..p });
     all = each(&all, Smoothing::ALL, |p, smoothing| Parameters { smoothing, ..p });

@@ -2,11 +2,12 @@
 
 use crate::pictures::{cases, gray, image, model, noise, pictures, size_target};
 use crate::twin::density::luma;
+use crate::twin::interpolation::total_error;
 use crate::twin::removal;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::{
-    Generator, Image, InitialSize, Meshed, Method, Parameters, Point, Policy, Target, Unattended,
-    sample_points,
+    ErrorMetric, Generator, Image, InitialSize, Meshed, Method, Parameters, Point, Policy, Target,
+    Unattended, sample_points,
 };
 use proptest::prelude::*;
 
@@ -16,13 +17,10 @@ fn check(image: &Image, parameters: &Parameters) {
     let (ruling, parameters) = ruling_image(image, parameters);
     let initial = sample_points(&ruling, &parameters, made.plan.initial_size, &Unattended).unwrap();
     let trimmed = made.plan.initial_size > made.plan.size
-        || made.plan.minimum_psnr_db.is_some()
+        || made.plan.bound.is_some()
         || parameters.bad_point_removal;
-    let expected = if trimmed {
-        removal::simplify(&ruling, initial, made.plan, parameters.bad_point_removal)
-    } else {
-        initial
-    };
+    let expected =
+        if trimmed { removal::simplify(&ruling, initial, made.plan, &parameters) } else { initial };
     assert_eq!(made.mesh.points(), expected, "{parameters:?}");
     let faces = triangles_of(made.mesh.points(), made.mesh.faces());
     assert_eq!(faces, triangulate(&expected));
@@ -35,7 +33,14 @@ fn ruling_image(picture: &Image, parameters: &Parameters) -> (Image, Parameters)
     }
     let (width, height) = (picture.width(), picture.height());
     let luma = image(width, height, picture.precision(), vec![luma(picture)]);
-    let own = Parameters { policy: Policy::PsaD, meshed: Meshed::Components, ..parameters.clone() };
+    let error_metric = match parameters.error_metric {
+        ErrorMetric::MeanCompAe | ErrorMetric::LumaAe | ErrorMetric::YcbcrVecAe => {
+            ErrorMetric::MeanCompAe
+        }
+        _ => ErrorMetric::MeanCompSe,
+    };
+    let (policy, meshed) = (Policy::PsaD, Meshed::Components);
+    let own = Parameters { policy, meshed, error_metric, ..parameters.clone() };
     (luma, own)
 }
 
@@ -86,6 +91,48 @@ proptest! {
         check(&image, &Parameters { bad_point_removal, ..parameters });
         let made = model(&image, &parameters);
         prop_assert!(made.fidelity.psnr_db() >= psnr_db);
+    }
+
+    #[test]
+    fn removal_by_each_metric_is_as_by_brute_force(
+        image in pictures(2..=6, 1..=4),
+        colour in pictures(2..=5, 3..=3),
+        share in 0.0..0.8,
+        error_metric in prop::sample::select(ErrorMetric::ALL),
+        meshed in prop::sample::select(Meshed::ALL),
+    ) {
+        let parameters = Method::Mgpr.parameters(size_target(&colour, share));
+        check(&colour, &Parameters { error_metric, meshed, ..parameters });
+        if error_metric.component_count().is_none() {
+            let parameters = Method::Mgprfs.parameters(size_target(&image, share));
+            check(&image, &Parameters { error_metric, ..parameters });
+        }
+    }
+
+    #[test]
+    fn removal_down_to_a_mean_error_is_as_by_brute_force(
+        colour in pictures(2..=5, 3..=3),
+        error in 0.0..3000.0,
+        error_metric in prop::sample::select(ErrorMetric::ALL),
+    ) {
+        let parameters = Method::Mgpr.parameters(Target::MeanError(error));
+        check(&colour, &Parameters { error_metric, ..parameters });
+    }
+
+    #[test]
+    fn the_removals_lead_from_the_first_points_to_the_last(
+        image in pictures(2..=9, 1..=4),
+        share in 0.0..0.4,
+    ) {
+        let parameters = Method::Mgprfs.parameters(size_target(&image, share));
+        let made = model(&image, &parameters);
+        let mut points =
+            sample_points(&image, &parameters, made.plan.initial_size, &Unattended).unwrap();
+        let before = total_error(&image, &triangulate(&points), ErrorMetric::MeanCompSe);
+        points.retain(|&p| made.removals.iter().all(|removal| removal.point != p));
+        prop_assert_eq!(made.mesh.points(), points);
+        let change: i64 = made.removals.iter().map(|removal| removal.change).sum();
+        prop_assert_eq!(made.fidelity.squared_error, before.wrapping_add_signed(change));
     }
 
     #[test]

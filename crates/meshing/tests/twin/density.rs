@@ -1,7 +1,7 @@
 //! Significance of each point, aggregated over the components and normalised.
 
 use super::stencil::{Derivatives, Plane, Stencils};
-use pixmesh_meshing::{Image, Parameters, Policy};
+use pixmesh_meshing::{Image, Parameters, Policy, PscTie};
 
 /// The density fields that the parameters' policy gives an image, each row by row.
 pub(crate) fn density(image: &Image, parameters: &Parameters) -> Vec<Vec<f64>> {
@@ -52,13 +52,13 @@ fn field(samples: &[u16], width: usize, parameters: &Parameters, measure: Measur
     let stencils = Stencils::new(parameters);
     let quotient = |value: i128| value as f64 / stencils.divisor as f64;
     let of = |d: &Derivatives| measure(quotient(d.fxx), quotient(d.fyy), quotient(d.fxy));
-    stencils.derivatives(Plane { samples, width }).iter().map(of).collect()
+    stencils.derivatives(&Plane::new(samples, width)).iter().map(of).collect()
 }
 
 /// The vector gradient; whether `gxx = gyy` is decided in integers.
 fn vector_gradient(image: &Image, parameters: &Parameters) -> Vec<f64> {
     let stencils = Stencils::new(parameters);
-    let of = |samples: &Vec<u16>| stencils.derivatives(Plane { samples, width: image.width() });
+    let of = |samples: &Vec<u16>| stencils.derivatives(&Plane::new(samples, image.width()));
     let components: Vec<Vec<Derivatives>> = image.components().iter().map(of).collect();
     let magnitude = |i: usize| {
         let total = |product: fn(&Derivatives) -> i128| -> i128 {
@@ -66,14 +66,14 @@ fn vector_gradient(image: &Image, parameters: &Parameters) -> Vec<f64> {
         };
         let (gxx, gyy) = (total(|d| d.fx * d.fx), total(|d| d.fy * d.fy));
         let gxy = total(|d| d.fx * d.fy);
-        larger_stretch(gxx, gyy, gxy) / stencils.divisor as f64
+        larger_stretch(gxx, gyy, gxy, parameters.psc_tie) / stencils.divisor as f64
     };
     (0..image.pixel_count()).map(magnitude).collect()
 }
 
-fn larger_stretch(gxx: i128, gyy: i128, gxy: i128) -> f64 {
+fn larger_stretch(gxx: i128, gyy: i128, gxy: i128, tie: PscTie) -> f64 {
     let sum = (gxx + gyy) as f64;
-    if gxx == gyy {
+    if gxx == gyy && tie == PscTie::Published {
         return (sum / 2.0).sqrt();
     }
     let (difference, gxy) = ((gxx - gyy) as f64, gxy as f64);

@@ -1,8 +1,9 @@
 //! The picture that a mesh models: which face a lattice point belongs to, and its value there as
 //! an exact quotient.
 
+use super::metric;
 use super::triangulation::{Triangle, double_area};
-use pixmesh_meshing::{Image, Mesh, Point};
+use pixmesh_meshing::{ErrorMetric, Image, Mesh, Point};
 
 /// The linear interpolant of three samples at `p`, rounded to the nearest integer, halves up.
 pub(crate) fn value([a, b, c]: Triangle, z: [u16; 3], p: Point) -> i128 {
@@ -30,17 +31,17 @@ pub(crate) fn rasterise(mesh: &Mesh) -> Vec<Vec<u16>> {
     components
 }
 
-/// The squared error of an image's approximation over faces that carry its samples.
-pub(crate) fn squared_error(image: &Image, triangles: &[Triangle]) -> u64 {
+/// The error of an image's approximation over faces that carry its samples, by a metric.
+pub(crate) fn total_error(image: &Image, triangles: &[Triangle], metric: ErrorMetric) -> u64 {
     let width = image.width();
-    let mut sums = vec![0u64; image.pixel_count()];
+    let mut errors = vec![0u64; image.pixel_count()];
     for &triangle in triangles {
         for p in covered(triangle) {
             // Neighbours agree on the edge between them, so that the last one may have it.
-            sums[p.y as usize * width + p.x as usize] = error_at(image, triangle, p);
+            errors[p.y as usize * width + p.x as usize] = error_at(image, triangle, p, metric);
         }
     }
-    sums.iter().sum()
+    errors.iter().sum()
 }
 
 /// The lattice points of a closed triangle.
@@ -52,13 +53,12 @@ fn covered(triangle: Triangle) -> impl Iterator<Item = Point> {
         .filter(move |&p| places(triangle, p).iter().all(|&place| place >= 0))
 }
 
-fn error_at(image: &Image, triangle: Triangle, p: Point) -> u64 {
-    let square = |c: usize| {
-        let sample = |q: Point| image.sample(c, q.x as usize, q.y as usize);
-        let difference = value(triangle, triangle.map(sample), p) - i128::from(sample(p));
-        (difference * difference) as u64
-    };
-    (0..image.component_count()).map(square).sum()
+fn error_at(image: &Image, triangle: Triangle, p: Point, metric: ErrorMetric) -> u64 {
+    let components = 0..image.component_count();
+    let sample = |c: usize, q: Point| image.sample(c, q.x as usize, q.y as usize);
+    let before: Vec<i128> = components.clone().map(|c| sample(c, p).into()).collect();
+    let after = components.map(|c| value(triangle, triangle.map(|q| sample(c, q)), p)).collect();
+    metric::error(metric, &before, &after)
 }
 
 /// At which side of each edge `p` lies: 0 on it, positive within.

@@ -8,6 +8,7 @@
 pub(crate) mod density;
 pub(crate) mod error_diffusion;
 pub(crate) mod interpolation;
+pub(crate) mod metric;
 pub(crate) mod removal;
 pub(crate) mod stencil;
 pub(crate) mod triangulation;

@@ -1,23 +1,29 @@
 //! Greedy point removal by trying each point: the picture is triangulated afresh without it and
 //! compared as a whole.
 
-use super::interpolation::squared_error;
+use super::interpolation::total_error;
+use super::metric;
 use super::triangulation::triangulate;
-use pixmesh_meshing::{Image, Plan, Point};
+use pixmesh_meshing::{ErrorBound, ErrorMetric, Image, Parameters, Plan, Point};
 
-/// Removes points, each time the one whose removal raises the squared error least, then by row
-/// and column, as the plan and bad-point removal say.
+/// Removes points, each time the one whose removal raises the error least, then by row
+/// and column, as the plan and the parameters say.
 pub(crate) fn simplify(
     image: &Image,
     mut points: Vec<Point>,
     plan: Plan,
-    bad_point_removal: bool,
+    parameters: &Parameters,
 ) -> Vec<Point> {
-    let mut error = squared_error(image, &triangulate(&points));
-    while let Some((after, p)) = least(image, &points) {
-        let wanted = points.len() > plan.size
-            && plan.minimum_psnr_db.is_none_or(|least| psnr_db(image, after) >= least);
-        let improves = bad_point_removal && after < error;
+    let metric = parameters.error_metric;
+    let mut error = total_error(image, &triangulate(&points), metric);
+    while let Some((after, p)) = least(image, &points, metric) {
+        let good = match plan.bound {
+            None => true,
+            Some(ErrorBound::PsnrDb(least)) => psnr_db(image, after) >= least,
+            Some(ErrorBound::MeanError(most)) => metric::mean(metric, after, image) <= most,
+        };
+        let wanted = points.len() > plan.size && good;
+        let improves = parameters.bad_point_removal && after < error;
         if !wanted && !improves {
             break;
         }
@@ -27,13 +33,13 @@ pub(crate) fn simplify(
     points
 }
 
-/// The least squared error that removing one point leaves, and that point. As the error before is
+/// The least error that removing one point leaves, and that point. As the error before is
 /// the same for all, this is the least difference too; points compare by row, then column.
-fn least(image: &Image, points: &[Point]) -> Option<(u64, Point)> {
+fn least(image: &Image, points: &[Point], metric: ErrorMetric) -> Option<(u64, Point)> {
     let removable = points.iter().filter(|p| !is_corner(image, **p));
     let without = |p: Point| {
         let rest: Vec<Point> = points.iter().copied().filter(|&q| q != p).collect();
-        (squared_error(image, &triangulate(&rest)), p)
+        (total_error(image, &triangulate(&rest), metric), p)
     };
     removable.map(|&p| without(p)).min()
 }

@@ -1,6 +1,7 @@
-//! Extension, smoothing and differentiation as one explicit sum over a two-dimensional stencil.
+//! Extension, smoothing and differentiation as one explicit sum over a two-dimensional stencil, or
+//! as two with the picture cropped in between.
 
-use pixmesh_meshing::{Boundary, Parameters, Smoothing};
+use pixmesh_meshing::{Boundary, Parameters, Smoothing, SmoothingDirection};
 
 /// Weights around a centre, `weights[i] / divisor` for the offset `i - weights.len() / 2`.
 struct Kernel {
@@ -21,18 +22,20 @@ pub(crate) struct Derivatives {
 /// The filters that a set of parameters asks for.
 pub(crate) struct Stencils {
     boundary: Boundary,
-    smooth: Kernel,
-    first: Kernel,
-    second: Kernel,
+    smoothing_boundary: Boundary,
+    double_convolution: bool,
+    /// The smoothing kernel, for the direction across a derivative's own.
+    across: Kernel,
+    /// The same for the derivative's own direction.
+    along: Kernel,
     /// What every value of [`Derivatives`] is a multiple of the inverse of.
     pub(crate) divisor: i128,
 }
 
 /// One component of `width` columns, row 0 at the bottom.
-#[derive(Clone, Copy)]
-pub(crate) struct Plane<'a> {
-    pub(crate) samples: &'a [u16],
-    pub(crate) width: usize,
+pub(crate) struct Plane {
+    samples: Vec<i128>,
+    width: usize,
 }
 
 impl Kernel {
@@ -65,45 +68,81 @@ impl Kernel {
 
 impl Stencils {
     pub(crate) fn new(parameters: &Parameters) -> Self {
-        let smooth = Kernel::smoothing(parameters.smoothing, parameters.smoothing_order);
-        let first = smooth.then(&[-1, 0, 1], 2);
-        let second = smooth.then(&[1, -2, 1], 1);
-        let divisor = first.divisor * first.divisor;
-        Self { boundary: parameters.boundary, smooth, first, second, divisor }
+        let across = Kernel::smoothing(parameters.smoothing, parameters.smoothing_order);
+        let along = match parameters.smoothing_direction {
+            SmoothingDirection::Both => {
+                Kernel::smoothing(parameters.smoothing, parameters.smoothing_order)
+            }
+            SmoothingDirection::Orthogonal => Kernel { weights: vec![1], divisor: 1 },
+        };
+        Self {
+            boundary: parameters.boundary,
+            smoothing_boundary: parameters.smoothing_boundary,
+            double_convolution: parameters.double_convolution,
+            divisor: 4 * across.divisor * across.divisor,
+            across,
+            along,
+        }
     }
 
     /// Every derivative at every point, row by row from the bottom.
-    pub(crate) fn derivatives(&self, plane: Plane<'_>) -> Vec<Derivatives> {
-        let (smooth, first, second) = (&self.smooth, &self.first, &self.second);
-        let at = |place: usize| {
-            let (x, y) = ((place % plane.width) as i64, (place / plane.width) as i64);
-            let sum = |in_x, in_y| self.sum(plane, in_x, in_y, x, y);
-            Derivatives {
-                fxx: sum(second, smooth),
-                fyy: sum(smooth, second),
-                fxy: sum(first, first),
-                fx: sum(first, smooth),
-                fy: sum(smooth, first),
-            }
-        };
+    pub(crate) fn derivatives(&self, plane: &Plane) -> Vec<Derivatives> {
+        let (across, along) = (&self.across, &self.along);
+        let (none, first, second): (&[i128], &[i128], &[i128]) = (&[1], &[-1, 0, 1], &[1, -2, 1]);
+        let fxx = self.derivative(plane, (along, across), (second, 1), (none, 1));
+        let fyy = self.derivative(plane, (across, along), (none, 1), (second, 1));
+        let fxy = self.derivative(plane, (along, along), (first, 2), (first, 2));
+        let fx = self.derivative(plane, (along, across), (first, 2), (none, 1));
+        let fy = self.derivative(plane, (across, along), (none, 1), (first, 2));
+        let at =
+            |i: usize| Derivatives { fxx: fxx[i], fyy: fyy[i], fxy: fxy[i], fx: fx[i], fy: fy[i] };
         (0..plane.samples.len()).map(at).collect()
     }
 
-    /// The weighted sum of the extended component around `(x, y)`, times [`Self::divisor`].
-    fn sum(&self, plane: Plane<'_>, in_x: &Kernel, in_y: &Kernel, x: i64, y: i64) -> i128 {
-        let mut sum = 0;
-        for (dy, wy) in in_y.offsets() {
-            for (dx, wx) in in_x.offsets() {
-                sum += wx * wy * plane.extended(x + dx, y + dy, self.boundary);
-            }
-        }
-        sum * (self.divisor / (in_x.divisor * in_y.divisor))
+    /// One derivative everywhere, times [`Self::divisor`]: smoothing kernels in x and y, then
+    /// difference kernels with their divisors in x and y.
+    fn derivative(
+        &self,
+        plane: &Plane,
+        (smooth_x, smooth_y): (&Kernel, &Kernel),
+        (x, x_divisor): (&[i128], i128),
+        (y, y_divisor): (&[i128], i128),
+    ) -> Vec<i128> {
+        let divisor = smooth_x.divisor * smooth_y.divisor * x_divisor * y_divisor;
+        let sums = if self.double_convolution {
+            let unit = Kernel { weights: vec![1], divisor: 1 };
+            let smoothed = plane.filtered(smooth_x, smooth_y, self.smoothing_boundary);
+            let (x, y) = (unit.then(x, 1), unit.then(y, 1));
+            smoothed.filtered(&x, &y, self.boundary)
+        } else {
+            plane.filtered(&smooth_x.then(x, 1), &smooth_y.then(y, 1), self.boundary)
+        };
+        sums.samples.iter().map(|sum| sum * (self.divisor / divisor)).collect()
     }
 }
 
-impl Plane<'_> {
+impl Plane {
+    pub(crate) fn new(samples: &[u16], width: usize) -> Self {
+        Self { samples: samples.iter().map(|&sample| sample.into()).collect(), width }
+    }
+
+    /// The weighted sums of the extended component around each point, undivided.
+    fn filtered(&self, in_x: &Kernel, in_y: &Kernel, boundary: Boundary) -> Self {
+        let sum = |place: usize| {
+            let (x, y) = ((place % self.width) as i64, (place / self.width) as i64);
+            let mut sum = 0;
+            for (dy, wy) in in_y.offsets() {
+                for (dx, wx) in in_x.offsets() {
+                    sum += wx * wy * self.extended(x + dx, y + dy, boundary);
+                }
+            }
+            sum
+        };
+        Self { samples: (0..self.samples.len()).map(sum).collect(), width: self.width }
+    }
+
     /// The component's sample, or what stands for it beyond the border.
-    fn extended(self, x: i64, y: i64, boundary: Boundary) -> i128 {
+    fn extended(&self, x: i64, y: i64, boundary: Boundary) -> i128 {
         let (width, height) = (self.width as i64, (self.samples.len() / self.width) as i64);
         let place = match boundary {
             Boundary::Zero if x < 0 || y < 0 || x >= width || y >= height => return 0,
@@ -111,7 +150,7 @@ impl Plane<'_> {
             Boundary::Constant => (x.clamp(0, width - 1), y.clamp(0, height - 1)),
             Boundary::Symmetric => (mirrored(x, width), mirrored(y, height)),
         };
-        i128::from(self.samples[(place.1 * width + place.0) as usize])
+        self.samples[(place.1 * width + place.0) as usize]
     }
 }
 
