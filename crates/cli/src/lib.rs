@@ -5,9 +5,11 @@
 //! functions as the service: `pixmesh-codec` at the borders, `pixmesh-meshing` in between.
 //!
 //! [`make_model`] and [`rasterize_model`] are the programs, [`options`] what the first one's words
-//! mean, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to.
+//! mean, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to,
+//! [`document`] manual pages and completions.
 
 pub mod attendant;
+pub mod document;
 pub mod files;
 pub mod make_model;
 pub mod options;

@@ -1,10 +1,11 @@
 //! The program that makes a mesh model of a picture.
 
 use crate::attendant::Attendant;
+use crate::document::DocumentOptions;
 use crate::options::MeshOptions;
 use crate::{CliError, files};
-use clap::Parser;
-use pixmesh_meshing::{Model, Stage, generate};
+use clap::{CommandFactory, Parser};
+use pixmesh_meshing::{GenerateError, Image, Model, Removal, Stage, generate};
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -13,33 +14,59 @@ use std::time::{Duration, Instant};
 ///
 /// Reads a picture (PNM, PNG or JPEG) on standard input and writes its mesh as MODEL text on
 /// standard output: width, height, number of components and bits per sample, then the mesh as OFF.
-/// One of --density, --size and --psnr says how large or how good the mesh is to be.
+/// One of --density, --size, --psnr and --error says how large or how good the mesh is to be.
+///
+/// Points are chosen by error diffusion of a density that follows the picture's second derivatives,
+/// connected by the preferred-directions Delaunay triangulation, and removed one by one, the least
+/// useful first, until the size asked for is reached. The same picture and options give the same
+/// model on every machine.
 #[derive(Parser, Debug)]
-#[command(name = "make_model", version, after_help = EXAMPLES)]
+#[command(name = "make_model", version, after_long_help = MANUAL)]
 pub struct MakeModel {
     #[command(flatten)]
     mesh: MeshOptions,
     /// Picture to read instead of standard input
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
     input: Option<PathBuf>,
     /// File to write instead of standard output
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// File to write a line to for each removed point, in order: column, row from the bottom, and
+    /// the change of the error in whole numbers
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
+    history_file: Option<PathBuf>,
     /// Print vertices, faces, MSE, PSNR and the time of each stage on standard error
-    #[arg(long)]
+    #[arg(long, help_heading = FILES)]
     stats: bool,
+    #[command(flatten)]
+    document: DocumentOptions,
 }
 
-/// What the help ends with.
-const EXAMPLES: &str = "\
+/// Heading of the options for files.
+const FILES: &str = "Input and output";
+
+/// What the long help and the manual page end with.
+const MANUAL: &str = "\
 Examples:
   The fast method MED at 2 %:
     make_model --method med --density 2 < picture.ppm > picture.model
   The good method MGPRFS, which starts with 4 times the points:
     make_model --method mgprfs --density 2 --input picture.png > picture.model
   The same in the words of the thesis:
-    make_model --density 2 --relative-initial-density 400 --initial-generator ed
-      --ed-strategy max_comp_mmsodd_ed --ed-initial-error-mode mirror --bad-point-removal 0";
+    make_model --density 2 --relative-initial-density 400 --initial-generator ed \\
+      --ed-strategy max_comp_mmsodd_ed --ed-initial-error-mode mirror \\
+      --bad-point-removal 0 < picture.ppm > picture.model
+  The smallest mesh on the way down that has at least 30 dB:
+    make_model --method mgprfs --psnr 30 --stats < picture.ppm > picture.model
+
+Exit status:
+  0 when the model was written, 1 when the picture or an option's value was refused, 2 when the
+  command line could not be understood.
+
+See also:
+  rasterize_model rebuilds the picture. The methods are those of the thesis \"Effective Techniques
+  for Generating Delaunay Mesh Models of Single- and Multi-Component Images\", University of
+  Victoria.";
 
 impl MakeModel {
     /// Runs the program.
@@ -48,33 +75,56 @@ impl MakeModel {
     /// When the picture cannot be read, an option is not allowed for it, or the model cannot be
     /// written.
     pub fn run(&self) -> Result<(), CliError> {
-        let input = self.input.as_deref();
-        let bytes = files::read(input)?;
-        let start = Instant::now();
-        let image = pixmesh_codec::decode(&bytes, &files::LIMITS).map_err(|source| {
-            CliError::Picture { name: files::name(input, "standard input"), source }
-        })?;
-        drop(bytes);
-        let decoding = start.elapsed();
-        let parameters = self
-            .mesh
-            .parameters(image.component_count())
-            .map_err(pixmesh_meshing::GenerateError::from)?;
+        if let Some(text) = self.document.text(&mut Self::command())? {
+            return files::write(None, &text);
+        }
+        let (image, decoding) = self.read()?;
+        let parameters = self.mesh.parameters(image.component_count());
+        let parameters = parameters.map_err(GenerateError::from)?;
         let attendant = Attendant::new();
         let model = generate(&image, &parameters, &attendant)?;
         let stages = attendant.finish();
-        let start = Instant::now();
-        let mut text = Vec::new();
-        pixmesh_codec::write_model(&model.mesh, &mut text)
-            .map_err(pixmesh_codec::EncodeError::from)?;
-        let encoding = start.elapsed();
-        files::write(self.output.as_ref(), &text)?;
+        let encoding = self.write(&model)?;
         if self.stats {
             // Statistics that nobody can read are no reason to fail.
             let _ = print_statistics(&model, decoding, &stages, encoding);
         }
         Ok(())
     }
+
+    /// Reads the picture, and tells how long it took to decode.
+    fn read(&self) -> Result<(Image, Duration), CliError> {
+        let input = self.input.as_deref();
+        let bytes = files::read(input)?;
+        let start = Instant::now();
+        let image = pixmesh_codec::decode(&bytes, &files::LIMITS).map_err(|source| {
+            CliError::Picture { name: files::name(input, "standard input"), source }
+        })?;
+        Ok((image, start.elapsed()))
+    }
+
+    /// Writes the model and the history, and tells how long the model took to encode.
+    fn write(&self, model: &Model) -> Result<Duration, CliError> {
+        let start = Instant::now();
+        let mut text = Vec::new();
+        pixmesh_codec::write_model(&model.mesh, &mut text)
+            .map_err(pixmesh_codec::EncodeError::from)?;
+        let encoding = start.elapsed();
+        files::write(self.output.as_ref(), &text)?;
+        if self.history_file.is_some() {
+            files::write(self.history_file.as_ref(), history(&model.removals).as_bytes())?;
+        }
+        Ok(encoding)
+    }
+}
+
+/// The removed points, a line each.
+fn history(removals: &[Removal]) -> String {
+    let line = |removal: &Removal| {
+        let Removal { point, change } = removal;
+        format!("{} {} {change}\n", point.x, point.y)
+    };
+    removals.iter().map(line).collect()
 }
 
 /// Prints the figures of a mesh and where the time went, a line each.

@@ -3,8 +3,8 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
 use pixmesh_meshing::{
-    Boundary, Generator, InitialSize, Method, ParameterError, Parameters, Policy, Scan, Smoothing,
-    Startup, Target,
+    Boundary, ErrorMetric, Generator, InitialSize, Meshed, Method, ParameterError, Parameters,
+    Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
 };
 
 /// The choices that decide the mesh.
@@ -12,67 +12,103 @@ use pixmesh_meshing::{
 /// Each option that is not given has the value that `--method` gives it, or without a method the
 /// default that its help names.
 #[derive(Args, Clone, Debug)]
-#[command(group = ArgGroup::new("target").required(true).args(["density", "size", "psnr"]))]
+#[command(group = ArgGroup::new("target")
+    .args(["density", "size", "psnr", "error"]))]
 pub struct MeshOptions {
     /// Method whose parameters are the defaults of all other options: med is fast, mgprfs good
-    #[arg(long, value_parser = named(Method::NAMES, Method::ALL))]
+    #[arg(long, help_heading = SIZE, value_parser = named(Method::NAMES, Method::ALL))]
     pub method: Option<Method>,
     /// Vertices of the mesh, in percent of the picture's points (over 0, at most 100)
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, help_heading = SIZE, value_name = "PERCENT",
+        required_unless_present_any = ["size", "psnr", "error", "completions", "man_page"])]
     pub density: Option<f64>,
     /// Vertices of the mesh (at least 4)
-    #[arg(long, value_name = "COUNT")]
+    #[arg(long, help_heading = SIZE, value_name = "COUNT")]
     pub size: Option<usize>,
-    /// Least PSNR of the mesh, which gets as small as it can
-    #[arg(long, value_name = "DECIBELS")]
+    /// Least PSNR of the mesh: removal stops before it would fall below
+    #[arg(long, help_heading = SIZE, value_name = "DECIBELS")]
     pub psnr: Option<f64>,
+    /// Largest mean error per point, by --error-metric: removal stops before it would be exceeded
+    #[arg(long, help_heading = SIZE, value_name = "ERROR")]
+    pub error: Option<f64>,
     /// Points to start with, in percent of the vertices of the mesh: 400 is gamma = 4
-    #[arg(long, value_name = "PERCENT", group = "initial")]
+    #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial")]
     pub relative_initial_density: Option<f64>,
     /// Points to start with, in percent of the picture's points [default: 100]
-    #[arg(long, value_name = "PERCENT", group = "initial")]
+    #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial")]
     pub initial_density: Option<f64>,
     /// Points to start with
-    #[arg(long, value_name = "COUNT", group = "initial")]
+    #[arg(long, help_heading = INITIAL, value_name = "COUNT", group = "initial")]
     pub initial_size: Option<usize>,
     /// How the points to start with are chosen [default: ed]
-    #[arg(long, value_parser = choice(GENERATORS))]
+    #[arg(long, help_heading = INITIAL, value_parser = choice(GENERATORS))]
     pub initial_generator: Option<Generator>,
-    /// Seed of the random generator
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    /// Seed of random points and random initial errors
+    #[arg(long, help_heading = INITIAL, value_name = "NUMBER", default_value_t = 0)]
     pub seed: u64,
-    /// How many points more or fewer than asked for error diffusion may choose [default: 10]
-    #[arg(long, value_name = "COUNT")]
-    pub ed_size_tolerance: Option<usize>,
-    /// Order of the smoothing filter, odd; 1 is none [default: 3]
-    #[arg(long, value_name = "ORDER")]
-    pub smooth_order: Option<usize>,
-    /// The smoothing filter [default: binomial]
-    #[arg(long, value_parser = named(Smoothing::NAMES, Smoothing::ALL))]
-    pub smooth_operator: Option<Smoothing>,
-    /// What the filters see beyond the border: zero, the nearest point, or the mirrored picture
-    /// [default: zero_ext]
-    #[arg(long, value_parser = choice(BOUNDARIES))]
-    pub derivative_bound_policy: Option<Boundary>,
     /// How the picture becomes the density of the points to start with
     /// [default: max_comp_mmsodd_ed]
-    #[arg(long, value_parser = choice(STRATEGIES))]
+    #[arg(long, help_heading = DIFFUSION, value_parser = choice(STRATEGIES))]
     pub ed_strategy: Option<Strategy>,
+    /// How many points more or fewer than asked for error diffusion may choose [default: 10, of
+    /// three united components 15]
+    #[arg(long, help_heading = DIFFUSION, value_name = "COUNT")]
+    pub ed_size_tolerance: Option<usize>,
     /// The direction in which error diffusion visits the rows [default: serpentine]
-    #[arg(long, value_parser = named(Scan::NAMES, Scan::ALL))]
+    #[arg(long, help_heading = DIFFUSION, value_parser = named(Scan::NAMES, Scan::ALL))]
     pub ed_scan_order: Option<Scan>,
     /// Whether error that would go to points outside the picture is lost [default: no_leaky]
-    #[arg(long, value_parser = choice(&[("leaky", true), ("no_leaky", false)]))]
+    #[arg(long, help_heading = DIFFUSION, value_parser = choice(LEAKAGES))]
     pub ed_leaky_mode: Option<bool>,
-    /// The errors that error diffusion starts with: none, or those of the mirrored picture
-    /// [default: mirror]
-    #[arg(long, value_parser = choice(STARTUPS))]
+    /// The errors that error diffusion starts with: none, those of the mirrored picture, or random
+    /// ones [default: mirror]
+    #[arg(long, help_heading = DIFFUSION, value_parser = choice(STARTUPS))]
     pub ed_initial_error_mode: Option<Startup>,
+    /// The vector gradient where its rates of change in x and y are equal [default: published]
+    #[arg(long, help_heading = DIFFUSION, value_parser = named(PscTie::NAMES, PscTie::ALL))]
+    pub psc_tie: Option<PscTie>,
+    /// Order of the smoothing filter, odd; 1 is none [default: 3]
+    #[arg(long, help_heading = FILTERS, value_name = "ORDER")]
+    pub smooth_order: Option<usize>,
+    /// The smoothing filter [default: binomial]
+    #[arg(long, help_heading = FILTERS, value_parser = named(Smoothing::NAMES, Smoothing::ALL))]
+    pub smooth_operator: Option<Smoothing>,
+    /// Whether the picture is smoothed in both directions, or only at right angles to the
+    /// derivative [default: both]
+    #[arg(long, help_heading = FILTERS,
+        value_parser = named(SmoothingDirection::NAMES, SmoothingDirection::ALL))]
+    pub smooth_direction: Option<SmoothingDirection>,
+    /// What the smoothing filter sees beyond the border, with double convolution
+    /// [default: zero_ext]
+    #[arg(long, help_heading = FILTERS, value_parser = choice(BOUNDARIES))]
+    pub smooth_bound_policy: Option<Boundary>,
+    /// What the derivative, or the only filter, sees beyond the border: zero, the nearest point, or
+    /// the mirrored picture [default: zero_ext]
+    #[arg(long, help_heading = FILTERS, value_parser = choice(BOUNDARIES))]
+    pub derivative_bound_policy: Option<Boundary>,
+    /// Whether smoothing and derivative are two filters, each with its own boundary policy, instead
+    /// of one [default: 0]
+    #[arg(long, help_heading = FILTERS, value_parser = choice(SWITCH))]
+    pub use_double_convolution: Option<bool>,
+    /// What is meshed: all components (mcmg), or the luma, whose mesh then gets the colours back
+    /// (lsmg) [default: mcmg]
+    #[arg(long, help_heading = REMOVAL, value_parser = choice(GENERATION_POLICIES))]
+    pub mesh_generation_policy: Option<Meshed>,
+    /// The error that removal raises least [default: mean_comp_se]
+    #[arg(long, help_heading = REMOVAL, value_parser = named(ErrorMetric::NAMES, ErrorMetric::ALL))]
+    pub error_metric: Option<ErrorMetric>,
     /// Whether points go on being removed below the size asked for while that lowers the error
     /// [default: 1]
-    #[arg(long, value_parser = choice(&[("0", false), ("1", true)]))]
+    #[arg(long, help_heading = REMOVAL, value_parser = choice(SWITCH))]
     pub bad_point_removal: Option<bool>,
 }
+
+/// Headings of the help, in order.
+const SIZE: &str = "Method and size of the mesh";
+const INITIAL: &str = "Points to start with";
+const DIFFUSION: &str = "Error diffusion";
+const FILTERS: &str = "Filters";
+const REMOVAL: &str = "Removal of points";
 
 /// A policy by the name of the thesis's program, which means one thing for colour pictures and
 /// another for gray ones.
@@ -128,7 +164,15 @@ const BOUNDARIES: &[(&str, Boundary)] = &[
     ("sym_ext", Boundary::Symmetric),
 ];
 
-const STARTUPS: &[(&str, Startup)] = &[("zero", Startup::Classic), ("mirror", Startup::Mirroring)];
+const STARTUPS: &[(&str, Startup)] =
+    &[("zero", Startup::Classic), ("mirror", Startup::Mirroring), ("random", Startup::Random)];
+
+const GENERATION_POLICIES: &[(&str, Meshed)] =
+    &[("mcmg", Meshed::Components), ("lsmg", Meshed::Luma)];
+
+const LEAKAGES: &[(&str, bool)] = &[("leaky", true), ("no_leaky", false)];
+
+const SWITCH: &[(&str, bool)] = &[("0", false), ("1", true)];
 
 /// A parser of the names in a table.
 fn choice<T: Copy + Send + Sync + 'static>(
@@ -166,17 +210,18 @@ impl MeshOptions {
         };
         self.set_initial_points(&mut parameters, component_count);
         self.set_filters(&mut parameters);
-        set(&mut parameters.bad_point_removal, self.bad_point_removal);
+        self.set_diffusion(&mut parameters);
+        self.set_removal(&mut parameters, component_count);
         Ok(parameters)
     }
 
-    /// How large or good the mesh is to be; one of the three is given.
+    /// How large or good the mesh is to be; one of the four is given.
     fn target(&self) -> Target {
-        match (self.density, self.size, self.psnr) {
-            (Some(density), _, _) => Target::Density(density),
-            (None, Some(size), _) => Target::Size(size),
-            (None, None, psnr_db) => Target::Psnr(psnr_db.unwrap_or_default()),
-        }
+        let density = self.density.map(Target::Density);
+        let size = self.size.map(Target::Size);
+        let psnr_db = self.psnr.map(Target::Psnr);
+        let error = || Target::MeanError(self.error.unwrap_or_default());
+        density.or(size).or(psnr_db).unwrap_or_else(error)
     }
 
     /// What the thesis's program does when nothing but the target is given.
@@ -197,18 +242,34 @@ impl MeshOptions {
         set(&mut parameters.generator, self.initial_generator);
         let policy = self.ed_strategy.map(|strategy| strategy.policy(component_count));
         set(&mut parameters.policy, policy);
+        parameters.seed = self.seed;
+    }
+
+    /// Sets how error diffusion goes about it.
+    fn set_diffusion(&self, parameters: &mut Parameters) {
         set(&mut parameters.startup, self.ed_initial_error_mode);
         set(&mut parameters.scan, self.ed_scan_order);
         set(&mut parameters.leaky, self.ed_leaky_mode);
+        set(&mut parameters.psc_tie, self.psc_tie);
         parameters.tolerance = self.ed_size_tolerance.or(parameters.tolerance);
-        parameters.seed = self.seed;
+    }
+
+    /// Sets what removal goes by. A gray picture is its own luma.
+    fn set_removal(&self, parameters: &mut Parameters, component_count: usize) {
+        let policy = self.mesh_generation_policy.filter(|_| component_count > 1);
+        set(&mut parameters.meshed, policy);
+        set(&mut parameters.error_metric, self.error_metric);
+        set(&mut parameters.bad_point_removal, self.bad_point_removal);
     }
 
     /// Sets how the picture is smoothed and differentiated.
     fn set_filters(&self, parameters: &mut Parameters) {
         set(&mut parameters.smoothing, self.smooth_operator);
         set(&mut parameters.smoothing_order, self.smooth_order);
+        set(&mut parameters.smoothing_direction, self.smooth_direction);
+        set(&mut parameters.smoothing_boundary, self.smooth_bound_policy);
         set(&mut parameters.boundary, self.derivative_bound_policy);
+        set(&mut parameters.double_convolution, self.use_double_convolution);
     }
 }
 

@@ -1,8 +1,9 @@
 //! The program that rebuilds the picture of a mesh model.
 
 use crate::attendant::Attendant;
+use crate::document::DocumentOptions;
 use crate::{CliError, files};
-use clap::{Parser, ValueEnum};
+use clap::{CommandFactory, Parser, ValueEnum};
 use pixmesh_meshing::rasterize;
 use std::path::PathBuf;
 
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 /// Reads MODEL text on standard input and writes the picture on standard output: PGM for one
 /// component, PPM for three, PAM for any other number.
 #[derive(Parser, Debug)]
-#[command(name = "rasterize_model", version)]
+#[command(name = "rasterize_model", version, after_long_help = MANUAL)]
 pub struct RasterizeModel {
     /// Model to read instead of standard input
     #[arg(long, value_name = "FILE")]
@@ -22,7 +23,22 @@ pub struct RasterizeModel {
     /// Format of the picture
     #[arg(long, value_enum, default_value_t = PictureOut::Pnm)]
     format: PictureOut,
+    #[command(flatten)]
+    document: DocumentOptions,
 }
+
+/// What the long help and the manual page end with.
+const MANUAL: &str = "\
+Examples:
+  make_model --method mgprfs --density 2 < picture.ppm | rasterize_model > rebuilt.ppm
+  rasterize_model --input picture.model --format png --output rebuilt.png
+
+Exit status:
+  0 when the picture was written, 1 when the model was refused, 2 when the command line could not be
+  understood.
+
+See also:
+  make_model makes the models.";
 
 /// A format that pictures are written in.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -39,6 +55,9 @@ impl RasterizeModel {
     /// # Errors
     /// When the model cannot be read, or the picture cannot be written.
     pub fn run(&self) -> Result<(), CliError> {
+        if let Some(text) = self.document.text(&mut Self::command())? {
+            return files::write(None, &text);
+        }
         let input = self.input.as_deref();
         let bytes = files::read(input)?;
         let mesh = pixmesh_codec::read_model(&bytes, &files::LIMITS).map_err(|source| {

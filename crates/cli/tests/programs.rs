@@ -237,3 +237,138 @@ fn strategies_mean_their_gray_policy_for_a_gray_picture() {
         assert_eq!(of(strategy), laplacian, "{strategy}");
     }
 }
+
+/// A PPM of 40 by 30 whose components differ.
+fn colour_ppm() -> Vec<u8> {
+    let mut picture = b"P6\n40 30\n255\n".to_vec();
+    for i in 0..40 * 30 {
+        let (x, y) = (i % 40, i / 40);
+        let inside = (x - 20) * (x - 20) + (y - 15) * (y - 15) < 90;
+        let noise = (x * 7919 + y * 104_729) % 23;
+        let colour = if inside { [200 - x, 40 + y, 30 + noise] } else { [3 * x, 90, 120 + 2 * y] };
+        picture.extend(colour.map(|sample| sample as u8));
+    }
+    picture
+}
+
+#[test]
+fn every_option_has_an_effect() {
+    let picture = colour_ppm();
+    let base = "--size 40 --initial-size 400";
+    let plain = succeed(MAKE_MODEL, base, &picture);
+    for option in [
+        "--initial-generator all",
+        "--initial-generator random",
+        "--initial-generator uniform",
+        "--ed-strategy vector_space_comb",
+        "--ed-strategy three_comps_union_laplacian",
+        "--ed-size-tolerance 0",
+        "--ed-scan-order raster",
+        "--ed-leaky-mode leaky",
+        "--ed-initial-error-mode zero",
+        "--ed-initial-error-mode random",
+        "--smooth-order 5",
+        "--smooth-operator mean",
+        "--smooth-direction orthogonal",
+        "--derivative-bound-policy const_ext",
+        "--derivative-bound-policy sym_ext",
+        "--use-double-convolution 1",
+        "--use-double-convolution 1 --smooth-bound-policy sym_ext",
+        "--mesh-generation-policy lsmg",
+        "--error-metric mean_comp_ae",
+        "--error-metric luma_se",
+        "--error-metric luma_ae",
+        "--error-metric ycbcr_vec_se",
+        "--error-metric ycbcr_vec_ae",
+    ] {
+        let changed = succeed(MAKE_MODEL, &format!("{base} {option}"), &picture);
+        assert!(changed != plain, "{option}");
+        assert_eq!(changed, succeed(MAKE_MODEL, &format!("{base} {option}"), &picture), "{option}");
+    }
+    // The length of the difference vector orders removals as the mean over components does.
+    assert_eq!(succeed(MAKE_MODEL, &format!("{base} --error-metric vec_se"), &picture), plain);
+}
+
+#[test]
+fn bad_points_are_removed_unless_told_not_to() {
+    let size = |words: &str| {
+        let words = format!("--size 200 --initial-generator random --initial-size 200 {words}");
+        vertex_count(&succeed(MAKE_MODEL, &words, &colour_ppm()))
+    };
+    assert_eq!(size("--bad-point-removal 0"), 200);
+    assert!(size("") < 200);
+    assert_eq!(size(""), size("--bad-point-removal 1"));
+}
+
+#[test]
+fn a_mesh_of_the_luma_carries_the_colours_and_a_gray_picture_is_its_own_luma() {
+    let model = succeed(MAKE_MODEL, "--method cgprfsed --size 50", &colour_ppm());
+    let named = "--size 50 --relative-initial-density 400 --ed-strategy gray_comp_mmsodd_ed \
+        --ed-initial-error-mode zero --mesh-generation-policy lsmg --bad-point-removal 0";
+    assert_eq!(succeed(MAKE_MODEL, named, &colour_ppm()), model);
+    assert!(model.starts_with(b"40 30 3 8\n"));
+    let gray = |words: &str| succeed(MAKE_MODEL, &format!("--size 50 {words}"), &gray_pgm());
+    assert_eq!(gray("--mesh-generation-policy lsmg"), gray(""));
+}
+
+#[test]
+fn the_history_has_a_line_for_each_removed_point() {
+    let history = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("history.txt");
+    let words = format!(
+        "--size 50 --initial-size 150 --bad-point-removal 0 --history-file {}",
+        history.display()
+    );
+    let model = succeed(MAKE_MODEL, &words, &colour_ppm());
+    let initial = "--method med --size 150";
+    let before = vertex_count(&succeed(MAKE_MODEL, initial, &colour_ppm()));
+    let lines = std::fs::read_to_string(history).unwrap();
+    assert_eq!(lines.lines().count(), before - vertex_count(&model));
+    let vertices: Vec<&str> =
+        std::str::from_utf8(&model).unwrap().lines().skip(3).take(50).collect();
+    for line in lines.lines() {
+        let fields: Vec<i64> = line.split(' ').map(|field| field.parse().unwrap()).collect();
+        assert!((0..40).contains(&fields[0]) && (0..30).contains(&fields[1]), "{line}");
+        let point = format!("{} {} ", fields[0], fields[1]);
+        assert!(!vertices.iter().any(|vertex| vertex.starts_with(&point)), "{line} is still there");
+    }
+}
+
+#[test]
+fn a_mean_error_asked_for_is_not_exceeded() {
+    let output = run(MAKE_MODEL, "--method mgprfs --error 20 --stats", &colour_ppm());
+    let statistics = String::from_utf8(output.stderr).unwrap();
+    let mse = statistics.lines().find_map(|line| line.strip_prefix("mse")).unwrap();
+    let mse: f64 = mse.trim().parse().unwrap();
+    assert!((10.0..=20.0).contains(&mse), "{mse}");
+    let message = fail(MAKE_MODEL, "--method med --error 20", &colour_ppm());
+    assert!(message.contains("needs a method that simplifies"), "{message}");
+    let words = "--method mgprfs --psnr 30 --error-metric luma_ae";
+    let message = fail(MAKE_MODEL, words, &colour_ppm());
+    assert!(message.contains("target_psnr needs the error_metric mean_comp_se"), "{message}");
+    let message = fail(MAKE_MODEL, "--size 50 --error-metric luma_se", &gray_pgm());
+    assert!(message.contains("allowed are mean_comp_se, mean_comp_ae, vec_se"), "{message}");
+}
+
+#[test]
+fn manual_pages_and_completions_name_every_option() {
+    for program in [MAKE_MODEL, RASTERIZE_MODEL] {
+        let help = String::from_utf8(succeed(program, "--help", b"")).unwrap();
+        let options: Vec<&str> = help
+            .lines()
+            .filter_map(|line| line.trim_start().strip_prefix("--"))
+            .map(|option| option.split(' ').next().unwrap())
+            .filter(|option| !option.ends_with(','))
+            .collect();
+        assert!(options.len() > 3, "{help}");
+        let page = String::from_utf8(succeed(program, "--man-page", b"")).unwrap();
+        assert!(page.contains(".SH NAME"));
+        let page = page.replace('\\', "");
+        for option in options {
+            assert!(page.contains(&format!("--{option}")), "--{option}");
+            for shell in ["bash", "fish", "zsh"] {
+                let script = succeed(program, &format!("--completions {shell}"), b"");
+                assert!(String::from_utf8(script).unwrap().contains(option), "{shell}: {option}");
+            }
+        }
+    }
+}
