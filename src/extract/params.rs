@@ -17,11 +17,11 @@ use super::nearest_name;
 use crate::problem::{Kind, Problem};
 use pixmesh_codec::Header;
 use pixmesh_meshing::{
-    Boundary, Generator, InitialSize, Method, Parameters, Plan, Policy, Scan, Smoothing, Startup,
-    Target,
+    Boundary, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan, Policy,
+    PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
 };
 
-/// The density in percent, where neither density, size nor target PSNR is given.
+/// The density in percent, where no other target is given.
 pub const DEFAULT_DENSITY: f64 = 2.0;
 
 /// The method, where none is given.
@@ -41,17 +41,25 @@ struct Choices {
     density: Option<f64>,
     size: Option<usize>,
     target_psnr: Option<f64>,
+    target_error: Option<f64>,
     gamma: Option<f64>,
+    initial_density: Option<f64>,
     initial_size: Option<usize>,
     policy: Option<Policy>,
+    psc_tie: Option<PscTie>,
     startup: Option<Startup>,
     initial: Option<Generator>,
     smoothing_order: Option<usize>,
     smoothing: Option<Smoothing>,
+    smoothing_direction: Option<SmoothingDirection>,
+    double_convolution: Option<bool>,
+    smoothing_boundary: Option<Boundary>,
     boundary: Option<Boundary>,
     scan: Option<Scan>,
     leaky: Option<bool>,
     tolerance: Option<usize>,
+    meshed: Option<Meshed>,
+    error_metric: Option<ErrorMetric>,
     bad_point_removal: Option<bool>,
     seed: Option<u64>,
     format: Option<Format>,
@@ -89,8 +97,8 @@ impl ParameterSet {
     /// `conflicting-parameters` for more than one target or initial size, and whatever the methods
     /// refuse before they see an image.
     pub fn finish(&self) -> Result<Order, Problem> {
-        self.at_most_one_of(&["density", "size", "target_psnr"])?;
-        self.at_most_one_of(&["gamma", "initial_size"])?;
+        self.at_most_one_of(&["density", "size", "target_psnr", "target_error"])?;
+        self.at_most_one_of(&["gamma", "initial_density", "initial_size"])?;
         let method = self.choices.method.unwrap_or(DEFAULT_METHOD);
         let parameters = self.choices.apply(&method.parameters(self.choices.target()));
         parameters.check()?;
@@ -111,15 +119,17 @@ impl Choices {
     fn target(&self) -> Target {
         let size = self.size.map(Target::Size);
         let psnr = self.target_psnr.map(Target::Psnr);
-        size.or(psnr).unwrap_or(Target::Density(self.density.unwrap_or(DEFAULT_DENSITY)))
+        let error = self.target_error.map(Target::MeanError);
+        size.or(psnr).or(error).unwrap_or(Target::Density(self.density.unwrap_or(DEFAULT_DENSITY)))
     }
 
     /// The parameters of a method, but for those given explicitly.
     fn apply(&self, method: &Parameters) -> Parameters {
         let gamma = self.gamma.map(InitialSize::Gamma);
-        let initial_size = self.initial_size.map(InitialSize::Size);
+        let density = self.initial_density.map(InitialSize::Density);
+        let size = self.initial_size.map(InitialSize::Size);
         Parameters {
-            initial_size: gamma.or(initial_size).unwrap_or(method.initial_size),
+            initial_size: gamma.or(density).or(size).unwrap_or(method.initial_size),
             generator: self.initial.unwrap_or(method.generator),
             policy: self.policy.unwrap_or(method.policy),
             startup: self.startup.unwrap_or(method.startup),
@@ -128,7 +138,13 @@ impl Choices {
             tolerance: self.tolerance.or(method.tolerance),
             smoothing: self.smoothing.unwrap_or(method.smoothing),
             smoothing_order: self.smoothing_order.unwrap_or(method.smoothing_order),
+            smoothing_direction: self.smoothing_direction.unwrap_or(method.smoothing_direction),
+            double_convolution: self.double_convolution.unwrap_or(method.double_convolution),
+            smoothing_boundary: self.smoothing_boundary.unwrap_or(method.smoothing_boundary),
             boundary: self.boundary.unwrap_or(method.boundary),
+            psc_tie: self.psc_tie.unwrap_or(method.psc_tie),
+            meshed: self.meshed.unwrap_or(method.meshed),
+            error_metric: self.error_metric.unwrap_or(method.error_metric),
             bad_point_removal: self.bad_point_removal.unwrap_or(method.bad_point_removal),
             seed: self.seed.unwrap_or(method.seed),
             ..*method

@@ -67,6 +67,9 @@ impl From<ParameterError> for Problem {
                     .member("actual", actual)
             }
             E::TargetNeedsSimplification => {
+                Self::new(Kind::ConflictingParameters, detail).param("method")
+            }
+            E::TargetNeedsSquaredError(_) => {
                 Self::new(Kind::ConflictingParameters, detail).param("target_psnr")
             }
             E::Shape(error) => error.into(),

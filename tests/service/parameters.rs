@@ -5,7 +5,7 @@ use crate::pictures::disc;
 use crate::server::Server;
 
 /// A query, and the refusal it gets.
-const REFUSALS: [(&str, u16, &str); 58] = [
+const REFUSALS: [(&str, u16, &str); 68] = [
     ("density=0", 422, "parameter-out-of-range"),
     ("density=-0.0", 422, "parameter-out-of-range"),
     ("density=-1", 422, "parameter-out-of-range"),
@@ -62,6 +62,16 @@ const REFUSALS: [(&str, u16, &str); 58] = [
     ("density=%zz", 400, "query-malformed"),
     ("density=%00", 400, "query-malformed"),
     ("density=%C0%AF", 400, "query-malformed"),
+    ("target_error=1&density=2", 422, "conflicting-parameters"),
+    ("initial_density=5&gamma=4", 422, "conflicting-parameters"),
+    ("target_error=-1", 422, "parameter-out-of-range"),
+    ("initial_density=101", 422, "parameter-out-of-range"),
+    ("target_psnr=30&error_metric=mean_comp_ae", 422, "conflicting-parameters"),
+    ("double_convolution=1", 422, "unknown-value"),
+    ("smoothing_direction=up", 422, "unknown-value"),
+    ("error_metric=ssim", 422, "unknown-value"),
+    ("error_metric=luma_se", 422, "component-count"),
+    ("meshed=luma", 422, "component-count"),
     ("method=ced", 422, "component-count"),
     ("policy=psc", 422, "component-count"),
 ];
@@ -123,4 +133,37 @@ fn without_a_target_the_mesh_has_two_percent_of_the_pixels() {
     let answer = server.mesh("", &[], &disc(50, 40, 3));
     assert_eq!(answer.header("mesh-vertices"), "40");
     assert!(answer.header("mesh-parameters").starts_with("method=mgprfs&density=2&"));
+}
+
+#[test]
+fn every_choice_changes_the_mesh_and_is_named_in_the_answer() {
+    let server = Server::start(&[]);
+    let image = disc(40, 30, 3);
+    let plain = server.mesh("size=30&gamma=8", &[], &image);
+    for choice in [
+        "initial=random",
+        "policy=psc",
+        "policy=psb_l",
+        "policy=pse_d",
+        "startup=classic",
+        "startup=random",
+        "scan=raster",
+        "leaky=true",
+        "smoothing_order=5",
+        "smoothing=mean",
+        "smoothing_direction=orthogonal",
+        "double_convolution=true",
+        "boundary=constant",
+        "meshed=luma",
+        "error_metric=mean_comp_ae",
+    ] {
+        let answer = server.mesh(&format!("size=30&gamma=8&{choice}"), &[], &image);
+        assert_eq!(answer.status, 200, "{choice}: {}", answer.text());
+        assert!(answer.body != plain.body, "{choice} changes nothing");
+        assert!(answer.header("mesh-parameters").contains(choice), "{choice}");
+    }
+    let answer = server.mesh("target_error=30", &[], &image);
+    assert!(answer.header("mesh-mse").parse::<f64>().unwrap() <= 30.0);
+    let answer = server.mesh("size=30&initial_density=20", &[], &image);
+    assert!(answer.header("mesh-parameters").contains("initial_density=20"));
 }

@@ -7,8 +7,9 @@ use super::{Choices, Order};
 use crate::extract::accept::Format;
 use crate::problem::Problem;
 use pixmesh_meshing::{
-    Boundary, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_PSNR_DB, MAX_SMOOTHING_ORDER,
-    MIN_DENSITY, MIN_SIZE, Method, ParameterError, Policy, Scan, Smoothing, Startup, Target,
+    Boundary, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_MEAN_ERROR,
+    MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed, Method, ParameterError,
+    Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
 };
 use std::str::FromStr;
 
@@ -147,12 +148,12 @@ const MAX_SIZE: u64 = u32::MAX as u64;
 const LEAST_SIZE: u64 = MIN_SIZE as u64;
 const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 18] = [
+pub static TABLE: [Parameter; 26] = [
     word!(method: Method, "The method, which sets every other parameter; one given explicitly wins. Default: mgprfs.",
         |order| Some(order.method.to_string())),
     decimal!(
         density,
-        "Vertices in percent of the image's pixels, the four corners at least. The default is 2, where neither size nor target_psnr is given.",
+        "Vertices in percent of the image's pixels, the four corners at least. The default is 2, where no other target is given.",
         MIN_DENSITY,
         MAX_DENSITY,
         |order| match order.parameters.target {
@@ -172,11 +173,21 @@ pub static TABLE: [Parameter; 18] = [
     ),
     decimal!(
         target_psnr,
-        "The fewest vertices with at least this PSNR in decibels; instead of density, for methods that simplify.",
+        "At least this PSNR in decibels: removal stops before it would fall below; instead of density, for methods that simplify.",
         0.0,
         MAX_PSNR_DB,
         |order| match order.parameters.target {
             Target::Psnr(psnr_db) => Some(psnr_db.to_string()),
+            _ => None,
+        }
+    ),
+    decimal!(
+        target_error,
+        "At most this mean error per pixel in the unit of error_metric: removal stops before it would be exceeded; instead of density, for methods that simplify.",
+        0.0,
+        MAX_MEAN_ERROR,
+        |order| match order.parameters.target {
+            Target::MeanError(error) => Some(error.to_string()),
             _ => None,
         }
     ),
@@ -187,6 +198,16 @@ pub static TABLE: [Parameter; 18] = [
         MAX_GAMMA,
         |order| match order.parameters.initial_size {
             InitialSize::Gamma(gamma) => Some(gamma.to_string()),
+            _ => None,
+        }
+    ),
+    decimal!(
+        initial_density,
+        "Points the mesh starts with, in percent of the image's pixels; instead of gamma.",
+        MIN_DENSITY,
+        MAX_DENSITY,
+        |order| match order.parameters.initial_size {
+            InitialSize::Density(density) => Some(density.to_string()),
             _ => None,
         }
     ),
@@ -204,6 +225,8 @@ pub static TABLE: [Parameter; 18] = [
         |order| Some(order.parameters.generator.to_string())),
     word!(policy: Policy, "How the image becomes the density of the initial points.",
         |order| Some(order.parameters.policy.to_string())),
+    word!(psc_tie: PscTie, "For policy psc: the vector gradient where its rates of change in x and y are equal.",
+        |order| (order.parameters.policy == Policy::Psc).then(|| order.parameters.psc_tie.to_string())),
     word!(startup: Startup, "The errors that error diffusion starts with.",
         |order| Some(order.parameters.startup.to_string())),
     word!(scan: Scan, "The direction in which error diffusion visits each row.",
@@ -227,8 +250,21 @@ pub static TABLE: [Parameter; 18] = [
         MOST_SMOOTHING,
         |order| Some(order.parameters.smoothing_order.to_string())
     ),
+    word!(smoothing_direction: SmoothingDirection, "Whether the image is smoothed in both directions, or only at right angles to the derivative.",
+        |order| Some(order.parameters.smoothing_direction.to_string())),
+    flag!(
+        double_convolution,
+        "Whether smoothing and derivative are two filters, the image cropped in between, instead of one.",
+        |order| Some(order.parameters.double_convolution.to_string())
+    ),
+    word!(smoothing_boundary: Boundary, "With double_convolution: what the smoothing filter sees beyond the image's border.",
+        |order| order.parameters.double_convolution.then(|| order.parameters.smoothing_boundary.to_string())),
     word!(boundary: Boundary, "What the filters see beyond the image's border.",
         |order| Some(order.parameters.boundary.to_string())),
+    word!(meshed: Meshed, "What removal goes by: all components, or the luma, whose mesh then gets the colours back.",
+        |order| Some(order.parameters.meshed.to_string())),
+    word!(error_metric: ErrorMetric, "The error that removal raises least.",
+        |order| Some(order.parameters.error_metric.to_string())),
     flag!(
         bad_point_removal,
         "Whether removal goes on below the target while it lowers the error.",
