@@ -7,6 +7,8 @@ use crate::interpolant::Interpolant;
 use crate::mesh::Point;
 use crate::method::ErrorMetric;
 use crate::predicates::orientation;
+use crate::small_face::Pixels;
+use wide::f32x4;
 
 /// Computes errors of faces over vertices at lattice points of an image; keeps its memory from one
 /// face to the next.
@@ -14,9 +16,39 @@ pub(crate) struct FaceErrors<'a> {
     image: &'a Image,
     /// `None` for the squared error, which has a path of its own.
     metric: Option<&'static dyn Metric>,
+    small: SmallFaces,
     interpolants: Vec<Interpolant>,
     /// One row of approximations for each component.
     approximations: Vec<Vec<u16>>,
+}
+
+/// The picture as small faces are measured against it.
+enum SmallFaces {
+    One(Pixels<f32>),
+    Several(Pixels<f32x4>),
+    /// More than 8 bits, more than four components, or another metric: as any other face.
+    None,
+}
+
+impl SmallFaces {
+    fn new(image: &Image) -> Self {
+        match (image.precision(), image.component_count()) {
+            (9.., _) => Self::None,
+            (_, 1) => Self::One(Pixels::new(image)),
+            (_, 2..=4) => Self::Several(Pixels::new(image)),
+            _ => Self::None,
+        }
+    }
+
+    /// The squared error of a face, if it is small enough.
+    #[inline]
+    fn squared_error(&self, corners: [Point; 3]) -> Option<u64> {
+        match self {
+            Self::One(pixels) => pixels.squared_error(corners),
+            Self::Several(pixels) => pixels.squared_error(corners),
+            Self::None => None,
+        }
+    }
 }
 
 impl<'a> FaceErrors<'a> {
@@ -26,6 +58,11 @@ impl<'a> FaceErrors<'a> {
         Self {
             image,
             metric: (!metric.is_squared_difference()).then(|| metric.metric()),
+            small: if metric.is_squared_difference() {
+                SmallFaces::new(image)
+            } else {
+                SmallFaces::None
+            },
             interpolants: Vec::with_capacity(count),
             approximations: vec![Vec::new(); count],
         }
@@ -34,6 +71,9 @@ impl<'a> FaceErrors<'a> {
     /// Sum over the face's lattice points of the error of the rounded interpolant.
     #[inline]
     pub(crate) fn error(&mut self, corners: [Point; 3]) -> u64 {
+        if let Some(error) = self.small.squared_error(corners) {
+            return error;
+        }
         self.prepare(corners);
         match self.metric {
             None => self.squared_error(corners),
@@ -42,11 +82,10 @@ impl<'a> FaceErrors<'a> {
     }
 
     /// Sets the interpolants of a face.
-    #[inline]
     fn prepare(&mut self, corners: [Point; 3]) {
+        let double_area = orientation(corners[0], corners[1], corners[2]);
         let width = self.image.width();
         let places = corners.map(|p| p.y as usize * width + p.x as usize);
-        let double_area = orientation(corners[0], corners[1], corners[2]);
         let quarter_reciprocal = 0.25 / double_area as f64;
         self.interpolants.clear();
         self.interpolants.extend(self.image.components().iter().map(|samples| {
@@ -56,7 +95,6 @@ impl<'a> FaceErrors<'a> {
     }
 
     /// Sum over points and components of the squared differences.
-    #[inline]
     fn squared_error(&self, corners: [Point; 3]) -> u64 {
         let (image, width) = (self.image, self.image.width());
         let mut sum = 0;
@@ -85,5 +123,67 @@ impl<'a> FaceErrors<'a> {
             sum += metric.error(&original, approximations);
         });
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A picture of scattered samples of all values.
+    fn picture(side: usize, component_count: usize, precision: u8) -> Image {
+        let plane = |c: usize| {
+            let sample = |i: usize| ((i * 40_503 + c * 9_973 + i / side * 31) >> 3) as u16;
+            (0..side * side).map(|i| sample(i) >> (16 - precision)).collect()
+        };
+        let components = (0..component_count).map(plane).collect();
+        Image::new(side, side, precision, components).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn small_faces_are_measured_as_all_others_are(
+            places in prop::array::uniform6(0i32..90),
+            scale in 1i32..8,
+            (component_count, precision) in (1usize..5, 1u8..9),
+        ) {
+            let image = picture(90, component_count, precision);
+            let mut small = FaceErrors::new(&image, ErrorMetric::MeanCompSe);
+            let mut any = FaceErrors::new(&image, ErrorMetric::MeanCompSe);
+            any.small = SmallFaces::None;
+            let mut corners = [0, 2, 4].map(|i| Point::new(places[i] / scale, places[i + 1] / scale));
+            if orientation(corners[0], corners[1], corners[2]) < 0 {
+                corners.swap(1, 2);
+            }
+            if orientation(corners[0], corners[1], corners[2]) > 0 {
+                prop_assert_eq!(small.error(corners), any.error(corners));
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_errors_of_the_largest_small_faces_are_exact() {
+        // Black and white corners, and the opposite everywhere else.
+        let side = 64;
+        let samples = |white: &dyn Fn(usize) -> bool| {
+            (0..side * side).map(|i| if white(i) { 255 } else { 0 }).collect::<Vec<u16>>()
+        };
+        let corners = [0, side - 1, side * side - 1];
+        let places = corners.map(|i| Point::new((i % side) as i32, (i / side) as i32));
+        for pattern in 0..8 {
+            let at_corner = |i: usize| corners.iter().position(|&corner| corner == i);
+            let white = |i: usize| {
+                at_corner(i).map_or(pattern % 2 == 0, |corner| pattern >> corner & 1 == 1)
+            };
+            let components =
+                vec![samples(&white), samples(&|i| !white(i)), samples(&|i| i % 3 == 0)];
+            let image = Image::new(side, side, 8, components).unwrap();
+            let mut small = FaceErrors::new(&image, ErrorMetric::MeanCompSe);
+            assert!(small.small.squared_error(places).is_some());
+            let error = small.error(places);
+            small.small = SmallFaces::None;
+            assert_eq!(error, small.error(places));
+        }
     }
 }

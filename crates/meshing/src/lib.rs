@@ -58,6 +58,7 @@ mod removal_queue;
 mod sample_points;
 mod significance;
 mod simplify;
+mod small_face;
 mod triangulation;
 
 pub use control::{Cancelled, Control, Stage, Unattended};
