@@ -5,7 +5,7 @@ use crate::filter::{Filter, Order};
 use crate::image::Image;
 use crate::luma::luma;
 use crate::method::{Parameters, Policy};
-use crate::significance::{Significance, vector_gradient};
+use crate::significance::{Significance, poll_row, vector_gradient};
 
 /// What the largest significance is raised by before it divides, so that a picture without any
 /// detail has density 0 and not 0/0.
@@ -61,7 +61,7 @@ impl Density {
             Policy::PsbL => aggregate(&luma(image), &filter, Mol, Maximum, control)?,
             Policy::Psc => {
                 let (components, tie) = (image.components(), parameters.psc_tie);
-                vec![vector_gradient(&filter, components, image.width(), tie)]
+                vec![vector_gradient(&filter, components, image.width(), tie, control)?]
             }
         };
         let mut density = Self { width: image.width(), height: image.height(), fields };
@@ -112,22 +112,23 @@ fn aggregate(
     aggregation: Aggregation,
     control: &dyn Control,
 ) -> Result<Vec<Vec<f64>>, Cancelled> {
-    let (width, count) = (image.width(), image.component_count());
+    let (width, height, count) = (image.width(), image.height(), image.component_count());
     let field_count = if matches!(aggregation, Aggregation::Apart) { count } else { 1 };
     let mut fields = vec![vec![0.0; image.pixel_count()]; field_count];
     let mut values = vec![0.0; width];
     for (c, component) in image.components().iter().enumerate() {
-        control.poll(Stage::Density, c, count)?;
         let field = &mut fields[c.min(field_count - 1)];
         filter.for_each_row(component, width, Order::Second, |y, row| {
+            poll_row(control, c * height + y, count * height)?;
             significance.evaluate(row, filter.divisor(), &mut values);
             merge(&mut field[y * width..][..width], &values, aggregation);
-        });
+            Ok(())
+        })?;
     }
     if matches!(aggregation, Aggregation::Mean) {
         fields.iter_mut().flatten().for_each(|value| *value /= count as f64);
     }
-    control.poll(Stage::Density, count, count)?;
+    control.poll(Stage::Density, count * height, count * height)?;
     Ok(fields)
 }
 

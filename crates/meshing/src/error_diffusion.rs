@@ -18,6 +18,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
 
+/// Rows diffused between two polls of the control.
+const ROWS_PER_POLL: usize = 32;
+
 /// How many points more or fewer than asked end the search, for one field and for several.
 const TOLERANCE_ONE_FIELD: usize = 10;
 const TOLERANCE_UNION: usize = 15;
@@ -32,7 +35,7 @@ pub(crate) fn diffuse_to_size(
     parameters: &Parameters,
     control: &dyn Control,
 ) -> Result<Vec<u8>, Cancelled> {
-    let mut diffusion = Diffusion::new(density, size, parameters);
+    let mut diffusion = Diffusion::new(density, size, parameters, control)?;
     if diffusion.sums.iter().all(|&sum| sum == 0.0) {
         return Ok(diffusion.chosen);
     }
@@ -40,14 +43,14 @@ pub(crate) fn diffuse_to_size(
     let tolerance = parameters.tolerance.unwrap_or(default);
     let mut search = ThresholdSearch::new(diffusion.first_threshold(), size);
     for tries in 0..MAX_TRIES {
-        control.poll(Stage::Diffuse, tries, MAX_TRIES)?;
-        let count = diffusion.run(search.threshold);
+        diffusion.tries = tries;
+        let count = diffusion.run(search.threshold)?;
         if count.abs_diff(size) <= tolerance {
             return Ok(diffusion.chosen);
         }
         search.learn(count);
     }
-    diffusion.run(search.nearest.0);
+    diffusion.run(search.nearest.0)?;
     Ok(diffusion.chosen)
 }
 
@@ -104,10 +107,18 @@ struct Diffusion<'a> {
     chosen: Vec<u8>,
     /// The row in work and the one above, with the errors diffused into them.
     rows: [Vec<f64>; 2],
+    control: &'a dyn Control,
+    /// Thresholds tried before the one in work.
+    tries: usize,
 }
 
 impl<'a> Diffusion<'a> {
-    fn new(density: &'a Density, size: usize, parameters: &Parameters) -> Self {
+    fn new(
+        density: &'a Density,
+        size: usize,
+        parameters: &Parameters,
+        control: &'a dyn Control,
+    ) -> Result<Self, Cancelled> {
         let width = density.width;
         let mut diffusion = Self {
             density,
@@ -118,12 +129,14 @@ impl<'a> Diffusion<'a> {
             initial_errors: vec![vec![0.0; width]; density.fields.len()],
             chosen: vec![0; width * density.height],
             rows: [vec![0.0; width], vec![0.0; width]],
+            control,
+            tries: 0,
         };
         for field in 0..density.fields.len() {
             match parameters.startup {
                 Startup::Classic => {}
                 Startup::Mirroring => {
-                    diffusion.initial_errors[field] = diffusion.mirrored_errors(field);
+                    diffusion.initial_errors[field] = diffusion.mirrored_errors(field)?;
                 }
                 Startup::Random => {
                     let reach = diffusion.first_threshold();
@@ -132,7 +145,15 @@ impl<'a> Diffusion<'a> {
                 }
             }
         }
-        diffusion
+        Ok(diffusion)
+    }
+
+    /// Polls the control at the first of every few rows.
+    fn poll(&self, y: usize) -> Result<(), Cancelled> {
+        match y % ROWS_PER_POLL {
+            0 => self.control.poll(Stage::Diffuse, self.tries, MAX_TRIES),
+            _ => Ok(()),
+        }
     }
 
     /// The threshold at which, all density being turned into points of weight `2 threshold`, the
@@ -144,7 +165,7 @@ impl<'a> Diffusion<'a> {
 
     /// The errors that row 0 receives from the picture mirrored at it: rows `height - 1` down to 1
     /// diffused once, each into the next.
-    fn mirrored_errors(&mut self, field: usize) -> Vec<f64> {
+    fn mirrored_errors(&mut self, field: usize) -> Result<Vec<f64>, Cancelled> {
         let count = self.density.fields.len() as f64;
         let threshold = count * self.sums[field] / (2.0 * self.size as f64);
         let mut ignored = vec![0; self.density.width];
@@ -152,6 +173,7 @@ impl<'a> Diffusion<'a> {
         let [mut row, mut above] = std::mem::take(&mut self.rows);
         row.copy_from_slice(self.density.row(field, self.density.height - 1));
         for y in (0..self.density.height - 1).rev() {
+            self.poll(y)?;
             if y == 0 {
                 above.fill(0.0);
             } else {
@@ -163,37 +185,41 @@ impl<'a> Diffusion<'a> {
         }
         let errors = row.clone();
         self.rows = [row, above];
-        errors
+        Ok(errors)
     }
 
     /// One pass over every field; returns how many points were chosen.
-    fn run(&mut self, threshold: f64) -> usize {
+    fn run(&mut self, threshold: f64) -> Result<usize, Cancelled> {
         self.chosen.fill(0);
         for field in 0..self.density.fields.len() {
-            self.run_field(field, threshold);
+            self.run_field(field, threshold)?;
         }
-        self.chosen.iter().map(|&chosen| usize::from(chosen)).sum()
+        Ok(self.chosen.iter().map(|&chosen| usize::from(chosen)).sum())
     }
 
     /// One pass over one field, adding its points to those chosen.
-    fn run_field(&mut self, field: usize, threshold: f64) {
+    fn run_field(&mut self, field: usize, threshold: f64) -> Result<(), Cancelled> {
         let (width, height) = (self.density.width, self.density.height);
-        let [row, above] = &mut self.rows;
+        let [mut row, mut above] = std::mem::take(&mut self.rows);
         row.copy_from_slice(self.density.row(field, 0));
         for (value, error) in row.iter_mut().zip(&self.initial_errors[field]) {
             *value += error;
         }
         let mut rightwards = true;
-        for (y, chosen) in self.chosen.chunks_exact_mut(width).enumerate() {
+        for y in 0..height {
+            self.poll(y)?;
+            let chosen = &mut self.chosen[y * width..][..width];
             if y + 1 < height {
                 above.copy_from_slice(self.density.row(field, y + 1));
-                self.weights.diffuse_row(row, above, threshold, rightwards, chosen);
+                self.weights.diffuse_row(&mut row, &mut above, threshold, rightwards, chosen);
             } else {
-                self.weights.diffuse_last_row(row, threshold, rightwards, chosen);
+                self.weights.diffuse_last_row(&row, threshold, rightwards, chosen);
             }
-            std::mem::swap(row, above);
+            std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;
         }
+        self.rows = [row, above];
+        Ok(())
     }
 }
 

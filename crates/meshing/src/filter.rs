@@ -8,6 +8,7 @@
 //! picture of up to 16 bits is an exact multiple of a known unit up to smoothing order 17 (beyond,
 //! it is rounded, in the same way on every machine); the unit is applied once, at the end.
 
+use crate::control::Cancelled;
 use crate::method::{Boundary, Parameters, Smoothing, SmoothingDirection};
 
 /// A kernel of odd length along each axis.
@@ -95,14 +96,15 @@ impl Filter {
         self.divisor
     }
 
-    /// Filters a component and hands each row's derivatives to `use_row`, from the bottom up.
+    /// Filters a component and hands each row's derivatives to `use_row`, from the bottom up, until
+    /// that cancels.
     pub(crate) fn for_each_row(
         &self,
         component: &[u16],
         width: usize,
         order: Order,
-        mut use_row: impl FnMut(usize, &DerivativeRow),
-    ) {
+        mut use_row: impl FnMut(usize, &DerivativeRow) -> Result<(), Cancelled>,
+    ) -> Result<(), Cancelled> {
         let prepare = |stages| Pass::new(stages, component, width, self);
         let mut passes = match order {
             Order::First => vec![prepare(&self.first_x), prepare(&self.first_y)],
@@ -116,8 +118,9 @@ impl Filter {
             for (pass, values) in passes.iter_mut().zip(values) {
                 pass.row(y, values);
             }
-            use_row(y, &row);
+            use_row(y, &row)?;
         }
+        Ok(())
     }
 }
 
@@ -298,11 +301,13 @@ mod tests {
     fn derivatives(parameters: &Parameters, component: &[u16], width: usize) -> [Vec<f64>; 3] {
         let filter = Filter::new(parameters);
         let mut all = [Vec::new(), Vec::new(), Vec::new()];
-        filter.for_each_row(component, width, Order::Second, |_, row| {
+        let collect = |_: usize, row: &DerivativeRow| {
             for (all, row) in all.iter_mut().zip([&row.xx, &row.yy, &row.xy]) {
                 all.extend(row.iter().map(|value| value / filter.divisor()));
             }
-        });
+            Ok(())
+        };
+        filter.for_each_row(component, width, Order::Second, collect).unwrap();
         all
     }
 

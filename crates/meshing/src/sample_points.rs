@@ -1,6 +1,6 @@
 //! The initial points of a mesh, by each of the generators.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control};
 use crate::density::Density;
 use crate::error_diffusion::diffuse_to_size;
 use crate::image::Image;
@@ -32,7 +32,6 @@ pub fn sample_points(
         Generator::Uniform => uniform_points(width, height, size),
         Generator::ErrorDiffusion => {
             let density = Density::new(image, parameters, control)?;
-            control.poll(Stage::Diffuse, 0, 1)?;
             diffuse_to_size(&density, size, parameters, control)?
         }
     };

@@ -1,5 +1,6 @@
 //! How much each lattice point matters: local differential operators of the smoothed picture.
 
+use crate::control::{Cancelled, Control, Stage};
 use crate::filter::{DerivativeRow, Filter, Order};
 use crate::method::PscTie;
 
@@ -46,21 +47,33 @@ pub(crate) fn vector_gradient(
     components: &[Vec<u16>],
     width: usize,
     tie: PscTie,
-) -> Vec<f64> {
-    let mut tensors = vec![[0.0f64; 3]; components[0].len()];
-    for component in components {
+    control: &dyn Control,
+) -> Result<Vec<f64>, Cancelled> {
+    let (mut tensors, height) =
+        (vec![[0.0f64; 3]; components[0].len()], components[0].len() / width);
+    for (c, component) in components.iter().enumerate() {
         filter.for_each_row(component, width, Order::First, |y, row| {
+            poll_row(control, c * height + y, components.len() * height)?;
             let gradients = row.xx.iter().zip(&row.yy);
             for ([gxx, gyy, gxy], (&fx, &fy)) in tensors[y * width..].iter_mut().zip(gradients) {
                 *gxx += fx * fx;
                 *gyy += fy * fy;
                 *gxy += fx * fy;
             }
-        });
+            Ok(())
+        })?;
     }
     // The filter's first derivatives are doubled.
     let divisor = 2.0 * filter.divisor();
-    tensors.iter().map(|&tensor| larger_rate_of_change(tensor, tie) / divisor).collect()
+    Ok(tensors.iter().map(|&tensor| larger_rate_of_change(tensor, tie) / divisor).collect())
+}
+
+/// Rows between two polls of the control.
+const ROWS_PER_POLL: usize = 32;
+
+/// Polls the control at the first of every few rows of all components.
+pub(crate) fn poll_row(control: &dyn Control, row: usize, rows: usize) -> Result<(), Cancelled> {
+    if row.is_multiple_of(ROWS_PER_POLL) { control.poll(Stage::Density, row, rows) } else { Ok(()) }
 }
 
 /// Square root of the larger eigenvalue of `[gxx gxy; gxy gyy]`.
