@@ -46,6 +46,7 @@ mod filter;
 mod generate;
 mod hilbert;
 mod hole;
+mod hole_memory;
 mod image;
 mod interpolant;
 mod luma;

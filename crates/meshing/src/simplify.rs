@@ -9,12 +9,13 @@
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::FaceErrors;
 use crate::hole::{Base, HoleFiller};
+use crate::hole_memory::HoleMemory;
 use crate::image::Image;
 use crate::mesh::Point;
 use crate::method::{ErrorBound, ErrorMetric};
 use crate::metrics::Fidelity;
 use crate::removal_queue::RemovalQueue;
-use crate::triangulation::{NONE, Triangulation, next, previous};
+use crate::triangulation::{NONE, Triangulation, next, previous, smallest_first};
 
 /// When removal ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +83,7 @@ struct Simplification<'a> {
     /// Vertices around the last hole.
     neighbours: Vec<u32>,
     filler: HoleFiller,
+    memory: HoleMemory,
     /// Error of each triangle of the last fill.
     fill_errors: Vec<u64>,
 }
@@ -111,6 +113,7 @@ impl<'a> Simplification<'a> {
             star: Star::default(),
             neighbours: Vec::new(),
             filler: HoleFiller::default(),
+            memory: HoleMemory::new(triangulation.points.len()),
             fill_errors: Vec::new(),
             triangulation,
         };
@@ -147,10 +150,15 @@ impl<'a> Simplification<'a> {
         self.star.gather(vertex, &self.triangulation, &self.outgoing);
         let before: u64 = self.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
         self.fill_errors.clear();
-        for triangle in self.filler.fill(&self.star.boundary) {
-            let corners = triangle.corners.map(|place| self.star.boundary[place as usize]);
-            self.fill_errors.push(self.errors.error(corners));
+        let (star, errors) = (&self.star, &mut self.errors);
+        for triangle in self.filler.fill(&star.boundary) {
+            let face = smallest_first(triangle.corners.map(|place| star.vertices[place as usize]));
+            let error = self.memory.error(vertex, face, || {
+                errors.error(triangle.corners.map(|place| star.boundary[place as usize]))
+            });
+            self.fill_errors.push(error);
         }
+        self.memory.keep(vertex);
         self.fill_errors.iter().sum::<u64>() as i64 - before as i64
     }
 
@@ -375,9 +383,7 @@ mod tests {
             .origins
             .chunks_exact(3)
             .filter(|corners| corners[0] != NONE)
-            .map(|corners| {
-                crate::triangulation::smallest_first([corners[0], corners[1], corners[2]])
-            })
+            .map(|corners| smallest_first([corners[0], corners[1], corners[2]]))
             .collect();
         faces.sort_unstable();
         let fresh = triangulate(&points);
