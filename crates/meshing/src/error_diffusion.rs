@@ -6,14 +6,16 @@
 //! found by search. Error that has no neighbour to go to is shared among the others (non-leaky),
 //! and the first row may start with the errors of the picture mirrored below it.
 //!
-//! One pass costs some nanoseconds a lattice point, each operation waiting for the one before;
-//! the search takes about ten passes.
+//! The search tries about ten thresholds. One pass tries seven of them at once, those that the
+//! next three steps of the search may come to, and the one taken is the one that the steps take.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::density::Density;
+use crate::floyd_steinberg::Weights;
 use crate::method::{Parameters, Scan, Startup};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use wide::f64x8;
 
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
@@ -42,54 +44,90 @@ pub(crate) fn diffuse_to_size(
     let default = if density.fields.len() == 1 { TOLERANCE_ONE_FIELD } else { TOLERANCE_UNION };
     let tolerance = parameters.tolerance.unwrap_or(default);
     let mut search = ThresholdSearch::new(diffusion.first_threshold(), size);
-    for tries in 0..MAX_TRIES {
-        diffusion.tries = tries;
-        let count = diffusion.run(search.threshold)?;
-        if count.abs_diff(size) <= tolerance {
-            return Ok(diffusion.chosen);
+    while diffusion.tries < MAX_TRIES {
+        let counts = diffusion.run(search.next_thresholds())?;
+        let mut node = 0;
+        while node < THRESHOLDS {
+            if counts[node].abs_diff(size) <= tolerance {
+                return Ok(diffusion.points_of(node));
+            }
+            diffusion.tries += 1;
+            node = 2 * node + if search.learn(counts[node]) { 1 } else { 2 };
         }
-        search.learn(count);
     }
-    diffusion.run(search.nearest.0)?;
-    Ok(diffusion.chosen)
+    diffusion.run([search.nearest.0; THRESHOLDS])?;
+    Ok(diffusion.points_of(0))
 }
+
+/// Thresholds that one pass tries: the next one of the search, the two that may follow, and the
+/// four that may follow these.
+const THRESHOLDS: usize = 7;
 
 /// The search for the threshold that chooses a number of points: doubled or halved until the
 /// number changes sides, then bisected.
 struct ThresholdSearch {
     size: usize,
+    bracket: Bracket,
+    /// The threshold with the number of points nearest to `size`, and the difference.
+    nearest: (f64, usize),
+}
+
+/// The threshold to try next, and what is known around it.
+#[derive(Clone, Copy)]
+struct Bracket {
     threshold: f64,
     /// Largest threshold known to choose too many points.
     too_low: Option<f64>,
     /// Smallest threshold known to choose too few.
     too_high: Option<f64>,
-    /// The threshold with the number of points nearest to `size`, and the difference.
-    nearest: (f64, usize),
 }
 
 impl ThresholdSearch {
     fn new(threshold: f64, size: usize) -> Self {
-        let nearest = (threshold, usize::MAX);
-        Self { size, threshold, too_low: None, too_high: None, nearest }
+        let bracket = Bracket { threshold, too_low: None, too_high: None };
+        Self { size, bracket, nearest: (threshold, usize::MAX) }
     }
 
-    /// Takes in how many points the threshold chose and moves on to the next one.
-    fn learn(&mut self, count: usize) {
+    /// The thresholds of the next three tries, whatever comes out of them: after try `i` follows
+    /// `2 i + 1` if it chose too many points, else `2 i + 2`.
+    fn next_thresholds(&self) -> [f64; THRESHOLDS] {
+        let mut tries = [self.bracket; THRESHOLDS];
+        for i in 0..THRESHOLDS / 2 {
+            tries[2 * i + 1] = tries[i].after(true);
+            tries[2 * i + 2] = tries[i].after(false);
+        }
+        tries.map(|bracket| bracket.threshold)
+    }
+
+    /// Takes in how many points the threshold chose, moves on to the next one, and tells whether
+    /// they were too many.
+    fn learn(&mut self, count: usize) -> bool {
         let difference = count.abs_diff(self.size);
         if difference < self.nearest.1 {
-            self.nearest = (self.threshold, difference);
+            self.nearest = (self.bracket.threshold, difference);
         }
-        if count > self.size {
-            self.too_low = Some(self.threshold);
+        let too_many = count > self.size;
+        self.bracket = self.bracket.after(too_many);
+        too_many
+    }
+}
+
+impl Bracket {
+    /// What is known after the threshold chose too many points, or too few.
+    fn after(self, too_many: bool) -> Self {
+        let Self { threshold, mut too_low, mut too_high } = self;
+        if too_many {
+            too_low = Some(threshold);
         } else {
-            self.too_high = Some(self.threshold);
+            too_high = Some(threshold);
         }
-        self.threshold = match (self.too_low, self.too_high) {
+        let threshold = match (too_low, too_high) {
             (Some(low), Some(high)) => 0.5 * (low + high),
             (Some(low), None) => 2.0 * low,
             (None, Some(high)) => 0.5 * high,
-            (None, None) => self.threshold,
+            (None, None) => threshold,
         };
+        Self { threshold, too_low, too_high }
     }
 }
 
@@ -103,10 +141,10 @@ struct Diffusion<'a> {
     sums: Vec<f64>,
     /// Errors that row 0 of each field starts with.
     initial_errors: Vec<Vec<f64>>,
-    /// 1 for each lattice point chosen by the last pass.
+    /// For each lattice point a bit for each threshold of the last pass that chose it.
     chosen: Vec<u8>,
     /// The row in work and the one above, with the errors diffused into them.
-    rows: [Vec<f64>; 2],
+    rows: [Vec<f64x8>; 2],
     control: &'a dyn Control,
     /// Thresholds tried before the one in work.
     tries: usize,
@@ -128,7 +166,7 @@ impl<'a> Diffusion<'a> {
             sums: density.fields.iter().map(|field| field.iter().sum()).collect(),
             initial_errors: vec![vec![0.0; width]; density.fields.len()],
             chosen: vec![0; width * density.height],
-            rows: [vec![0.0; width], vec![0.0; width]],
+            rows: [vec![f64x8::ZERO; width], vec![f64x8::ZERO; width]],
             control,
             tries: 0,
         };
@@ -170,50 +208,47 @@ impl<'a> Diffusion<'a> {
         let threshold = count * self.sums[field] / (2.0 * self.size as f64);
         let mut ignored = vec![0; self.density.width];
         let mut rightwards = true;
-        let [mut row, mut above] = std::mem::take(&mut self.rows);
-        row.copy_from_slice(self.density.row(field, self.density.height - 1));
+        let mut row = self.density.row(field, self.density.height - 1).to_vec();
+        let (mut above, nothing) = (row.clone(), vec![0.0; self.density.width]);
         for y in (0..self.density.height - 1).rev() {
             self.poll(y)?;
-            if y == 0 {
-                above.fill(0.0);
-            } else {
-                above.copy_from_slice(self.density.row(field, y));
-            }
-            self.weights.diffuse_row(&mut row, &mut above, threshold, rightwards, &mut ignored);
+            let densities = if y == 0 { &nothing } else { self.density.row(field, y) };
+            let weights = &self.weights;
+            weights.diffuse_row(&row, densities, &mut above, threshold, rightwards, &mut ignored);
             std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;
         }
-        let errors = row.clone();
-        self.rows = [row, above];
-        Ok(errors)
+        Ok(row)
     }
 
-    /// One pass over every field; returns how many points were chosen.
-    fn run(&mut self, threshold: f64) -> Result<usize, Cancelled> {
+    /// One pass over every field for each threshold; returns how many points each one chose.
+    fn run(&mut self, thresholds: [f64; THRESHOLDS]) -> Result<[usize; THRESHOLDS], Cancelled> {
+        let mut lanes = [f64::INFINITY; 8];
+        lanes[..THRESHOLDS].copy_from_slice(&thresholds);
         self.chosen.fill(0);
         for field in 0..self.density.fields.len() {
-            self.run_field(field, threshold)?;
+            self.run_field(field, f64x8::from(lanes))?;
         }
-        Ok(self.chosen.iter().map(|&chosen| usize::from(chosen)).sum())
+        Ok(std::array::from_fn(|lane| count_of_lane(&self.chosen, lane)))
     }
 
     /// One pass over one field, adding its points to those chosen.
-    fn run_field(&mut self, field: usize, threshold: f64) -> Result<(), Cancelled> {
+    fn run_field(&mut self, field: usize, thresholds: f64x8) -> Result<(), Cancelled> {
         let (width, height) = (self.density.width, self.density.height);
         let [mut row, mut above] = std::mem::take(&mut self.rows);
-        row.copy_from_slice(self.density.row(field, 0));
-        for (value, error) in row.iter_mut().zip(&self.initial_errors[field]) {
-            *value += error;
+        let starts = self.density.row(field, 0).iter().zip(&self.initial_errors[field]);
+        for (value, (density, error)) in row.iter_mut().zip(starts) {
+            *value = f64x8::splat(density + error);
         }
         let mut rightwards = true;
         for y in 0..height {
             self.poll(y)?;
             let chosen = &mut self.chosen[y * width..][..width];
             if y + 1 < height {
-                above.copy_from_slice(self.density.row(field, y + 1));
-                self.weights.diffuse_row(&mut row, &mut above, threshold, rightwards, chosen);
+                let (next, weights) = (self.density.row(field, y + 1), &self.weights);
+                weights.diffuse_row(&row, next, &mut above, thresholds, rightwards, chosen);
             } else {
-                self.weights.diffuse_last_row(&row, threshold, rightwards, chosen);
+                self.weights.diffuse_last_row(&row, thresholds, rightwards, chosen);
             }
             std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;
@@ -221,6 +256,25 @@ impl<'a> Diffusion<'a> {
         self.rows = [row, above];
         Ok(())
     }
+
+    /// 1 for each lattice point that a threshold of the last pass chose.
+    fn points_of(mut self, threshold: usize) -> Vec<u8> {
+        self.chosen.iter_mut().for_each(|bits| *bits = *bits >> threshold & 1);
+        self.chosen
+    }
+}
+
+/// How many points have the bit of a lane set, eight of them at a time.
+fn count_of_lane(chosen: &[u8], lane: usize) -> usize {
+    const LOWEST_BITS: u64 = 0x0101_0101_0101_0101;
+    let (words, rest) = chosen.as_chunks::<8>();
+    let of_word = |word: &[u8; 8]| {
+        let bits = u64::from_le_bytes(*word) >> lane & LOWEST_BITS;
+        // The product's highest byte is the sum of all bytes.
+        (bits.wrapping_mul(LOWEST_BITS) >> 56) as usize
+    };
+    let of_rest = rest.iter().map(|bits| usize::from(bits >> lane & 1));
+    words.iter().map(of_word).chain(of_rest).sum()
 }
 
 /// Errors drawn evenly from `-reach..reach`, from the seed's stream for a field.
@@ -236,110 +290,6 @@ impl Density {
     /// Row `y` of a field.
     fn row(&self, field: usize, y: usize) -> &[f64] {
         &self.fields[field][y * self.width..][..self.width]
-    }
-}
-
-/// The shares of a point's error that go to its neighbours.
-#[derive(Clone, Copy)]
-struct Shares {
-    /// To the next point of the row.
-    ahead: f64,
-    /// To the point above the previous one.
-    above_behind: f64,
-    /// To the point above.
-    above: f64,
-    /// To the point above the next one.
-    above_ahead: f64,
-}
-
-/// The shares for each kind of place in a row.
-struct Weights {
-    /// First point of a row: nothing behind it.
-    first: Shares,
-    inner: Shares,
-    /// Last point of a row: nothing ahead of it.
-    last: Shares,
-    /// To the next point of the topmost row.
-    ahead_in_last_row: f64,
-}
-
-/// Robert W. Floyd and Louis Steinberg, "An adaptive algorithm for spatial greyscale", 1976.
-const FLOYD_STEINBERG: Shares = Shares {
-    ahead: 7.0 / 16.0,
-    above_behind: 3.0 / 16.0,
-    above: 5.0 / 16.0,
-    above_ahead: 1.0 / 16.0,
-};
-
-impl Weights {
-    /// The shares that lose the error without a neighbour, or hand it to the others.
-    fn new(leaky: bool) -> Self {
-        let inner = FLOYD_STEINBERG;
-        if leaky {
-            return Self { first: inner, inner, last: inner, ahead_in_last_row: inner.ahead };
-        }
-        let first = Shares {
-            ahead: 7.0 / 13.0,
-            above_behind: 0.0,
-            above: 5.0 / 13.0,
-            above_ahead: 1.0 / 13.0,
-        };
-        let last =
-            Shares { ahead: 0.0, above_behind: 3.0 / 8.0, above: 5.0 / 8.0, above_ahead: 0.0 };
-        Self { first, inner, last, ahead_in_last_row: 1.0 }
-    }
-
-    /// Diffuses a row of at least two points into itself and the row above, marking chosen points.
-    fn diffuse_row(
-        &self,
-        row: &mut [f64],
-        above: &mut [f64],
-        threshold: f64,
-        rightwards: bool,
-        chosen: &mut [u8],
-    ) {
-        let last = row.len() - 1;
-        let place = |step: usize| if rightwards { step } else { last - step };
-        let mut ahead = 0.0;
-        for step in 0..=last {
-            let shares = match step {
-                0 => self.first,
-                _ if step == last => self.last,
-                _ => self.inner,
-            };
-            let x = place(step);
-            let error = decide(row[x] + ahead, threshold, &mut chosen[x]);
-            ahead = error * shares.ahead;
-            above[x] += error * shares.above;
-            if step > 0 {
-                above[place(step - 1)] += error * shares.above_behind;
-            }
-            if step < last {
-                above[place(step + 1)] += error * shares.above_ahead;
-            }
-        }
-    }
-
-    /// Diffuses the topmost row into itself, marking chosen points.
-    fn diffuse_last_row(&self, row: &[f64], threshold: f64, rightwards: bool, chosen: &mut [u8]) {
-        let last = row.len() - 1;
-        let mut ahead = 0.0;
-        for step in 0..=last {
-            let x = if rightwards { step } else { last - step };
-            let error = decide(row[x] + ahead, threshold, &mut chosen[x]);
-            ahead = error * self.ahead_in_last_row;
-        }
-    }
-}
-
-/// Chooses a point or not, and returns the error that leaves.
-#[inline]
-fn decide(value: f64, threshold: f64, chosen: &mut u8) -> f64 {
-    if value >= threshold {
-        *chosen = 1;
-        value - 2.0 * threshold
-    } else {
-        value
     }
 }
 
