@@ -575,7 +575,31 @@ impl Parameters {
             Target::MeanError(error) => (MIN_SIZE, Some(ErrorBound::MeanError(error))),
         };
         let initial_size = self.initial_points(size, shape)?;
+        self.check_initial_size(initial_size, size, all)?;
         Ok(Plan { size, initial_size, bound })
+    }
+
+    /// A mesh cannot end with more points than it starts with.
+    fn check_initial_size(
+        &self,
+        initial: usize,
+        size: usize,
+        all: usize,
+    ) -> Result<(), ParameterError> {
+        let parameter = match self.initial_size {
+            InitialSize::Size(_) => "initial_size",
+            InitialSize::Density(_) => "initial_density",
+            InitialSize::Target | InitialSize::Gamma(_) => return Ok(()),
+        };
+        if initial >= size {
+            return Ok(());
+        }
+        let in_unit = |points: usize| match self.initial_size {
+            InitialSize::Density(_) => 100.0 * points as f64 / all as f64,
+            _ => points as f64,
+        };
+        let (value, minimum, maximum) = (in_unit(initial), in_unit(size), in_unit(all));
+        Err(ParameterError::OutOfRange { parameter, value, minimum, maximum })
     }
 
     /// Number of points to start with.
@@ -724,6 +748,20 @@ mod tests {
                 plan(Method::Mgprfs, Target::Density(density), shape(side, side, 3)).unwrap();
             assert_eq!(plan.size, 4);
         }
+    }
+
+    #[test]
+    fn a_mesh_cannot_end_with_more_points_than_it_starts_with() {
+        let plan = |initial_size| {
+            let target = Target::Density(50.0);
+            Parameters { initial_size, ..Parameters::new(target) }.plan(shape(10, 10, 1))
+        };
+        assert_eq!(plan(InitialSize::Size(50)).unwrap().initial_size, 50);
+        assert_eq!(plan(InitialSize::Density(50.0)).unwrap().initial_size, 50);
+        let message = plan(InitialSize::Size(49)).unwrap_err().to_string();
+        assert_eq!(message, "initial_size is 49, but must lie in 50 to 100");
+        let message = plan(InitialSize::Density(20.0)).unwrap_err().to_string();
+        assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");
     }
 
     #[test]
