@@ -2,6 +2,7 @@
 
 use crate::error_metric::Metric;
 use crate::face_rows::for_each_row;
+use crate::flat_areas::FlatAreas;
 use crate::image::Image;
 use crate::interpolant::Interpolant;
 use crate::mesh::Point;
@@ -17,6 +18,7 @@ pub(crate) struct FaceErrors<'a> {
     /// `None` for the squared error, which has a path of its own.
     metric: Option<&'static dyn Metric>,
     small: SmallFaces,
+    flat: Option<FlatAreas>,
     interpolants: Vec<Interpolant>,
     /// One row of approximations for each component.
     approximations: Vec<Vec<u16>>,
@@ -63,6 +65,7 @@ impl<'a> FaceErrors<'a> {
             } else {
                 SmallFaces::None
             },
+            flat: FlatAreas::new(image),
             interpolants: Vec::with_capacity(count),
             approximations: vec![Vec::new(); count],
         }
@@ -71,6 +74,9 @@ impl<'a> FaceErrors<'a> {
     /// Sum over the face's lattice points of the error of the rounded interpolant.
     #[inline]
     pub(crate) fn error(&mut self, corners: [Point; 3]) -> u64 {
+        if self.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
+            return 0;
+        }
         if let Some(error) = self.small.squared_error(corners) {
             return error;
         }

@@ -43,6 +43,7 @@ mod error_metric;
 mod face_error;
 mod face_rows;
 mod filter;
+mod flat_areas;
 mod floyd_steinberg;
 mod generate;
 mod hilbert;
