@@ -1,12 +1,13 @@
-//! The command-line programs `make_model` and `rasterize_model`.
+//! The command-line programs `make_model`, `rasterize_model` and `thesis_tables`.
 //!
-//! Both are filters: standard input to standard output, so that they stand in pipes as the
+//! The first two are filters: standard input to standard output, so that they stand in pipes as the
 //! programs of the thesis do; `--input` and `--output` name files instead. They call the same
 //! functions as the service: `pixmesh-codec` at the borders, `pixmesh-meshing` in between.
 //!
 //! [`make_model`] and [`rasterize_model`] are the programs, [`options`] what the first one's words
 //! mean, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to,
-//! [`document`] manual pages and completions.
+//! [`document`] manual pages and completions. [`thesis`] prints the thesis's tables for a folder of
+//! pictures.
 
 pub mod attendant;
 pub mod document;
@@ -14,6 +15,7 @@ pub mod files;
 pub mod make_model;
 pub mod options;
 pub mod rasterize_model;
+pub mod thesis;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -56,6 +58,9 @@ pub enum CliError {
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] pixmesh_meshing::Cancelled),
+    /// The tables of the thesis cannot be made.
+    #[error(transparent)]
+    Thesis(#[from] thesis::ThesisError),
 }
 
 /// Ends a program: status 0, or the error on standard error and status 1.

@@ -1,0 +1,9 @@
+//! The program `thesis_tables`.
+
+use clap::Parser;
+use pixmesh_cli::thesis::ThesisTables;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    pixmesh_cli::exit("thesis_tables", ThesisTables::parse().run())
+}
