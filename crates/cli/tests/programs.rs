@@ -128,7 +128,7 @@ fn statistics_go_to_standard_error_and_agree_with_the_model() {
     let statistics = String::from_utf8(output.stderr).unwrap();
     let names: Vec<&str> =
         statistics.lines().map(|l| l.split_whitespace().next().unwrap()).collect();
-    let stages = ["decode", "density", "diffuse", "triangulate", "simplify", "measure", "encode"];
+    let stages = ["decode", "density", "diffuse", "triangulate", "simplify", "encode"];
     assert_eq!(names[..4], ["vertices", "faces", "mse", "psnr_db"]);
     assert_eq!(names[4..], stages);
     assert!(statistics.starts_with("vertices     40\n"), "{statistics}");

@@ -19,7 +19,7 @@ pub enum Stage {
     Triangulate,
     /// Greedy point removal.
     Simplify,
-    /// The squared error of the mesh.
+    /// The squared error of the mesh, where removal has not kept account of it.
     Measure,
     /// The picture rebuilt from the mesh.
     Rasterize,

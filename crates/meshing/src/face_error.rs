@@ -54,18 +54,23 @@ impl SmallFaces {
 }
 
 impl<'a> FaceErrors<'a> {
-    /// Errors of approximations of `image` by a metric.
+    /// Errors of approximations of `image` by a metric, for many more faces than cover it once.
     pub(crate) fn new(image: &'a Image, metric: ErrorMetric) -> Self {
+        let small = match metric.is_squared_difference() {
+            true => SmallFaces::new(image),
+            false => SmallFaces::None,
+        };
+        Self { small, flat: FlatAreas::new(image), ..Self::for_few(image, metric) }
+    }
+
+    /// The same without the tables that only pay for many faces.
+    pub(crate) fn for_few(image: &'a Image, metric: ErrorMetric) -> Self {
         let count = image.component_count();
         Self {
             image,
             metric: (!metric.is_squared_difference()).then(|| metric.metric()),
-            small: if metric.is_squared_difference() {
-                SmallFaces::new(image)
-            } else {
-                SmallFaces::None
-            },
-            flat: FlatAreas::new(image),
+            small: SmallFaces::None,
+            flat: None,
             interpolants: Vec::with_capacity(count),
             approximations: vec![Vec::new(); count],
         }

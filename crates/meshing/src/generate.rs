@@ -8,7 +8,7 @@ use crate::mesh::{Mesh, Shape};
 use crate::method::{ErrorMetric, Meshed, ParameterError, Parameters, Plan};
 use crate::metrics::Fidelity;
 use crate::sample_points::sample_points;
-use crate::simplify::{Removal, StopRule, simplify};
+use crate::simplify::{Removal, Simplified, StopRule, simplify};
 use crate::triangulation::Triangulation;
 use thiserror::Error;
 
@@ -54,13 +54,28 @@ pub fn generate(
     control: &dyn Control,
 ) -> Result<Model, GenerateError> {
     let plan = parameters.plan(image.shape())?;
-    let (triangulation, removals) = match parameters.meshed {
+    let Made { triangulation, removals, squared_error } = match parameters.meshed {
         Meshed::Components => triangulate_image(image, parameters, plan, control)?,
-        Meshed::Luma => triangulate_image(&luma(image), &on_luma(parameters), plan, control)?,
+        Meshed::Luma => {
+            let made = triangulate_image(&luma(image), &on_luma(parameters), plan, control)?;
+            Made { squared_error: None, ..made }
+        }
     };
-    let fidelity = Fidelity::of_sum(squared_error(image, &triangulation, control)?, image);
+    let squared_error = match squared_error {
+        Some(known) => known,
+        None => measure(image, &triangulation, control)?,
+    };
+    let fidelity = Fidelity::of_sum(squared_error, image);
     let mesh = carry_samples(image, triangulation);
     Ok(Model { mesh, fidelity, plan, removals })
+}
+
+/// A triangulation made of an image.
+struct Made {
+    triangulation: Triangulation,
+    removals: Vec<Removal>,
+    /// The squared error of the image's approximation, where it is known already.
+    squared_error: Option<u64>,
 }
 
 /// Chooses, triangulates and simplifies.
@@ -69,17 +84,20 @@ fn triangulate_image(
     parameters: &Parameters,
     plan: Plan,
     control: &dyn Control,
-) -> Result<(Triangulation, Vec<Removal>), Cancelled> {
+) -> Result<Made, Cancelled> {
     let points = sample_points(image, parameters, plan.initial_size, control)?;
     let triangulation = Triangulation::new(points, control)?;
     let Plan { size, initial_size, bound } = plan;
     let bad_point_removal = parameters.bad_point_removal;
     if initial_size == size && bound.is_none() && !bad_point_removal {
         // A one-shot mesh has the size that error diffusion gave it, a few points more or fewer.
-        return Ok((triangulation, Vec::new()));
+        return Ok(Made { triangulation, removals: Vec::new(), squared_error: None });
     }
     let rule = StopRule { size, bound, metric: parameters.error_metric, bad_point_removal };
-    simplify(image, triangulation, rule, control)
+    let Simplified { triangulation, removals, error } =
+        simplify(image, triangulation, rule, control)?;
+    let squared_error = parameters.error_metric.is_squared_difference().then_some(error);
+    Ok(Made { triangulation, removals, squared_error })
 }
 
 /// The parameters of a colour method for the luma, an image of one component.
@@ -90,12 +108,12 @@ fn on_luma(parameters: &Parameters) -> Parameters {
 }
 
 /// The squared error of an image's approximation over a triangulation.
-fn squared_error(
+fn measure(
     image: &Image,
     triangulation: &Triangulation,
     control: &dyn Control,
 ) -> Result<u64, Cancelled> {
-    let mut errors = FaceErrors::new(image, ErrorMetric::MeanCompSe);
+    let mut errors = FaceErrors::for_few(image, ErrorMetric::MeanCompSe);
     let (faces, mut sum) = (triangulation.origins.chunks_exact(3), 0);
     let count = faces.len();
     for (f, face) in faces.enumerate() {

@@ -39,14 +39,23 @@ pub struct Removal {
     pub change: i64,
 }
 
-/// Removes vertices of a triangulation of `image` until the rule says stop, and returns the
-/// triangulation of those left, by row, then column, and the removals in order.
+/// What greedy removal leaves.
+pub(crate) struct Simplified {
+    /// The triangulation of the vertices left, by row, then column.
+    pub(crate) triangulation: Triangulation,
+    /// The removals, in order.
+    pub(crate) removals: Vec<Removal>,
+    /// The sum of errors over the image, in the metric's whole numbers.
+    pub(crate) error: u64,
+}
+
+/// Removes vertices of a triangulation of `image` until the rule says stop.
 pub(crate) fn simplify(
     image: &Image,
     triangulation: Triangulation,
     rule: StopRule,
     control: &dyn Control,
-) -> Result<(Triangulation, Vec<Removal>), Cancelled> {
+) -> Result<Simplified, Cancelled> {
     let mut simplification = Simplification::new(image, triangulation, rule.metric);
     let surplus = simplification.remaining.saturating_sub(rule.size);
     let mut queue = simplification.evaluate_all(surplus, control)?;
@@ -62,7 +71,8 @@ pub(crate) fn simplify(
         let point = simplification.triangulation.points[vertex as usize];
         removals.push(Removal { point, change });
     }
-    Ok((simplification.finish(), removals))
+    let error = simplification.total_error;
+    Ok(Simplified { triangulation: simplification.finish(), removals, error })
 }
 
 /// A triangulation that loses vertices, and what is known of its faces.
