@@ -2,15 +2,24 @@
 //!
 //! Work needs a worker's slot and memory for its [cost](Cost). What does not get both at once waits
 //! in a queue whose length is counted in seconds of work: each cost is turned into seconds by the
-//! moving average of what work has taken so far. When more than the allowed seconds wait already,
-//! a request is refused without waiting, and told when the queue will have drained. Slots and
+//! moving averages of what work of its kind has taken so far. When more than the allowed seconds
+//! wait already, a request is refused without waiting, and told when the queue will have drained.
+//! The seconds are estimates; what has really waited for twice as long is refused too. Slots and
 //! memory belong to a [`Ticket`], which the work itself holds: a handler that is dropped cannot
 //! free what its work still uses.
+//!
+//! An answer holds a part of its work's memory until its bytes are sent, so that slow readers use
+//! the budget and not what is beyond it. While they read, less work is admitted; the server cuts
+//! those that stall.
 
 mod backlog;
 mod cost;
+mod effort;
+mod footprint;
+mod memory;
 
 pub use cost::Cost;
+pub use memory::Memory;
 
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
@@ -37,8 +46,9 @@ pub struct Ticket {
     cost: Cost,
     started: Instant,
     gate: Admission,
+    memory: Memory,
     /// Freed after `drop` has counted the end, so that what is counted never exceeds the slots.
-    _permits: (OwnedSemaphorePermit, OwnedSemaphorePermit),
+    _slot: OwnedSemaphorePermit,
 }
 
 impl Admission {
@@ -61,15 +71,22 @@ impl Admission {
     ///
     /// # Errors
     /// `work-too-large` when there is not that much memory at all, `overloaded` when the queue is
-    /// full, `deadline-exceeded` when the wait outlasts `deadline`.
+    /// full or the wait outlasts what it should take, `deadline-exceeded` when the wait outlasts
+    /// `deadline`.
     pub async fn admit(&self, cost: Cost, deadline: Instant) -> Result<Ticket, Problem> {
         self.refuse_too_large(cost)?;
         let arrived = Instant::now();
         let place = self.backlog.enter(cost, self.slots.available_permits() > 0)?;
-        let permits = timeout_at(deadline.into(), self.permits(cost)).await;
+        let patience = arrived.checked_add(self.backlog.patience());
+        let patience = patience.filter(|&end| end < deadline);
+        let permits = timeout_at(patience.unwrap_or(deadline).into(), self.permits(cost)).await;
         drop(place);
-        let permits = permits.map_err(|_| self.waited_too_long())?.map_err(stopped)?;
-        Ok(self.ticket(cost, arrived.elapsed(), permits))
+        let permits = permits.map_err(|_| match patience {
+            Some(_) => self.backlog.lose_patience(),
+            None => self.waited_too_long(),
+        })?;
+        let (slot, memory) = permits.map_err(stopped)?;
+        Ok(self.ticket(cost, arrived.elapsed(), slot, Memory::new(memory)))
     }
 
     /// First a slot, so that only as many as there are slots hold or await memory.
@@ -86,13 +103,14 @@ impl Admission {
         &self,
         cost: Cost,
         waited: Duration,
-        permits: (OwnedSemaphorePermit, OwnedSemaphorePermit),
+        slot: OwnedSemaphorePermit,
+        memory: Memory,
     ) -> Ticket {
         self.backlog.start(cost);
-        telemetry::memory_used_mib(f64::from(cost.mib()));
         telemetry::queue_wait(waited);
         telemetry::jobs_in_progress(1.0);
-        Ticket { waited, cost, started: Instant::now(), gate: self.clone(), _permits: permits }
+        let gate = self.clone();
+        Ticket { waited, cost, started: Instant::now(), gate, memory, _slot: slot }
     }
 
     fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
@@ -125,6 +143,11 @@ impl Ticket {
         self.gate.backlog.learn(self.cost, self.started.elapsed());
     }
 
+    /// Takes out the memory that an answer of so many bytes needs for as long as it is there.
+    pub fn keep(&mut self, bytes: usize) -> Option<Memory> {
+        self.memory.split(bytes)
+    }
+
     /// Says that the work was stopped before its end.
     pub fn stopped(&self) {
         self.gate.backlog.learn_at_least(self.cost, self.started.elapsed());
@@ -134,7 +157,6 @@ impl Ticket {
 impl Drop for Ticket {
     fn drop(&mut self) {
         self.gate.backlog.end(self.cost);
-        telemetry::memory_used_mib(-f64::from(self.cost.mib()));
         telemetry::jobs_in_progress(-1.0);
     }
 }
@@ -142,4 +164,35 @@ impl Drop for Ticket {
 /// The semaphores are never closed, but if they were, this is what it would mean.
 fn stopped(_: AcquireError) -> Problem {
     Problem::new(Kind::ShuttingDown, "the service is stopping")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::effort::{Effort, WorkKind};
+    use super::*;
+
+    #[tokio::test]
+    async fn an_answer_keeps_its_memory_and_not_the_slot_until_it_is_gone() {
+        let gate = Admission::new(1, 1 << 20, 0.02);
+        let cost = Cost::of_effort(Effort { kind: WorkKind::OneShot, units: 1.0 });
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let mut ticket = gate.admit(cost, deadline).await.unwrap();
+        let kept = ticket.keep(usize::MAX);
+        drop(ticket);
+        assert_eq!(gate.slots.available_permits(), 1);
+        let problem = gate.admit(cost, deadline).await.unwrap_err();
+        assert_eq!(problem.kind(), Kind::Overloaded, "it waits no longer than the queue may take");
+        drop(kept);
+        assert!(gate.admit(cost, deadline).await.is_ok());
+    }
+
+    #[tokio::test]
+    async fn a_deadline_before_the_end_of_patience_is_what_is_exceeded() {
+        let gate = Admission::new(1, 1 << 20, 60.0);
+        let cost = Cost::of_effort(Effort { kind: WorkKind::OneShot, units: 1.0 });
+        let ticket = gate.admit(cost, Instant::now() + Duration::from_secs(60)).await.unwrap();
+        let soon = Instant::now() + Duration::from_millis(20);
+        assert_eq!(gate.admit(cost, soon).await.unwrap_err().kind(), Kind::DeadlineExceeded);
+        drop(ticket);
+    }
 }

@@ -33,7 +33,7 @@ pub struct Settings {
     /// Meshes made at the same time [default: the number of cores].
     #[arg(long, env = "PIXMESH_WORKERS", hide_env_values = true)]
     pub workers: Option<NonZeroUsize>,
-    /// Memory for bodies (a quarter) and work (the rest).
+    /// Memory for bodies (a quarter), and for work and answers not sent yet (the rest).
     #[arg(long, env = "PIXMESH_MEMORY_BUDGET", default_value = "1GiB")]
     pub memory_budget: ByteSize,
     /// Seconds of work that may wait for a worker; what comes on top is turned away.
@@ -77,7 +77,7 @@ pub struct JobSettings {
 /// What a client may send, and how slowly.
 #[derive(Args, Clone, Debug)]
 pub struct Limits {
-    /// Longest body of a request.
+    /// Longest body of a request; at most a quarter of the memory budget is in force.
     #[arg(long, env = "PIXMESH_MAX_BODY", default_value = "32MiB")]
     pub max_body: ByteSize,
     /// Most pixels of an image.
@@ -89,10 +89,10 @@ pub struct Limits {
     /// Longest time for a request's header to arrive, and for an idle connection to stay.
     #[arg(long, env = "PIXMESH_HEADER_TIMEOUT", default_value = "10s")]
     pub header_timeout: Period,
-    /// Longest time for a request's body to arrive.
+    /// Longest time for a request's body to arrive, and for a client to take nothing of its answer.
     #[arg(long, env = "PIXMESH_BODY_TIMEOUT", default_value = "30s")]
     pub body_timeout: Period,
-    /// Most connections open at the same time.
+    /// Most connections open at the same time; fewer where the limit on open files is low.
     #[arg(long, env = "PIXMESH_MAX_CONNECTIONS", default_value = "1024")]
     pub max_connections: NonZeroUsize,
 }
@@ -140,16 +140,30 @@ impl Settings {
         self.workers.unwrap_or_else(cores).get()
     }
 
-    /// Memory for request bodies: a quarter of the budget.
+    /// Memory for request bodies: a quarter of the budget, in whole KiB.
     #[must_use]
     pub fn body_budget(&self) -> ByteSize {
-        ByteSize(self.memory_budget.0 / 4)
+        let kib = (self.memory_budget.0 / 4 / 1024).max(1);
+        ByteSize(kib * 1024)
+    }
+
+    /// The longest body that is received: one that all the memory for bodies could not hold would
+    /// never be.
+    #[must_use]
+    pub fn longest_body(&self) -> ByteSize {
+        self.limits.max_body.min(self.body_budget())
+    }
+
+    /// The setting that makes it no longer.
+    #[must_use]
+    pub fn setting_of_longest_body(&self) -> &'static str {
+        if self.limits.max_body <= self.body_budget() { "--max-body" } else { "--memory-budget" }
     }
 
     /// Memory for work: what the bodies leave of the budget.
     #[must_use]
     pub fn work_budget(&self) -> ByteSize {
-        ByteSize(self.memory_budget.0 - self.body_budget().0)
+        ByteSize(self.memory_budget.0.saturating_sub(self.body_budget().0))
     }
 
     /// The longest time from the end of the upload to the answer.
@@ -198,7 +212,7 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--queue-seconds {}", self.queue_seconds)?;
         writeln!(formatter, "--sync-deadline {}", self.sync_deadline)?;
         writeln!(formatter, "--log-format {log_format}")?;
-        writeln!(formatter, "--max-body {}", limits.max_body)?;
+        writeln!(formatter, "--max-body {}", self.longest_body())?;
         writeln!(formatter, "--max-pixels {}", limits.max_pixels)?;
         writeln!(formatter, "--max-side {}", limits.max_side)?;
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;

@@ -10,10 +10,13 @@ use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
 use pixmesh_codec::{EncodeError, Limits, decode, write_glb, write_model, write_png, write_pnm};
-use pixmesh_meshing::{Mesh, generate, rasterize};
+use pixmesh_meshing::{Mesh, Shape, generate, rasterize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
 use std::time::Duration;
+
+/// Room in bytes for what is in an answer whatever its size, such as the header of a file.
+const FRAME: usize = 4096;
 
 /// A mesh as bytes, with what is known of it.
 #[derive(Debug)]
@@ -82,27 +85,45 @@ impl Answer {
 
 /// The mesh, or the picture rebuilt from it, in a format.
 fn encode(mesh: &Mesh, format: Format, watch: &Watch) -> Result<Vec<u8>, Problem> {
+    let room = room(mesh, format);
     match format {
-        Format::Model => encoded(watch, |bytes| write_model(mesh, bytes)),
-        Format::Glb => encoded(watch, |bytes| write_glb(mesh, bytes)),
+        Format::Model => encoded(room, watch, |bytes| write_model(mesh, bytes)),
+        Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, bytes)),
         Format::Png => {
             let picture = rasterize(mesh, watch)?;
-            encoded(watch, |bytes| write_png(&picture, bytes))
+            encoded(room, watch, |bytes| write_png(&picture, bytes))
         }
         Format::Pnm => {
             let picture = rasterize(mesh, watch)?;
-            encoded(watch, |bytes| write_pnm(&picture, bytes))
+            encoded(room, watch, |bytes| write_pnm(&picture, bytes))
         }
     }
 }
 
+/// About the most bytes that an answer takes: one that must not be copied while it grows.
+fn room(mesh: &Mesh, format: Format) -> usize {
+    let Shape { width, height, component_count, precision } = mesh.shape();
+    let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
+    let picture = width * height * component_count * usize::from(precision).div_ceil(8);
+    let bytes = match format {
+        Format::Model => vertices * (12 + 6 * component_count) + faces * 27,
+        Format::Glb => vertices * 20 + faces * 12,
+        // What does not compress becomes a little longer.
+        Format::Png | Format::Pnm => picture + picture / 8,
+    };
+    bytes + FRAME
+}
+
+/// The bytes of an answer; it gives back the room that it did not need.
 fn encoded<E: Into<EncodeError>>(
+    room: usize,
     watch: &Watch,
     write: impl FnOnce(&mut Vec<u8>) -> Result<(), E>,
 ) -> Result<Vec<u8>, Problem> {
     watch.begin("encode");
-    let mut bytes = Vec::new();
+    let mut bytes = Vec::with_capacity(room);
     write(&mut bytes).map_err(Into::into)?;
+    bytes.shrink_to_fit();
     Ok(bytes)
 }
 

@@ -3,7 +3,9 @@
 //! The thread belongs to tokio's pool for blocking work; how many work at a time, the tickets of
 //! [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
 //! future is dropped, and with it a guard that raises the work's flag; the kernels poll the flag
-//! through [`Watch`] and stop within milliseconds. Only then is the ticket given back.
+//! through [`Watch`] and stop within milliseconds. Only then is the ticket given back. Decoding and
+//! encoding do not poll: work that is stopped during one of them stops at its end, which for the
+//! largest pictures may take some seconds more.
 
 mod watch;
 
@@ -18,14 +20,14 @@ use tokio::task::{JoinError, spawn_blocking};
 use tokio::time::timeout_at;
 use tracing::Span;
 
-/// Runs `work` and waits for it until `deadline`.
+/// Runs `work` and waits for it until `deadline`; the work may keep memory of its ticket.
 ///
 /// # Errors
 /// The work's own refusal, `deadline-exceeded`, or `internal` when it panicked.
 pub async fn run<T: Send + 'static>(
-    ticket: Ticket,
+    mut ticket: Ticket,
     deadline: Instant,
-    work: impl FnOnce(&Watch) -> Result<T, Problem> + Send + 'static,
+    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
     let watch = Arc::new(Watch::new(deadline));
     let _guard = CancelOnDrop(Arc::clone(&watch));
@@ -33,7 +35,7 @@ pub async fn run<T: Send + 'static>(
     let task = spawn_blocking(move || {
         let _entered = span.enter();
         watch.record("queue", ticket.waited);
-        let result = work(&watch);
+        let result = work(&watch, &mut ticket);
         match &result {
             Ok(_) => ticket.completed(),
             Err(_) => ticket.stopped(),
@@ -72,6 +74,7 @@ fn panicked(_: &JoinError) -> Problem {
 mod tests {
     use super::*;
     use crate::admission::{Admission, Cost};
+    use crate::extract::accept::Format;
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Method, Target};
     use std::time::Duration;
@@ -80,8 +83,9 @@ mod tests {
 
     fn cost() -> Cost {
         let header = probe(PICTURE, &pixmesh_codec::Limits::default()).unwrap();
-        let plan = Method::Med.parameters(Target::Size(4)).plan(header.shape()).unwrap();
-        Cost::of_mesh(&header, &plan)
+        let parameters = Method::Med.parameters(Target::Size(4));
+        let plan = parameters.plan(header.shape()).unwrap();
+        Cost::of_mesh(&header, &plan, &parameters, Format::Model)
     }
 
     #[tokio::test]
@@ -90,7 +94,7 @@ mod tests {
         let deadline = Instant::now() + Duration::from_secs(60);
         for _ in 0..3 {
             let ticket = gate.admit(cost(), deadline).await.unwrap();
-            let result: Result<(), _> = run(ticket, deadline, |_| panic!("on purpose")).await;
+            let result: Result<(), _> = run(ticket, deadline, |_, _| panic!("on purpose")).await;
             let problem = result.unwrap_err();
             assert_eq!(problem.kind(), Kind::Internal);
             assert!(!problem.document(None).contains("on purpose"));
@@ -102,7 +106,7 @@ mod tests {
         let gate = Admission::new(1, 1 << 20, 1.0);
         let deadline = Instant::now() + Duration::from_secs(60);
         let ticket = gate.admit(cost(), deadline).await.unwrap();
-        let work = run(ticket, deadline, |watch| -> Result<(), Problem> {
+        let work = run(ticket, deadline, |watch, _| -> Result<(), Problem> {
             while watch.check().is_ok() {
                 std::thread::sleep(Duration::from_millis(1));
             }

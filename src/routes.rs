@@ -14,7 +14,7 @@ mod observe;
 use crate::admission::Admission;
 use crate::config::Settings;
 use crate::extract::request_id::identify;
-use crate::extract::upload::{BodyMemory, Intake};
+use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
@@ -59,7 +59,10 @@ impl Service {
     pub fn new(settings: &Settings) -> Self {
         Self {
             intake: Intake {
-                max_body: settings.limits.max_body.0,
+                max_body: BodyLimit {
+                    bytes: settings.longest_body().0,
+                    setting: settings.setting_of_longest_body(),
+                },
                 timeout: settings.limits.body_timeout.0,
                 memory: BodyMemory::new(settings.body_budget().0),
             },

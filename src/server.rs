@@ -6,16 +6,19 @@
 //! lets the running requests end: after [`GRACE`] those that are left are told 503, after
 //! [`LAST_WORDS`] more the process exits all the same.
 
+mod descriptors;
 mod framing;
 mod listener;
 mod stream;
 
-pub use framing::Framing;
+pub use framing::{Framing, HeadDefect};
 
 use crate::config::Settings;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
-use listener::Listener;
+use descriptors::OPERATIONS_CONNECTIONS;
+use listener::{Listener, Timeouts};
+use metrics_exporter_prometheus::PrometheusHandle;
 use std::error::Error;
 use std::io::{self, Write};
 use std::net::TcpListener;
@@ -33,6 +36,8 @@ pub const GRACE: Duration = Duration::from_secs(25);
 pub const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How long threads may take to end, once nobody waits for them.
 const REMAINING_THREADS: Duration = Duration::from_secs(1);
+/// How often the samples of histograms are sorted into buckets, scraped or not.
+const UPKEEP: Duration = Duration::from_secs(5);
 
 /// Where in its life the service is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,9 +76,7 @@ impl Lifecycle {
 /// When an address cannot be listened on, or a runtime cannot be started.
 pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
     telemetry::start_log(settings.log_format);
-    for flag in settings.jobs.given() {
-        tracing::warn!(flag, "has no effect: this version keeps no jobs");
-    }
+    warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
     let lifecycle = Lifecycle::default();
     let public = bind(settings.listen)?;
@@ -81,9 +84,10 @@ pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
     announce(&public, &operations)?;
 
     let stop_operations = CancellationToken::new();
+    let upkeep = metrics.clone();
     let routes = routes::operations(Operations { lifecycle: lifecycle.clone(), metrics });
-    let listener = Listener::new(operations, routes, &settings.limits);
-    let operations = start_operations(listener, stop_operations.clone())?;
+    let listener = Listener::new(operations, routes, OPERATIONS_CONNECTIONS, timeouts(settings));
+    let operations = start_operations(listener, upkeep, stop_operations.clone())?;
 
     let runtime = Builder::new_multi_thread().enable_all().build()?;
     let result = runtime.block_on(serve(public, settings, &lifecycle));
@@ -91,6 +95,24 @@ pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
     stop_operations.cancel();
     let _ = operations.join();
     result
+}
+
+/// Says in the log which settings do not mean what they say.
+fn warn_of_settings_not_in_force(settings: &Settings) {
+    for flag in settings.jobs.given() {
+        tracing::warn!(flag, "has no effect: this version keeps no jobs");
+    }
+    let (asked, longest) = (settings.limits.max_body, settings.longest_body());
+    if longest < asked {
+        let (asked, longest) = (asked.to_string(), longest.to_string());
+        tracing::warn!(asked, longest, "a quarter of --memory-budget is less than --max-body");
+    }
+}
+
+/// How slow clients may be.
+fn timeouts(settings: &Settings) -> Timeouts {
+    let limits = &settings.limits;
+    Timeouts { header: limits.header_timeout.0, stall: limits.body_timeout.0 }
 }
 
 fn bind(address: std::net::SocketAddr) -> Result<TcpListener, String> {
@@ -110,11 +132,13 @@ fn announce(public: &TcpListener, operations: &TcpListener) -> io::Result<()> {
 /// Starts the thread for operations.
 fn start_operations(
     listener: Listener,
+    metrics: PrometheusHandle,
     stop: CancellationToken,
 ) -> io::Result<thread::JoinHandle<()>> {
     let runtime: Runtime = Builder::new_current_thread().enable_all().build()?;
     thread::Builder::new().name("operations".into()).spawn(move || {
         let served = runtime.block_on(async {
+            tokio::spawn(keep_up(metrics));
             let mut draining = listener.serve(stop).await?;
             draining.finish(LAST_WORDS).await;
             io::Result::Ok(())
@@ -125,6 +149,16 @@ fn start_operations(
     })
 }
 
+/// Sorts the samples of histograms into their buckets for ever: they would pile up where nobody
+/// asks for the metrics.
+async fn keep_up(metrics: PrometheusHandle) {
+    let mut ticks = tokio::time::interval(UPKEEP);
+    loop {
+        ticks.tick().await;
+        metrics.run_upkeep();
+    }
+}
+
 /// Serves the public routes until a signal, then lets what runs end.
 async fn serve(
     listener: TcpListener,
@@ -132,7 +166,9 @@ async fn serve(
     lifecycle: &Lifecycle,
 ) -> Result<(), Box<dyn Error>> {
     let service = Arc::new(Service::new(settings));
-    let listener = Listener::new(listener, routes::public(Arc::clone(&service)), &settings.limits);
+    let connections = descriptors::public_connections(settings.limits.max_connections.get());
+    let routes = routes::public(Arc::clone(&service));
+    let listener = Listener::new(listener, routes, connections, timeouts(settings));
     let stop = stop_on_signal(lifecycle.clone())?;
     lifecycle.enter(Stage::Ready);
     tracing::info!(workers = settings.worker_count(), "ready");

@@ -82,7 +82,7 @@ fn describe() {
     describe_gauge!(QUEUE_DEPTH, "Requests that wait for a worker or memory");
     describe_histogram!(QUEUE_WAIT, "Seconds that work waited");
     describe_counter!(REQUESTS_SHED, "Requests turned away because of load, by reason");
-    describe_gauge!(MEMORY_PERMITS, "Memory for work, used and in all, in MiB");
+    describe_gauge!(MEMORY_PERMITS, "Memory for work and its answers, used and in all, in MiB");
     describe_gauge!(WORKERS, "Meshes that can be made at the same time");
     describe_histogram!(INPUT_PIXELS, "Pixels of the images meshed");
     describe_histogram!(MESH_VERTICES, "Vertices of the meshes made");

@@ -7,8 +7,9 @@
 
 mod form;
 mod meter;
+mod pace;
 
-pub use meter::{BodyMemory, Charge};
+pub use meter::{BodyLimit, BodyMemory, Charge};
 
 use super::params::ParameterSet;
 use crate::problem::{Kind, Problem};
@@ -24,8 +25,8 @@ use std::time::Duration;
 /// What bodies may be like, and the memory that they share.
 #[derive(Clone, Debug)]
 pub struct Intake {
-    /// Longest body in bytes.
-    pub max_body: u64,
+    /// Longest body.
+    pub max_body: BodyLimit,
     /// Longest time for a body to arrive.
     pub timeout: Duration,
     /// Memory for all bodies at a time.
@@ -80,10 +81,8 @@ impl Intake {
     fn refuse_announced(&self, headers: &HeaderMap) -> Result<(), Problem> {
         let text = headers.get(CONTENT_LENGTH).and_then(|length| length.to_str().ok());
         match text.and_then(|length| length.parse::<u64>().ok()) {
-            Some(length) if length > self.max_body => {
-                Err(meter::too_large(self.max_body).limit(self.max_body, length))
-            }
-            _ => Ok(()),
+            Some(length) => self.max_body.check(length),
+            None => Ok(()),
         }
     }
 

@@ -1,7 +1,7 @@
 //! What no request may be like, whatever its route, and what every answer says.
 
 use crate::problem::{Kind, Problem};
-use crate::server::Framing;
+use crate::server::{Framing, HeadDefect};
 use axum::extract::Request;
 use axum::http::header::{CONNECTION, TRANSFER_ENCODING, X_CONTENT_TYPE_OPTIONS};
 use axum::http::{HeaderMap, HeaderValue, Uri};
@@ -18,9 +18,9 @@ const MAX_HEADER_LINES: usize = 100;
 /// The layer that refuses ambiguous and oversized requests, and forbids clients to guess types.
 ///
 /// A request with `Transfer-Encoding` is the last one of its connection, so that nothing that
-/// follows its body can be taken for a request (RFC 9112, section 6.1).
+/// follows its body can be taken for a request (RFC 9112, section 6.1), and so is an ambiguous one.
 pub(super) async fn guard(request: Request, next: Next) -> Response {
-    let is_last = request.headers().contains_key(TRANSFER_ENCODING);
+    let is_last = request.headers().contains_key(TRANSFER_ENCODING) || defect(&request).is_some();
     let mut response = match refusal(&request) {
         Some(problem) => problem.into_response(),
         None => next.run(request).await,
@@ -34,10 +34,8 @@ pub(super) async fn guard(request: Request, next: Next) -> Response {
 }
 
 fn refusal(request: &Request) -> Option<Problem> {
-    let framing = request.extensions().get::<Framing>();
-    if framing.is_some_and(Framing::is_ambiguous) {
-        let detail = "Content-Length together with Transfer-Encoding, or a line without CR LF";
-        return Some(Problem::new(Kind::AmbiguousLength, detail));
+    if let Some(defect) = defect(request) {
+        return Some(ambiguous(defect));
     }
     let target = length_of(request.uri());
     if target > MAX_TARGET {
@@ -45,6 +43,23 @@ fn refusal(request: &Request) -> Option<Problem> {
         return Some(Problem::new(Kind::UriTooLong, detail).limit(MAX_TARGET, target));
     }
     oversized(request.headers())
+}
+
+/// What was seen to be wrong with the request's head.
+fn defect(request: &Request) -> Option<HeadDefect> {
+    request.extensions().get::<Framing>()?.defect()
+}
+
+fn ambiguous(defect: HeadDefect) -> Problem {
+    match defect {
+        HeadDefect::Length => {
+            let detail = "Content-Length together with Transfer-Encoding, or a line without CR LF";
+            Problem::new(Kind::AmbiguousLength, detail)
+        }
+        HeadDefect::Host => {
+            Problem::new(Kind::BadRequest, "a request of HTTP/1.1 must have one header Host")
+        }
+    }
 }
 
 fn length_of(target: &Uri) -> usize {

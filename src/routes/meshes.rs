@@ -1,7 +1,7 @@
 //! `POST /v1/meshes`: an image in, its mesh out.
 
 use super::Service;
-use crate::admission::Cost;
+use crate::admission::{Cost, Memory};
 use crate::extract::accept::{self, Representation};
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::upload::Upload;
@@ -13,6 +13,7 @@ use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE, ETAG, VARY};
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -38,30 +39,51 @@ async fn make(service: &Service, request: Request) -> Result<Response, Problem> 
     let order = parameters.finish()?;
     let representation = accept::choose(order.format, &head.headers)?;
     let ran = order.query();
-    let answer = run(service, upload, order, representation).await?;
-    respond(answer, representation, &ran)
+    let (answer, memory) = run(service, upload, order, representation).await?;
+    respond(answer, memory, representation, &ran)
 }
 
-/// Checks the order against the image's header, waits for a ticket, and does the work.
+/// Checks the order against the image's header, waits for a ticket, and does the work; the answer
+/// comes with the memory that it holds.
 async fn run(
     service: &Service,
     upload: Upload,
     order: Order,
     representation: Representation,
-) -> Result<Answer, Problem> {
+) -> Result<(Answer, Option<Memory>), Problem> {
     let limits = service.pictures;
     let header = pixmesh_codec::probe(&upload.image, &limits)?;
-    let cost = Cost::of_mesh(&header, &order.plan(&header)?);
+    let plan = order.plan(&header)?;
+    let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format);
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(cost, deadline).await?;
-    pool::run(ticket, deadline, move |watch| {
-        pipeline::mesh(upload, &order, representation, &limits, watch)
+    pool::run(ticket, deadline, move |watch, ticket| {
+        let answer = pipeline::mesh(upload, &order, representation, &limits, watch)?;
+        let memory = ticket.keep(answer.bytes.len());
+        Ok((answer, memory))
     })
     .await
 }
 
+/// The bytes of an answer, which hold their memory until the client has taken them or gone.
+struct Held {
+    bytes: Vec<u8>,
+    _memory: Option<Memory>,
+}
+
+impl AsRef<[u8]> for Held {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
 /// The answer with its headers.
-fn respond(answer: Answer, representation: Representation, ran: &str) -> Result<Response, Problem> {
+fn respond(
+    answer: Answer,
+    memory: Option<Memory>,
+    representation: Representation,
+    ran: &str,
+) -> Result<Response, Problem> {
     let disposition = format!("inline; filename=\"{}\"", representation.file_name);
     let headers = [
         (CONTENT_TYPE, representation.content_type.to_owned()),
@@ -79,5 +101,6 @@ fn respond(answer: Answer, representation: Representation, ran: &str) -> Result<
     let headers = headers
         .collect::<Result<HeaderMap, axum::http::header::InvalidHeaderValue>>()
         .map_err(|error| crate::problem::internal("a header of the answer is not valid", &error))?;
-    Ok((headers, Body::from(answer.bytes)).into_response())
+    let bytes = Bytes::from_owner(Held { bytes: answer.bytes, _memory: memory });
+    Ok((headers, Body::from(bytes)).into_response())
 }

@@ -1,4 +1,4 @@
-//! Sees whether the end of a request's body is ambiguous, before the HTTP library decides it.
+//! Sees what of a request's head is ambiguous, before the HTTP library decides it.
 //!
 //! A request with both `Content-Length` and `Transfer-Encoding` ends at different places for
 //! different readers, and so does one whose lines end in LF alone; behind a proxy, what one of them
@@ -6,6 +6,9 @@
 //! 6.1). The library resolves both silently, so the bytes are looked at on their way in: heads are
 //! read, bodies of a known length skipped. After a request with `Transfer-Encoding` nothing needs
 //! looking at, because the service answers no other on that connection.
+//!
+//! A request of HTTP/1.1 with no or more than one `Host` is for different hosts to different
+//! readers (RFC 9112, section 3.2), and the library does not mind it either.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -24,8 +27,17 @@ enum State {
     Body(u64),
     /// Nothing more will be looked at.
     Done,
-    /// A request was ambiguous.
-    Ambiguous,
+    /// A request had this defect.
+    Defective(HeadDefect),
+}
+
+/// What makes a request's head ambiguous.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeadDefect {
+    /// Where the body ends.
+    Length,
+    /// Which host is meant.
+    Host,
 }
 
 impl Default for Framing {
@@ -35,10 +47,13 @@ impl Default for Framing {
 }
 
 impl Framing {
-    /// Whether a request on this connection was ambiguous.
+    /// What was wrong with a request on this connection.
     #[must_use]
-    pub fn is_ambiguous(&self) -> bool {
-        matches!(*self.state(), State::Ambiguous)
+    pub fn defect(&self) -> Option<HeadDefect> {
+        match *self.state() {
+            State::Defective(defect) => Some(defect),
+            _ => None,
+        }
     }
 
     /// Sees the next bytes of the connection.
@@ -58,7 +73,7 @@ impl State {
     /// Sees some of the bytes and returns the rest.
     fn see<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
         match self {
-            Self::Done | Self::Ambiguous => &[],
+            Self::Done | Self::Defective(_) => &[],
             Self::Body(left) => {
                 let skipped = usize::try_from(*left).unwrap_or(usize::MAX).min(bytes.len());
                 *left -= skipped as u64;
@@ -98,12 +113,15 @@ fn ends_head(head: &[u8]) -> bool {
 fn after(head: &[u8]) -> State {
     let mut lines = head.split_inclusive(|&byte| byte == b'\n');
     if lines.clone().any(|line| !line.ends_with(b"\r\n")) {
-        return State::Ambiguous;
+        return State::Defective(HeadDefect::Length);
     }
+    let needs_host = lines.next().is_some_and(|line| line.ends_with(b" HTTP/1.1\r\n"));
     let length = lines.clone().find_map(|line| value_of(line, b"content-length"));
+    let hosts = lines.clone().filter(|line| value_of(line, b"host").is_some()).count();
     let is_encoded = lines.any(|line| value_of(line, b"transfer-encoding").is_some());
     match length {
-        Some(_) if is_encoded => State::Ambiguous,
+        Some(_) if is_encoded => State::Defective(HeadDefect::Length),
+        _ if needs_host && hosts != 1 => State::Defective(HeadDefect::Host),
         _ if is_encoded => State::Done,
         None => State::Head(Vec::new()),
         Some(text) => match text.parse() {
@@ -125,12 +143,12 @@ fn value_of<'a>(line: &'a [u8], name: &[u8]) -> Option<&'a str> {
 mod tests {
     use super::*;
 
-    /// Whether the bytes are ambiguous, however they are cut into pieces.
-    fn is_ambiguous(bytes: &str) -> bool {
+    /// What is wrong with the bytes, however they are cut into pieces.
+    fn defect(bytes: &str) -> Option<HeadDefect> {
         let of_pieces = |length: usize| {
             let framing = Framing::default();
             bytes.as_bytes().chunks(length).for_each(|piece| framing.see(piece));
-            framing.is_ambiguous()
+            framing.defect()
         };
         let answers = [1, 2, 3, 7, bytes.len()].map(of_pieces);
         assert!(answers.iter().all(|answer| *answer == answers[0]), "{bytes:?}");
@@ -139,33 +157,42 @@ mod tests {
 
     #[test]
     fn both_lengths_are_ambiguous_in_any_order() {
-        let both = "Content-Length: 5\r\ntransfer-encoding: chunked\r\n";
+        let both = "Host: a\r\nContent-Length: 5\r\ntransfer-encoding: chunked\r\n";
         let swapped = "Transfer-Encoding: chunked\r\nCONTENT-LENGTH: 5\r\n";
         for headers in [both, swapped] {
-            assert!(is_ambiguous(&format!("POST / HTTP/1.1\r\nHost: a\r\n{headers}\r\n0\r\n\r\n")));
+            let first = format!("POST / HTTP/1.1\r\n{headers}\r\n0\r\n\r\n");
+            assert_eq!(defect(&first), Some(HeadDefect::Length));
             let second = format!(
-                "POST / HTTP/1.1\r\nContent-Length: 3\r\n\r\nabcPOST / HTTP/1.1\r\n{headers}\r\n"
+                "POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 3\r\n\r\nabc\
+                 POST / HTTP/1.1\r\n{headers}\r\n"
             );
-            assert!(is_ambiguous(&second), "also as the second request");
+            assert_eq!(defect(&second), Some(HeadDefect::Length), "also as the second request");
         }
     }
 
     #[test]
     fn lines_that_end_in_a_bare_line_feed_are_ambiguous() {
-        assert!(is_ambiguous("GET / HTTP/1.1\nHost: a\n\n"));
-        assert!(is_ambiguous("GET / HTTP/1.1\r\nHost: a\nX: b\r\n\r\n"));
+        assert_eq!(defect("GET / HTTP/1.1\nHost: a\n\n"), Some(HeadDefect::Length));
+        let mixed = "GET / HTTP/1.1\r\nHost: a\nX: b\r\n\r\n";
+        assert_eq!(defect(mixed), Some(HeadDefect::Length));
+    }
+
+    #[test]
+    fn since_http_1_1_a_request_names_one_host() {
+        assert_eq!(defect("GET / HTTP/1.1\r\nX: Host: a\r\n\r\n"), Some(HeadDefect::Host));
+        let twice = "GET / HTTP/1.1\r\nHost: a\r\nhost: a\r\n\r\n";
+        assert_eq!(defect(twice), Some(HeadDefect::Host));
+        assert_eq!(defect("GET / HTTP/1.1\r\nhost:\r\n\r\n"), None, "it may be empty");
+        assert_eq!(defect("GET / HTTP/1.0\r\n\r\n"), None);
     }
 
     #[test]
     fn what_a_body_holds_is_not_looked_at() {
+        let head = "POST / HTTP/1.1\r\nHost: a\r\n";
         let body = "GET / HTTP/1.1\nContent-Length: 1\nTransfer-Encoding: chunked\n\n";
         let length = body.len();
-        assert!(!is_ambiguous(&format!(
-            "POST / HTTP/1.1\r\nContent-Length: {length}\r\n\r\n{body}"
-        )));
-        assert!(!is_ambiguous(&format!(
-            "POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n{body}"
-        )));
-        assert!(!is_ambiguous("\r\n\r\nGET / HTTP/1.1\r\nHost: a\r\n\r\n"));
+        assert_eq!(defect(&format!("{head}Content-Length: {length}\r\n\r\n{body}")), None);
+        assert_eq!(defect(&format!("{head}Transfer-Encoding: chunked\r\n\r\n{body}")), None);
+        assert_eq!(defect("\r\n\r\nGET / HTTP/1.1\r\nHost: a\r\n\r\n"), None);
     }
 }

@@ -2,11 +2,16 @@
 //!
 //! HTTP/2 is not spoken: a connection that begins with its preface is closed. A connection whose
 //! request header does not arrive in time is closed, also an idle one. What comes over the number
-//! of connections is told 503 and closed.
+//! of connections is told 503 and closed; when many are being told so, the rest is closed untold.
+//!
+//! A client that goes away while its request is worked on is noticed when its end of the connection
+//! is read, and its work is stopped. That is not promised to one that sends bytes of a further
+//! request before the answer: these are left unread until then, and the end of the connection
+//! behind them, so that the work goes on to its end or its deadline. A client that ends its half of
+//! the connection before it has its answer is taken for one that went away, and gets none.
 
 use super::framing::Framing;
 use super::stream::Stream;
-use crate::config::Limits;
 use crate::problem::{Kind, Problem};
 use axum::Router;
 use axum::body::Body;
@@ -31,6 +36,8 @@ use tower::ServiceExt;
 /// than that, with a problem document; beyond these the library answers 431 with nothing more.
 const MAX_BUFFER: usize = 128 * 1024;
 const MAX_HEADER_LINES: usize = 1100;
+/// The most connections over the number that are being told so at a time.
+pub(super) const REFUSED_AT_A_TIME: usize = 16;
 /// The pause after the system has refused a connection, for instance for want of descriptors.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_millis(50);
 
@@ -38,22 +45,31 @@ const PAUSE_AFTER_ERROR: Duration = Duration::from_millis(50);
 pub(super) struct Listener {
     socket: StdListener,
     routes: Router,
-    header_timeout: Duration,
-    stall_timeout: Duration,
+    timeouts: Timeouts,
     places: Arc<Semaphore>,
+    refusals: Arc<Semaphore>,
+}
+
+/// How slow a client may be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Timeouts {
+    /// Longest time for a request's header to arrive.
+    pub(super) header: Duration,
+    /// Longest time for nothing of an answer to be taken.
+    pub(super) stall: Duration,
 }
 
 impl Listener {
-    pub(super) fn new(socket: StdListener, routes: Router, limits: &Limits) -> Self {
-        Self {
-            socket,
-            routes,
-            header_timeout: limits.header_timeout.0,
-            stall_timeout: limits.body_timeout.0,
-            places: Arc::new(Semaphore::new(
-                limits.max_connections.get().min(Semaphore::MAX_PERMITS),
-            )),
-        }
+    /// Listens for up to `connections` at a time.
+    pub(super) fn new(
+        socket: StdListener,
+        routes: Router,
+        connections: usize,
+        timeouts: Timeouts,
+    ) -> Self {
+        let places = Arc::new(Semaphore::new(connections.min(Semaphore::MAX_PERMITS)));
+        let refusals = Arc::new(Semaphore::new(REFUSED_AT_A_TIME));
+        Self { socket, routes, timeouts, places, refusals }
     }
 
     /// Accepts connections until `stop`, and returns those that are still open.
@@ -84,11 +100,10 @@ impl Listener {
         let _ = connection.set_nodelay(true);
         let framing = Framing::default();
         let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
-            let stream = Stream::new(connection, self.stall_timeout, framing, None);
-            tokio::spawn(turn_away(stream, self.header_timeout));
+            self.refuse(connection);
             return;
         };
-        let stream = Stream::new(connection, self.stall_timeout, framing.clone(), Some(place));
+        let stream = Stream::new(connection, self.timeouts.stall, framing.clone(), place);
         let routes = self.routes.clone();
         let service = hyper::service::service_fn(move |mut request: hyper::Request<Incoming>| {
             request.extensions_mut().insert(framing.clone());
@@ -96,7 +111,7 @@ impl Listener {
         });
         let served = http1::Builder::new()
             .timer(TokioTimer::new())
-            .header_read_timeout(self.header_timeout)
+            .header_read_timeout(self.timeouts.header)
             .max_buf_size(MAX_BUFFER)
             .max_headers(MAX_HEADER_LINES)
             .serve_connection(TokioIo::new(stream), service);
@@ -106,6 +121,14 @@ impl Listener {
                 tracing::debug!(%error, "a connection ended early");
             }
         });
+    }
+
+    /// Tells a connection that there is no place for it, or closes it when too many are being told.
+    fn refuse(&self, connection: TcpStream) {
+        if let Ok(place) = Arc::clone(&self.refusals).try_acquire_owned() {
+            let stream = Stream::new(connection, self.timeouts.stall, Framing::default(), place);
+            tokio::spawn(turn_away(stream, self.timeouts.header));
+        }
     }
 }
 

@@ -2,8 +2,13 @@
 //!
 //! A socket that is closed while bytes of the client are unread resets the connection, and the
 //! client may never see the answer it was just sent. So a stream that is dropped reads on for a
-//! moment, and throws away what comes. A client that takes no byte of an answer for too long loses
-//! its connection.
+//! moment, and throws away what comes.
+//!
+//! A client that stalls loses its connection: one that for too long does not take as much of an
+//! answer as makes the system accept more of it. The system buffers up to some megabytes and says
+//! that there is room only when about a third of that is free again, so that also a client that
+//! reads steadily, but tens of kilobytes a second or fewer, may be cut. There is no limit on the
+//! time that an answer takes in all.
 
 use super::framing::Framing;
 use std::future::Future;
@@ -27,6 +32,7 @@ pub(super) struct Stream {
     framing: Framing,
     stall_timeout: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
+    /// The connection's place among those open, kept until it is closed.
     place: Option<OwnedSemaphorePermit>,
 }
 
@@ -35,8 +41,9 @@ impl Stream {
         socket: TcpStream,
         stall_timeout: Duration,
         framing: Framing,
-        place: Option<OwnedSemaphorePermit>,
+        place: OwnedSemaphorePermit,
     ) -> Self {
+        let place = Some(place);
         Self { socket: Some(socket), framing, stall_timeout, stalled: None, place }
     }
 

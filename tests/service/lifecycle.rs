@@ -111,6 +111,9 @@ fn config_prints_the_settings_in_force() {
     assert!(settings.contains("--workers 3\n"), "{settings}");
     assert!(settings.contains("--max-body 2MiB\n"), "the flag wins: {settings}");
     assert!(settings.contains("--queue-seconds 10\n"), "{settings}");
+    let small = program().args(["config", "--memory-budget", "40MiB"]).output().unwrap();
+    let settings = String::from_utf8(small.stdout).unwrap();
+    assert!(settings.contains("--max-body 10MiB\n"), "no more is in force: {settings}");
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! More work than there are workers: what waits, what is turned away, and who frees what.
 
 use crate::client::{Answer, connect};
-use crate::pictures::{disc, noise};
+use crate::pictures::{disc, flat, noise};
 use crate::server::Server;
 use std::io::Write;
 use std::net::TcpStream;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Work that takes seconds: removal from a million points of noise.
 const SLOW: &str = "method=mgpr&density=1";
@@ -38,16 +38,16 @@ fn a_client_that_leaves_frees_its_worker_its_memory_and_its_place() {
     wait_for_metric(&server, "pixmesh_queue_depth", 0.0);
     assert_eq!(server.metric("pixmesh_jobs_in_progress"), 1.0);
     drop(running);
-    let began = std::time::Instant::now();
+    let began = Instant::now();
     server.wait_until_idle();
-    assert!(began.elapsed() < Duration::from_secs(1), "stopped after {:?}", began.elapsed());
+    assert!(began.elapsed() < Duration::from_secs(2), "stopped after {:?}", began.elapsed());
     assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
     assert!(server.log().contains("the client went away"));
 }
 
 #[test]
 fn a_full_queue_is_told_at_once_and_cheap_answers_stay_quick() {
-    let server = Server::start(&["--workers", "1", "--queue-seconds", "0.001"]);
+    let server = Server::start(&["--workers", "1", "--queue-seconds", "3"]);
     let slow = noise(1024);
     let first = begin_slow_work(&server, &slow);
     wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
@@ -115,5 +115,104 @@ fn no_more_work_runs_than_there_are_workers_even_when_clients_leave() {
         most = most.max(server.metric("pixmesh_jobs_in_progress"));
     }
     assert!((1.0..=2.0).contains(&most), "{most} at once");
+    server.wait_until_idle();
+}
+
+/// What answers and work hold of the memory budget, in MiB.
+const USED_MIB: &str = "pixmesh_memory_permits_mib{state=\"used\"}";
+
+/// A picture whose answer as PNM has 12 million bytes, more than the system buffers.
+fn large() -> Vec<u8> {
+    flat(2000, 2000)
+}
+
+/// Asks for a large answer, and reads nothing of it.
+fn ask_for_large_answer(server: &Server, image: &[u8]) -> TcpStream {
+    let mut stream = connect(server.public);
+    let head = format!(
+        "POST /v1/meshes?method=med&size=4&format=pnm HTTP/1.1\r\nHost: a\r\n\
+         Content-Length: {}\r\n\r\n",
+        image.len()
+    );
+    stream.write_all(&[head.as_bytes(), image].concat()).unwrap();
+    stream
+}
+
+#[test]
+fn an_answer_holds_its_memory_until_it_is_sent_or_its_client_has_left() {
+    let server = Server::start(&["--workers", "1"]);
+    let image = large();
+    let mut reader = ask_for_large_answer(&server, &image);
+    server.wait_until("nothing but the answer is left", || {
+        server.metric("pixmesh_jobs_in_progress") == 0.0 && server.metric(USED_MIB) == 12.0
+    });
+    thread::sleep(Duration::from_millis(100));
+    assert_eq!(server.metric(USED_MIB), 12.0);
+    assert_eq!(crate::client::receive(&mut reader, Instant::now()).body.len(), image.len());
+    wait_for_metric(&server, USED_MIB, 0.0);
+    let leaver = ask_for_large_answer(&server, &image);
+    wait_for_metric(&server, USED_MIB, 12.0);
+    drop(leaver);
+    wait_for_metric(&server, USED_MIB, 0.0);
+}
+
+#[test]
+fn clients_that_read_nothing_stay_within_the_budget_and_are_cut() {
+    let flags = ["--workers", "2", "--memory-budget", "256MiB", "--body-timeout", "2s"];
+    let server = Server::start(&flags);
+    let image = large();
+    let readers: Vec<_> = (0..16).map(|_| ask_for_large_answer(&server, &image)).collect();
+    server.wait_until("answers hold memory", || server.metric(USED_MIB) >= 12.0);
+    server.wait_until("those that stall are cut", || {
+        assert!(server.metric(USED_MIB) <= 192.0);
+        server.metric("pixmesh_requests_in_progress") == 0.0 && server.metric(USED_MIB) == 0.0
+    });
+    let peak_mib = server.memory_kib("VmHWM") >> 10;
+    assert!(peak_mib < 256 + 80, "{peak_mib} MiB");
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
+    drop(readers);
+}
+
+#[test]
+fn tiny_requests_do_not_let_in_more_large_ones_than_can_be_served() {
+    let server = Server::start(&["--workers", "1", "--queue-seconds", "1"]);
+    let (tiny, larger) = (disc(20, 20, 1), noise(400));
+    for _ in 0..200 {
+        assert_eq!(server.mesh("", &[], &tiny).status, 200);
+    }
+    let answers: Vec<_> = thread::scope(|scope| {
+        let send = || server.mesh("method=mgpr&density=1", &[], &larger);
+        let clients: Vec<_> = (0..16).map(|_| scope.spawn(send)).collect();
+        clients.into_iter().map(|client| client.join().unwrap()).collect()
+    });
+    let queue = |answer: &Answer| {
+        let timing = answer.header("server-timing").strip_prefix("queue;dur=").unwrap().to_owned();
+        timing.split(',').next().unwrap().parse::<f64>().unwrap()
+    };
+    let (served, refused): (Vec<_>, Vec<_>) =
+        answers.iter().partition(|answer| answer.status == 200);
+    assert!(!served.is_empty() && !refused.is_empty(), "{} served", served.len());
+    for answer in served {
+        assert!(queue(answer) < 2100.0, "waited {} ms", queue(answer));
+    }
+    for answer in refused {
+        answer.problem(503, "overloaded");
+        assert!(!answer.header("retry-after").is_empty());
+        assert!(answer.took < Duration::from_secs(3), "{:?}", answer.took);
+    }
+}
+
+#[test]
+fn what_waits_for_twice_as_long_as_the_queue_should_take_is_refused() {
+    let server = Server::start(&["--workers", "1", "--queue-seconds", "0.2"]);
+    let slow = noise(1024);
+    let running = begin_slow_work(&server, &slow);
+    wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
+    let answer = server.mesh("", &[], &disc(30, 30, 1));
+    let problem = answer.problem(503, "overloaded");
+    assert!((400..1500).contains(&answer.took.as_millis()), "{:?}", answer.took);
+    assert_eq!(problem["setting"], "--queue-seconds");
+    assert!(problem["retry_after_s"].as_u64().unwrap() >= 1);
+    drop(running);
     server.wait_until_idle();
 }

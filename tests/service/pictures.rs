@@ -28,6 +28,13 @@ pub(crate) fn noise(side: usize) -> Vec<u8> {
     bytes
 }
 
+/// A picture of one colour, 8 bits, three components, as PPM: quick to mesh whatever its size.
+pub(crate) fn flat(width: usize, height: usize) -> Vec<u8> {
+    let mut bytes = format!("P6\n{width} {height}\n255\n").into_bytes();
+    bytes.resize(bytes.len() + 3 * width * height, 7);
+    bytes
+}
+
 pub(crate) fn png(image: &Image) -> Vec<u8> {
     let mut bytes = Vec::new();
     pixmesh_codec::write_png(image, &mut bytes).unwrap();

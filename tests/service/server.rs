@@ -30,7 +30,19 @@ pub(crate) struct Server {
 impl Server {
     /// Starts the service with flags beside those for the ports.
     pub(crate) fn start(flags: &[&str]) -> Self {
-        let mut child = program()
+        Self::start_as(program(), flags)
+    }
+
+    /// Starts the service where it may open no more than so many files and connections.
+    pub(crate) fn start_with_descriptors(count: usize, flags: &[&str]) -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit -n {count} && exec \"$0\" \"$@\"")]);
+        shell.arg(program().get_program());
+        Self::start_as(shell, flags)
+    }
+
+    fn start_as(mut command: Command, flags: &[&str]) -> Self {
+        let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"])
             .args(flags)
             .stdout(Stdio::piped())

@@ -205,6 +205,53 @@ fn bodies_share_a_memory_of_their_own() {
     server.wait_until("it is freed", || server.mesh("", &[], &[0; 500_000]).status == 415);
 }
 
+#[test]
+fn a_body_that_the_memory_for_bodies_could_never_hold_is_too_large() {
+    let server = Server::start(&["--memory-budget", "4MiB"]);
+    let over = vec![0; (1 << 20) + 1];
+    let problem = server.mesh("", &[], &over).problem(413, "body-too-large");
+    assert_eq!(
+        (&problem["limit"], &problem["setting"]),
+        (&(1 << 20).into(), &"--memory-budget".into())
+    );
+    server.mesh("", &[], &over[1..]).problem(415, "unsupported-image");
+    assert!(server.log().contains("longest=\"1MiB\""), "{}", server.log());
+}
+
+#[test]
+fn few_descriptors_leave_the_listener_for_operations_its_own() {
+    let server = Server::start_with_descriptors(128, &[]);
+    let idle: Vec<_> = (0..200).map(|_| connect(server.public)).collect();
+    for target in ["/livez", "/readyz", "/metrics"] {
+        let answer = server.operate(target);
+        assert_eq!(answer.status, 200);
+        assert!(answer.took < Duration::from_secs(1), "{:?}", answer.took);
+    }
+    assert!(server.metric("process_open_fds") < 128.0);
+    assert!(!server.log().contains("could not be accepted"), "{}", server.log());
+    assert!(server.log().contains("fewer connections than --max-connections"));
+    drop(idle);
+    server.wait_until("there is a place again", || {
+        let mut stream = connect(server.public);
+        let sent = stream.write_all(b"GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n");
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        sent.is_ok() && answer.starts_with("HTTP/1.1 200")
+    });
+}
+
+#[test]
+fn a_request_names_one_host() {
+    let server = Server::start(&[]);
+    for headers in ["", "Host: a\r\nHost: b\r\n", "Host: a\r\nHost: a\r\n"] {
+        let request = format!("GET / HTTP/1.1\r\n{headers}\r\n");
+        let answer = exchange(server.public, request.as_bytes());
+        answer.problem(400, "bad-request");
+        assert_eq!(answer.header("connection"), "close");
+    }
+    assert_eq!(exchange(server.public, b"GET / HTTP/1.0\r\n\r\n").status, 200);
+}
+
 fn assert_closed_within(stream: &mut TcpStream, limit: Duration) {
     let began = Instant::now();
     let mut rest = Vec::new();

@@ -1,8 +1,10 @@
 //! How an image may be sent, and what a form must be like.
 
-use crate::client::{Answer, exchange, field, form, send};
-use crate::pictures::disc;
+use crate::client::{Answer, connect, exchange, field, form, receive, send};
+use crate::pictures::{disc, flat};
 use crate::server::Server;
+use std::io::Write;
+use std::time::{Duration, Instant};
 
 const IMAGE: &str = "Content-Disposition: form-data; name=\"image\"; filename=\"../../etc/passwd\"";
 
@@ -166,6 +168,71 @@ fn a_form_over_the_limit_of_bodies_is_refused_like_any_body() {
 }
 
 #[test]
+fn a_form_may_be_as_long_as_any_body() {
+    let image = flat(1000, 1000);
+    let server = Server::start(&[]);
+    let answer = post_form(&server, "size=4&method=med", &[(IMAGE, &image)]);
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    let server = Server::start(&["--max-body", "3000100"]);
+    let (content_type, body) = form(&[(IMAGE, &image)]);
+    assert!(body.len() > 3_000_100);
+    let mut chunked = format!(
+        "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\
+         Content-Type: {content_type}\r\n\r\n{:x}\r\n",
+        body.len()
+    )
+    .into_bytes();
+    chunked.extend_from_slice(&body);
+    chunked.extend_from_slice(b"\r\n0\r\n\r\n");
+    exchange(server.public, &chunked).problem(413, "body-too-large");
+}
+
+#[test]
+fn a_form_in_which_no_field_begins_is_refused_before_its_end() {
+    let server = Server::start(&["--body-timeout", "20s"]);
+    let head = "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 2000000\r\n\
+                Content-Type: multipart/form-data; boundary=limit\r\n\r\n";
+    let field = format!("--limit\r\n{}\r\n\r\n5\r\n--limit\r\n", field("density"));
+    let starts = ["", "--limit\r\n", field.as_str(), "--limit\r\nX: y\r\nX-Endless: "];
+    for start in starts {
+        let mut stream = connect(server.public);
+        let began = Instant::now();
+        stream.write_all(format!("{head}{start}").as_bytes()).unwrap();
+        // The rest of the two million bytes never comes.
+        let _ = stream.write_all(&vec![b'x'; 1 << 20]);
+        let answer = receive(&mut stream, began);
+        answer.problem(400, "multipart-malformed");
+        assert!(answer.took < Duration::from_secs(1), "{start:?}: {:?}", answer.took);
+    }
+    server.wait_until_idle();
+}
+
+#[test]
+fn a_form_may_come_in_the_smallest_pieces() {
+    let server = Server::start(&[]);
+    let long_name = "n".repeat(10_000);
+    let headers = format!("{IMAGE}\r\nX-Long: {long_name}");
+    // A picture whose bytes look like the beginning of a boundary again and again.
+    let mut image = b"P5\n40 40\n255\n".to_vec();
+    image.extend(b"\r\n--limi".iter().cycle().take(1600));
+    let (content_type, body) = form(&[(&field("density"), b"5"), (&headers, &image)]);
+    let whole = post_form(&server, "density=5", &[(IMAGE, &image)]);
+    let mut stream = connect(server.public);
+    let head = format!(
+        "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: {}\r\n\
+         Content-Type: {content_type}\r\n\r\n",
+        body.len()
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    for piece in body.chunks(7) {
+        stream.write_all(piece).unwrap();
+    }
+    let answer = receive(&mut stream, Instant::now());
+    assert_eq!((answer.status, whole.status), (200, 200), "{}", answer.text());
+    assert_eq!(answer.header("etag"), whole.header("etag"));
+}
+
+#[test]
 fn json_parameters_are_a_flat_object() {
     let server = Server::start(&[]);
     let image = disc(20, 20, 1);
@@ -189,4 +256,6 @@ fn json_parameters_are_a_flat_object() {
     post(br#"{"density": -1}"#).problem(422, "parameter-out-of-range");
     post(br#"{"density": "NaN"}"#).problem(422, "not-finite");
     assert_eq!(post(br#"{"density": 5, "leaky": false}"#).status, 200);
+    assert_eq!(post(br#"{"density": 1e+1}"#).status, 200);
+    post(br#"{"size": 10.0}"#).problem(400, "parameter-malformed");
 }

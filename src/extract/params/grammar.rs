@@ -1,8 +1,10 @@
 //! How values are written: a strict grammar, the same wherever they come from.
 //!
 //! A number is an optional minus, ASCII digits, and for decimals an optional fraction and exponent;
-//! no spaces, no plus sign, no other digits, no units. What reads as a number but has no finite
-//! value (`NaN`, `inf`, `1e309`) is refused as such and not as malformed.
+//! no spaces, no plus sign but an exponent's, no other digits, no units. Every number of JSON is a
+//! decimal; a whole number is written without fraction and exponent there too, so that `10.0` and
+//! `1e1` are refused where one is asked for. What reads as a number but has no finite value (`NaN`,
+//! `inf`, `1e309`) is refused as such and not as malformed.
 
 use crate::problem::{Kind, Problem};
 use serde_json::Value;
@@ -71,12 +73,12 @@ fn is_no_number_word(text: &str) -> bool {
     ["nan", "inf", "infinity"].iter().any(|known| word.eq_ignore_ascii_case(known))
 }
 
-/// `-? digits ( . digits )? ( [eE] -? digits )?`
+/// `-? digits ( . digits )? ( [eE] [+-]? digits )?`
 fn is_decimal(text: &str) -> bool {
     let unsigned = text.strip_prefix('-').unwrap_or(text);
     let (number, exponent) = unsigned.split_once(['e', 'E']).unwrap_or((unsigned, "0"));
     let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
-    let exponent = exponent.strip_prefix('-').unwrap_or(exponent);
+    let exponent = exponent.strip_prefix(['+', '-']).unwrap_or(exponent);
     [whole, fraction, exponent].into_iter().all(all_digits)
 }
 
@@ -94,12 +96,12 @@ mod tests {
 
     #[test]
     fn decimals_follow_the_grammar_and_nothing_else() {
-        for text in ["5", "0.5", "-0.5", "1e2", "1.5E-1", "007"] {
+        for text in ["5", "0.5", "-0.5", "1e2", "1.5E-1", "1e+1", "007"] {
             assert_eq!(kind_of(decimal("density", text, -10.0, 100.0)), None, "{text}");
         }
         for text in [
             "", " 5", "5 ", "5%", "5,0", "0x10", "٥", "1_000", "+5", ".5", "5.", "1e", "e5", "--1",
-            "1e+2",
+            "1e++2", "1e+", "+1e2",
         ] {
             let kind = kind_of(decimal("density", text, 0.0, 100.0));
             assert_eq!(kind, Some(Kind::ParameterMalformed), "{text}");
@@ -116,7 +118,7 @@ mod tests {
         assert_eq!(whole("seed", "18446744073709551616"), Ok(None));
         assert_eq!(whole("seed", "-1"), Ok(None));
         assert_eq!(whole("seed", "-0"), Ok(Some(0)));
-        for text in ["1e6", "3.5", "", "+1", " 1", "-"] {
+        for text in ["1e6", "3.5", "10.0", "", "+1", " 1", "-"] {
             assert_eq!(kind_of(whole("seed", text)), Some(Kind::ParameterMalformed), "{text}");
         }
     }

@@ -1,12 +1,13 @@
 //! Reads a form: one part `image`, and the parameters as fields or as one JSON part `params`.
 
 use super::meter::Metered;
+use super::pace::{Allowance, Paced};
 use super::{accept_image_label, refusal_in};
 use crate::extract::params::ParameterSet;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::multipart::{Field, MultipartError};
-use axum::extract::{FromRequest, Multipart, Request};
+use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Request};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 
@@ -21,15 +22,18 @@ pub(super) async fn receive(
     body: Metered,
     parameters: &mut ParameterSet,
 ) -> Result<Vec<u8>, Problem> {
-    let mut form = parts_of(headers, body).await?;
+    let allowance = Allowance::new();
+    let mut form = parts_of(headers, Paced::new(body, allowance.clone())).await?;
     let mut contents = Contents::default();
     let mut count = 0;
     while let Some(field) = form.next_field().await.map_err(|error| malformed(&error))? {
+        allowance.lift();
         count += 1;
         if count > MAX_PARTS {
             return Err(too_many_parts());
         }
         contents.take(field, parameters).await?;
+        allowance.limit();
     }
     contents.image.ok_or_else(|| {
         Problem::new(Kind::ImageMissing, "the form has no part 'image'").param("image")
@@ -37,11 +41,13 @@ pub(super) async fn receive(
 }
 
 /// The parts of a body, split at the boundary that its label names.
-async fn parts_of(headers: &HeaderMap, body: Metered) -> Result<Multipart, Problem> {
+async fn parts_of(headers: &HeaderMap, body: Paced) -> Result<Multipart, Problem> {
     let mut request = Request::new(Body::new(body));
     if let Some(label) = headers.get(CONTENT_TYPE) {
         request.headers_mut().insert(CONTENT_TYPE, label.clone());
     }
+    // The meter counts the body; the framework has a limit of its own, of 2 MiB.
+    DefaultBodyLimit::disable().apply(&mut request);
     Multipart::from_request(request, &()).await.map_err(|_| {
         Problem::new(Kind::MultipartMalformed, "the form's Content-Type names no boundary")
     })

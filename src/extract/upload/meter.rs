@@ -16,6 +16,27 @@ use tokio::sync::Semaphore;
 /// Seconds after which a client may try again when bodies take all of their memory.
 const RETRY_AFTER_S: u64 = 2;
 
+/// The longest body in bytes, and the setting that says so.
+#[derive(Clone, Copy, Debug)]
+pub struct BodyLimit {
+    /// So many may come.
+    pub bytes: u64,
+    /// The flag of the setting.
+    pub setting: &'static str,
+}
+
+impl BodyLimit {
+    /// Refuses a body of more bytes.
+    pub(super) fn check(self, length: u64) -> Result<(), Problem> {
+        let Self { bytes, setting } = self;
+        if length <= bytes {
+            return Ok(());
+        }
+        let detail = format!("the body is longer than the limit of {bytes} bytes");
+        Err(Problem::new(Kind::BodyTooLarge, detail).setting(setting).limit(bytes, length))
+    }
+}
+
 /// The memory that all bodies share, in KiB.
 #[derive(Clone, Debug)]
 pub struct BodyMemory(Arc<Semaphore>);
@@ -68,21 +89,19 @@ impl Drop for Charge {
 pub(super) struct Metered {
     body: Body,
     received: u64,
-    limit: u64,
+    limit: BodyLimit,
     charge: Arc<Charge>,
 }
 
 impl Metered {
-    pub(super) fn new(body: Body, limit: u64, charge: Arc<Charge>) -> Self {
+    pub(super) fn new(body: Body, limit: BodyLimit, charge: Arc<Charge>) -> Self {
         Self { body, received: 0, limit, charge }
     }
 
     /// Counts `length` more bytes.
     fn count(&mut self, length: usize) -> Result<(), Refused> {
         self.received = self.received.saturating_add(length as u64);
-        if self.received > self.limit {
-            return Err(Refused(too_large(self.limit).limit(self.limit, self.received)));
-        }
+        self.limit.check(self.received).map_err(Refused)?;
         if !self.charge.grow_to(self.received) {
             return Err(Refused(no_memory()));
         }
@@ -124,12 +143,6 @@ impl fmt::Display for Refused {
 }
 
 impl Error for Refused {}
-
-/// The refusal of a body over the limit.
-pub(super) fn too_large(limit: u64) -> Problem {
-    let detail = format!("the body is longer than the limit of {limit} bytes");
-    Problem::new(Kind::BodyTooLarge, detail).setting("--max-body")
-}
 
 fn no_memory() -> Problem {
     telemetry::shed(Shed::Memory);

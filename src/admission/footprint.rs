@@ -1,0 +1,273 @@
+//! The memory that meshing takes at its peak, stage by stage.
+//!
+//! Each stage is charged for what it makes and for what lives beside it; the peak is the dearest
+//! stage. The figures are the sizes of the buffers, and where a crate's own structures grow, what
+//! a process was measured to take (`VmHWM`, one piece of work, pictures of 1 to 40 megapixels).
+//! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
+
+use crate::extract::accept::Format;
+use pixmesh_codec::{Header, PictureFormat};
+use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy};
+
+/// Bytes per sample of an image.
+const SAMPLE: u64 = 2;
+/// Bytes per pixel of a field of the density.
+const FIELD: u64 = 8;
+/// Bytes per pixel of the vector gradient's tensors.
+const TENSOR: u64 = 24;
+/// Bytes per pixel that smoothing apart from differentiating adds: 8 for each of three derivatives.
+const SMOOTHED: u64 = 24;
+/// Bytes per pixel of the marks of chosen points.
+const MARK: u64 = 1;
+/// Bytes per pixel of the places that random points are drawn from: 4, in a list that is copied as
+/// it grows.
+const DRAWN: u64 = 12;
+/// Bytes per pixel of the copy that faces are measured against: of one component, and of several.
+const COPY_OF_ONE: u64 = 4;
+const COPY_OF_SEVERAL: u64 = 16;
+/// The most bits and components of a picture that is copied so.
+const MAX_COPIED_BITS: u8 = 8;
+const MAX_COPIED_COMPONENTS: u64 = 4;
+/// Bytes per pixel of the table by which areas of one colour are found.
+const AREAS: u64 = 4;
+/// Bytes per initial point: while they are triangulated, and later with what removal knows of each.
+const POINT: u64 = 240;
+/// Bytes per initial point of the list of removed ones, kept to the end.
+const REMOVAL: u64 = 16;
+/// Bytes per final vertex with its two faces: in memory, as MODEL without samples, as GLB.
+const VERTEX: u64 = 40;
+const MODEL_VERTEX: u64 = 64;
+const GLB_VERTEX: u64 = 44;
+/// Bytes per sample of a vertex in MODEL: five digits and a space.
+const MODEL_SAMPLE: u64 = 6;
+/// What the allocator keeps back: so much per pixel, and at most.
+const SLACK_PER_PIXEL: u64 = 16;
+const MAX_SLACK: u64 = 40 << 20;
+
+/// What decides how much memory the meshing of an image takes.
+pub(super) struct Footprint<'a> {
+    header: &'a Header,
+    parameters: &'a Parameters,
+    format: Format,
+    pixels: u64,
+    components: u64,
+    /// Points to start with.
+    initial: u64,
+    /// The most vertices to end with.
+    most: u64,
+    simplifies: bool,
+}
+
+impl<'a> Footprint<'a> {
+    /// That of an image of this header and the plan that the parameters gave for it.
+    pub(super) fn new(
+        header: &'a Header,
+        plan: &Plan,
+        parameters: &'a Parameters,
+        format: Format,
+    ) -> Self {
+        let initial = plan.initial_size as u64;
+        // Where the error decides, any number of the initial points may stay.
+        let most = if plan.bound.is_some() { initial } else { plan.size as u64 };
+        Self {
+            header,
+            parameters,
+            format,
+            pixels: header.width as u64 * header.height as u64,
+            components: header.component_count as u64,
+            initial,
+            most,
+            simplifies: simplifies(plan, parameters),
+        }
+    }
+
+    /// Bytes at the dearest stage.
+    pub(super) fn peak(&self) -> u64 {
+        let stages = [
+            self.decoding(),
+            self.choosing(),
+            // The triangulation is gone before the mesh is written, but its memory is not yet given
+            // back: both were measured to count.
+            self.triangulating() + self.written(),
+            self.encoding(),
+        ];
+        let slack = MAX_SLACK.min(self.pixels * SLACK_PER_PIXEL);
+        stages.into_iter().max().unwrap_or_default() + slack
+    }
+
+    /// The image's samples.
+    fn image(&self) -> u64 {
+        self.pixels * self.components * SAMPLE
+    }
+
+    /// What the decoder takes; a JPEG's samples lie beside what it decoded.
+    fn decoding(&self) -> u64 {
+        let samples = if self.header.format == PictureFormat::Jpeg { self.image() } else { 0 };
+        self.header.decode_bytes() + samples
+    }
+
+    /// The image, and per pixel what the choice of the initial points takes.
+    fn choosing(&self) -> u64 {
+        let chosen_from = match self.parameters.generator {
+            _ if self.initial >= self.pixels => 0,
+            Generator::ErrorDiffusion => self.density_per_pixel(),
+            Generator::Random => DRAWN,
+            Generator::All | Generator::Uniform => 0,
+        };
+        self.image() + self.meshed_luma() + self.pixels * (MARK + chosen_from)
+    }
+
+    fn density_per_pixel(&self) -> u64 {
+        let fields = match self.parameters.policy {
+            Policy::PseD | Policy::PseL => FIELD * self.components,
+            Policy::Psc => FIELD + TENSOR,
+            Policy::PsbD | Policy::PsbL => FIELD + SAMPLE,
+            _ => FIELD,
+        };
+        fields + if self.parameters.double_convolution { SMOOTHED } else { 0 }
+    }
+
+    /// The image, what faces are measured by, and the triangulation of the initial points: during
+    /// removal, and without it when the error is measured at the end.
+    fn triangulating(&self) -> u64 {
+        let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
+        self.image() + self.meshed_luma() + measured_by + self.initial * POINT
+    }
+
+    /// Pictures of few bits are measured against a copy with the samples of a point side by side.
+    fn copy_per_pixel(&self) -> u64 {
+        match self.components {
+            _ if self.header.precision > MAX_COPIED_BITS => 0,
+            1 => COPY_OF_ONE,
+            2..=MAX_COPIED_COMPONENTS => COPY_OF_SEVERAL,
+            _ => 0,
+        }
+    }
+
+    /// The luma, where it is meshed instead of the image.
+    fn meshed_luma(&self) -> u64 {
+        match self.parameters.meshed {
+            Meshed::Luma => self.pixels * SAMPLE,
+            Meshed::Components => 0,
+        }
+    }
+
+    /// The mesh, and the answer with what it is made from; the image is gone.
+    fn encoding(&self) -> u64 {
+        let mesh = self.most * (VERTEX + SAMPLE * self.components);
+        let removals = if self.simplifies { self.initial * REMOVAL } else { 0 };
+        let rebuilt_with_its_file = match self.format {
+            Format::Model | Format::Glb => 0,
+            Format::Png | Format::Pnm => 2 * self.image(),
+        };
+        mesh + removals + self.written() + rebuilt_with_its_file
+    }
+
+    /// An answer that holds the mesh.
+    fn written(&self) -> u64 {
+        match self.format {
+            Format::Model => self.most * (MODEL_VERTEX + MODEL_SAMPLE * self.components),
+            Format::Glb => self.most * GLB_VERTEX,
+            Format::Png | Format::Pnm => 0,
+        }
+    }
+}
+
+/// Whether vertices are removed from the first mesh.
+pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
+    plan.initial_size > plan.size || plan.bound.is_some() || parameters.bad_point_removal
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pixmesh_meshing::{InitialSize, Method, Target};
+
+    fn header(width: usize, height: usize, component_count: usize) -> Header {
+        Header { format: PictureFormat::Png, width, height, component_count, precision: 8 }
+    }
+
+    fn peak(header: &Header, parameters: &Parameters, format: Format) -> u64 {
+        let plan = parameters.plan(header.shape()).unwrap();
+        Footprint::new(header, &plan, parameters, format).peak()
+    }
+
+    /// The peak for three components and a megapixel, with parameters changed.
+    fn changed(method: Method, change: impl FnOnce(&mut Parameters)) -> u64 {
+        let mut parameters = method.parameters(Target::Density(0.5));
+        change(&mut parameters);
+        peak(&header(1024, 1024, 3), &parameters, Format::Model)
+    }
+
+    #[test]
+    fn more_of_anything_never_takes_less() {
+        for method in [Method::Med, Method::Mgprfs, Method::Mgpr] {
+            let of = |width, components, density, format| {
+                let parameters = method.parameters(Target::Density(density));
+                peak(&header(width, 500, components), &parameters, format)
+            };
+            for format in [Format::Model, Format::Glb, Format::Png, Format::Pnm] {
+                let least = of(500, 3, 2.0, format);
+                assert!(of(501, 3, 2.0, format) > least, "{method}");
+                assert!(of(500, 4, 2.0, format) >= least, "{method}");
+                assert!(of(500, 3, 9.0, format) >= least, "{method}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_keeps_more_per_pixel_takes_more() {
+        let with_policy = |policy| changed(Method::Med, |with| with.policy = policy);
+        let plain = with_policy(Policy::PsdMaxD);
+        let apart = with_policy(Policy::PseD);
+        assert!(apart > plain);
+        assert!(with_policy(Policy::Psc) > apart);
+        let twice = changed(Method::Med, |with| with.double_convolution = true);
+        assert!(twice > apart);
+        let luma = changed(Method::Med, |with| with.meshed = Meshed::Luma);
+        assert!(luma > plain);
+    }
+
+    #[test]
+    fn points_that_are_not_diffused_need_no_density() {
+        let of = |generator| {
+            changed(Method::Med, |with| {
+                with.generator = generator;
+                with.policy = Policy::Psc;
+            })
+        };
+        assert!(of(Generator::Uniform) < of(Generator::ErrorDiffusion));
+        assert!(of(Generator::Uniform) <= of(Generator::Random));
+    }
+
+    #[test]
+    fn below_a_bound_on_the_error_every_initial_point_may_stay() {
+        let of = |target| {
+            let mut parameters = Method::Mgprfs.parameters(target);
+            parameters.initial_size = InitialSize::Density(100.0);
+            let header = header(512, 512, 3);
+            let plan = parameters.plan(header.shape()).unwrap();
+            Footprint::new(&header, &plan, &parameters, Format::Model).encoding()
+        };
+        assert!(of(Target::Psnr(40.0)) > 4 * of(Target::Density(1.0)));
+        assert_eq!(of(Target::Psnr(40.0)), of(Target::MeanError(5.0)));
+    }
+
+    #[test]
+    fn faces_of_pictures_of_many_bits_are_measured_without_a_copy() {
+        let parameters = Method::Med.parameters(Target::Density(1.0));
+        let deep = Header { precision: 16, ..header(1024, 1024, 3) };
+        let plan = parameters.plan(deep.shape()).unwrap();
+        let of = |header| Footprint::new(header, &plan, &parameters, Format::Model).triangulating();
+        assert_eq!(of(&header(1024, 1024, 3)) - of(&deep), 16 << 20);
+    }
+
+    #[test]
+    fn the_largest_picture_does_not_overflow() {
+        let side = pixmesh_meshing::MAX_SIDE;
+        let parameters = Method::Mgpr.parameters(Target::Density(100.0));
+        let plan = Plan { size: side * side, initial_size: side * side, bound: None };
+        let header = header(side, side, 4);
+        assert!(Footprint::new(&header, &plan, &parameters, Format::Model).peak() > 1 << 47);
+    }
+}
