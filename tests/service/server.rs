@@ -8,9 +8,15 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+const PROGRAM: &str = env!("CARGO_BIN_EXE_pixmesh");
+
 /// The program, without anything of this environment that could change it.
 pub(crate) fn program() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pixmesh"));
+    without_settings(Command::new(PROGRAM))
+}
+
+/// A command that sees none of the settings in this environment.
+fn without_settings(mut command: Command) -> Command {
     for (name, _) in std::env::vars_os() {
         if name.to_string_lossy().starts_with("PIXMESH_") {
             command.env_remove(name);
@@ -35,9 +41,9 @@ impl Server {
 
     /// Starts the service where it may open no more than so many files and connections.
     pub(crate) fn start_with_descriptors(count: usize, flags: &[&str]) -> Self {
-        let mut shell = Command::new("sh");
+        let mut shell = without_settings(Command::new("sh"));
         shell.args(["-c", &format!("ulimit -n {count} && exec \"$0\" \"$@\"")]);
-        shell.arg(program().get_program());
+        shell.arg(PROGRAM);
         Self::start_as(shell, flags)
     }
 
