@@ -23,8 +23,8 @@ const MARK: u64 = 1;
 /// it grows.
 const DRAWN: u64 = 12;
 /// Bytes per pixel of the copy that faces are measured against: of one component, and of several.
-const COPY_OF_ONE: u64 = 4;
-const COPY_OF_SEVERAL: u64 = 16;
+const COPY_OF_ONE: u64 = 1;
+const COPY_OF_SEVERAL: u64 = 4;
 /// The most bits and components of a picture that is copied so.
 const MAX_COPIED_BITS: u8 = 8;
 const MAX_COPIED_COMPONENTS: u64 = 4;
@@ -259,7 +259,7 @@ mod tests {
         let deep = Header { precision: 16, ..header(1024, 1024, 3) };
         let plan = parameters.plan(deep.shape()).unwrap();
         let of = |header| Footprint::new(header, &plan, &parameters, Format::Model).triangulating();
-        assert_eq!(of(&header(1024, 1024, 3)) - of(&deep), 16 << 20);
+        assert_eq!(of(&header(1024, 1024, 3)) - of(&deep), 4 << 20);
     }
 
     #[test]

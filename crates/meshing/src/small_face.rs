@@ -17,7 +17,7 @@ use crate::face_rows::for_each_row;
 use crate::image::Image;
 use crate::mesh::Point;
 use std::ops::{Add, AddAssign, Mul, Sub};
-use wide::f32x4;
+use wide::{f32x4, i32x4};
 
 /// The most columns and rows between two vertices of a small face.
 const LARGEST_EXTENT: i32 = 63;
@@ -32,24 +32,37 @@ const ROUND_TO_NEAREST: f32 = 12_582_912.0; // 1.5 * 2^23
 pub(crate) trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + AddAssign
 {
+    /// The samples of a lattice point as they are kept, a byte each.
+    type Stored: Copy;
+
     /// The same number in every lane.
     fn splat(number: f32) -> Self;
 
-    /// Samples of a lattice point, 0 in the lanes that no component fills.
-    fn of_samples(samples: impl Iterator<Item = u16>) -> Self;
+    /// Keeps the samples of a lattice point, 0 in the lanes that no component fills.
+    fn store(samples: impl Iterator<Item = u16>) -> Self::Stored;
+
+    /// The samples kept.
+    fn load(stored: Self::Stored) -> Self;
 
     /// The sum of whole numbers below 2^24 each.
     fn total(self) -> u64;
 }
 
 impl Lanes for f32 {
+    type Stored = u8;
+
     #[inline]
     fn splat(number: f32) -> Self {
         number
     }
 
-    fn of_samples(mut samples: impl Iterator<Item = u16>) -> Self {
-        samples.next().map_or(0.0, f32::from)
+    fn store(mut samples: impl Iterator<Item = u16>) -> u8 {
+        samples.next().map_or(0, |sample| sample as u8)
+    }
+
+    #[inline]
+    fn load(stored: u8) -> Self {
+        stored.into()
     }
 
     #[inline]
@@ -59,17 +72,24 @@ impl Lanes for f32 {
 }
 
 impl Lanes for f32x4 {
+    type Stored = [u8; 4];
+
     #[inline]
     fn splat(number: f32) -> Self {
         Self::splat(number)
     }
 
-    fn of_samples(samples: impl Iterator<Item = u16>) -> Self {
-        let mut lanes = [0.0; 4];
-        for (lane, sample) in lanes.iter_mut().zip(samples) {
-            *lane = sample.into();
+    fn store(samples: impl Iterator<Item = u16>) -> [u8; 4] {
+        let mut stored = [0; 4];
+        for (byte, sample) in stored.iter_mut().zip(samples) {
+            *byte = sample as u8;
         }
-        Self::from(lanes)
+        stored
+    }
+
+    #[inline]
+    fn load(stored: [u8; 4]) -> Self {
+        Self::from_i32x4(i32x4::from(stored.map(i32::from)))
     }
 
     #[inline]
@@ -80,16 +100,16 @@ impl Lanes for f32x4 {
 }
 
 /// A picture of up to 8 bits, the components of each point side by side.
-pub(crate) struct Pixels<L> {
+pub(crate) struct Pixels<L: Lanes> {
     width: usize,
-    pixels: Vec<L>,
+    pixels: Vec<L::Stored>,
 }
 
 impl<L: Lanes> Pixels<L> {
     /// The points of a picture of at most as many components as there are lanes, and 8 bits.
     pub(crate) fn new(image: &Image) -> Self {
         let components = image.components();
-        let pixel = |i: usize| L::of_samples(components.iter().map(|samples| samples[i]));
+        let pixel = |i: usize| L::store(components.iter().map(|samples| samples[i]));
         Self { width: image.width(), pixels: (0..image.pixel_count()).map(pixel).collect() }
     }
 
@@ -104,7 +124,8 @@ impl<L: Lanes> Pixels<L> {
             return None;
         }
         let double_area = (bx * cy - by * cx) as f32;
-        let [za, zb, zc] = corners.map(|p| self.pixels[p.y as usize * self.width + p.x as usize]);
+        let [za, zb, zc] =
+            corners.map(|p| L::load(self.pixels[p.y as usize * self.width + p.x as usize]));
         let number = |n: i32| L::splat(n as f32);
         let (to_b, to_c) = ((zb - za) * number(4), (zc - za) * number(4));
         let per_column = to_b * number(cy) - to_c * number(by);
@@ -124,7 +145,7 @@ impl<L: Lanes> Pixels<L> {
             let mut numerator = at_a + per_column * number(first - a.x) + per_row * number(y - a.y);
             for &pixel in &self.pixels[row + first as usize..row + end as usize] {
                 let value = numerator * quarter_reciprocal + round - round;
-                let difference = value - pixel;
+                let difference = value - L::load(pixel);
                 sums += difference * difference;
                 numerator += per_column;
             }
