@@ -3,12 +3,12 @@
 #   docker build -t pixmesh .
 #   docker run --rm -p 8080:8080 -p 8081:8081 pixmesh
 
-FROM docker.io/library/rust:1.95-bookworm AS build
+FROM rust:1.95-bookworm AS build
 WORKDIR /pixmesh
 COPY . .
 RUN cargo build --release --locked --bin pixmesh
 
-FROM docker.io/library/debian:bookworm-slim
+FROM debian:bookworm-slim
 COPY --from=build /pixmesh/target/release/pixmesh /usr/local/bin/pixmesh
 USER 65532:65532
 # Inside a container every address is reached from outside: whoever publishes the port decides who

@@ -1,10 +1,11 @@
 //! An image's density of sample points: significance, aggregated over components and normalised.
 
+use crate::choices::Policy;
 use crate::control::{Cancelled, Control, Stage};
 use crate::filter::{Filter, Order};
 use crate::image::Image;
 use crate::luma::luma;
-use crate::method::{Parameters, Policy};
+use crate::parameters::Parameters;
 use crate::significance::{Significance, poll_row, vector_gradient};
 
 /// What the largest significance is raised by before it divides, so that a picture without any

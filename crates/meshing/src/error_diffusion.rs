@@ -9,10 +9,11 @@
 //! The search tries about ten thresholds. One pass tries seven of them at once, those that the
 //! next three steps of the search may come to, and the one taken is the one that the steps take.
 
+use crate::choices::{Scan, Startup};
 use crate::control::{Cancelled, Control, Stage};
 use crate::density::Density;
 use crate::floyd_steinberg::Weights;
-use crate::method::{Parameters, Scan, Startup};
+use crate::parameters::Parameters;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use wide::f64x8;

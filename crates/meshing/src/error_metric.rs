@@ -10,8 +10,8 @@ mod luma;
 mod squared;
 mod ycbcr;
 
+use crate::choices::ErrorMetric;
 use crate::image::Image;
-use crate::method::ErrorMetric;
 
 /// An error of sample vectors, in whole numbers.
 pub(crate) trait Metric: Sync {

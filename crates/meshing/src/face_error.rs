@@ -1,12 +1,12 @@
 //! The error of faces: how far their interpolants are from the picture.
 
+use crate::choices::ErrorMetric;
 use crate::error_metric::Metric;
 use crate::face_rows::for_each_row;
 use crate::flat_areas::FlatAreas;
 use crate::image::Image;
 use crate::interpolant::Interpolant;
 use crate::mesh::Point;
-use crate::method::ErrorMetric;
 use crate::predicates::orientation;
 use crate::small_face::Pixels;
 use wide::f32x4;

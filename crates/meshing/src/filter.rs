@@ -8,8 +8,9 @@
 //! picture of up to 16 bits is an exact multiple of a known unit up to smoothing order 17 (beyond,
 //! it is rounded, in the same way on every machine); the unit is applied once, at the end.
 
+use crate::choices::{Boundary, Smoothing, SmoothingDirection};
 use crate::control::Cancelled;
-use crate::method::{Boundary, Parameters, Smoothing, SmoothingDirection};
+use crate::parameters::Parameters;
 
 /// A kernel of odd length along each axis.
 #[derive(Clone, Debug)]
@@ -291,7 +292,7 @@ fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::method::Target;
+    use crate::parameters::Target;
 
     fn parameters() -> Parameters {
         Parameters::new(Target::Size(4))

@@ -1,12 +1,13 @@
 //! From an image to its mesh: the stages of every method, in order.
 
+use crate::choices::{ErrorMetric, Meshed};
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::FaceErrors;
 use crate::image::Image;
 use crate::luma::luma;
 use crate::mesh::{Mesh, Shape};
-use crate::method::{ErrorMetric, Meshed, ParameterError, Parameters, Plan};
 use crate::metrics::Fidelity;
+use crate::parameters::{ParameterError, Parameters, Plan};
 use crate::sample_points::sample_points;
 use crate::simplify::{Removal, Simplified, StopRule, simplify};
 use crate::triangulation::Triangulation;

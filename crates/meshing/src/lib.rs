@@ -36,8 +36,11 @@
 //! connect them. `simplify` removes points, in the order of `removal_queue`: it fills each `hole`,
 //! remembered in `hole_memory`, and asks `face_error` for the errors of the new faces, which
 //! `error_metric` defines and `face_rows`, `interpolant`, `small_face` and `flat_areas` compute.
-//! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as [`Parameters`] say.
+//! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as
+//! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
+//! [`Method`].
 
+mod choices;
 mod control;
 mod density;
 mod error_diffusion;
@@ -57,6 +60,7 @@ mod luma;
 mod mesh;
 mod method;
 mod metrics;
+mod parameters;
 mod predicates;
 mod rasterize;
 mod removal_queue;
@@ -66,18 +70,21 @@ mod simplify;
 mod small_face;
 mod triangulation;
 
+pub use choices::{
+    Boundary, ErrorMetric, Generator, Meshed, Policy, PscTie, Scan, Smoothing, SmoothingDirection,
+    Startup,
+};
 pub use control::{Cancelled, Control, Stage, Unattended};
 pub use density::Density;
 pub use generate::{GenerateError, Model, generate};
 pub use image::{Image, ImageError, MAX_SIDE};
 pub use mesh::{Face, Mesh, MeshError, Point, Shape};
-pub use method::{
-    Boundary, ErrorBound, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA,
-    MAX_MEAN_ERROR, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed, Method,
-    ParameterError, Parameters, Plan, Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup,
-    Target,
-};
+pub use method::Method;
 pub use metrics::{Fidelity, ShapeMismatch};
+pub use parameters::{
+    ErrorBound, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PSNR_DB,
+    MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, ParameterError, Parameters, Plan, Target,
+};
 pub use predicates::{in_circle, orientation};
 pub use rasterize::rasterize;
 pub use sample_points::sample_points;

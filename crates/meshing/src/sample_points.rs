@@ -1,11 +1,12 @@
 //! The initial points of a mesh, by each of the generators.
 
+use crate::choices::Generator;
 use crate::control::{Cancelled, Control};
 use crate::density::Density;
 use crate::error_diffusion::diffuse_to_size;
 use crate::image::Image;
 use crate::mesh::{Point, corner_points};
-use crate::method::{Generator, Parameters};
+use crate::parameters::Parameters;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 

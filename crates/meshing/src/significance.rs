@@ -1,8 +1,8 @@
 //! How much each lattice point matters: local differential operators of the smoothed picture.
 
+use crate::choices::PscTie;
 use crate::control::{Cancelled, Control, Stage};
 use crate::filter::{DerivativeRow, Filter, Order};
-use crate::method::PscTie;
 
 /// A second-order operator on one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

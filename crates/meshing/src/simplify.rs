@@ -6,14 +6,15 @@
 //! interpolants, in whole numbers; equal changes go by row, then column. Removing one vertex
 //! changes the keys of its neighbours alone, about six.
 
+use crate::choices::ErrorMetric;
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::FaceErrors;
 use crate::hole::{Base, HoleFiller};
 use crate::hole_memory::HoleMemory;
 use crate::image::Image;
 use crate::mesh::Point;
-use crate::method::{ErrorBound, ErrorMetric};
 use crate::metrics::Fidelity;
+use crate::parameters::ErrorBound;
 use crate::removal_queue::RemovalQueue;
 use crate::triangulation::{NONE, Triangulation, next, previous, smallest_first};
 

@@ -118,13 +118,6 @@ fn all_points_of_three_rows_are_removed_soon() {
     }
 }
 
-#[test]
-#[ignore = "time grows with the square of the width: over a minute"]
-fn all_points_of_three_long_rows_are_removed_soon() {
-    let parameters = Method::Mgpr.parameters(Target::Density(1.0));
-    meshed_soon("a line in 16384x3", &middle_row(16_384), &parameters);
-}
-
 /// A page of one colour with a dot in the middle.
 fn page(side: usize) -> Image {
     gray(side, side, |x, y| if (x, y) == (side / 2, side / 2) { 255 } else { 240 })
@@ -133,12 +126,6 @@ fn page(side: usize) -> Image {
 #[test]
 fn a_page_with_one_dot_is_emptied_soon() {
     meshed_soon("a page of 192x192", &page(192), &Method::Gpr.parameters(Target::Density(1.0)));
-}
-
-#[test]
-#[ignore = "time grows almost with the square of the number of pixels: most of a minute"]
-fn a_large_page_with_one_dot_is_emptied_soon() {
-    meshed_soon("a page of 512x512", &page(512), &Method::Gpr.parameters(Target::Density(1.0)));
 }
 
 #[test]

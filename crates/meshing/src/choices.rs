@@ -1,0 +1,239 @@
+//! The choices that parameters offer: enumerations whose values have the names that users write.
+
+use crate::parameters::ParameterError;
+use std::fmt;
+use std::str::FromStr;
+
+/// Declares an enumeration whose values have the names that users write.
+macro_rules! named_values {
+    (
+        $(#[$attribute:meta])*
+        $parameter:literal $type:ident {
+            $($(#[$doc:meta])* $value:ident = $name:literal),+ $(,)?
+        }
+    ) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum $type {
+            $($(#[$doc])* $value),+
+        }
+
+        impl $type {
+            /// Name of the parameter that takes these values.
+            pub const PARAMETER: &'static str = $parameter;
+            /// Every value, in the order of their documentation.
+            pub const ALL: &'static [Self] = &[$(Self::$value),+];
+            /// The name of every value, in the same order.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// The value's name, as users write it.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$value => $name),+
+                }
+            }
+        }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                formatter.write_str(self.name())
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = ParameterError;
+
+            fn from_str(name: &str) -> Result<Self, ParameterError> {
+                match name {
+                    $($name => Ok(Self::$value),)+
+                    _ => Err(ParameterError::UnknownValue {
+                        parameter: $parameter,
+                        value: name.to_owned(),
+                        allowed: Self::NAMES,
+                    }),
+                }
+            }
+        }
+    };
+}
+
+named_values! {
+    /// How an image becomes the density of its initial points: D stands for the maximum-magnitude
+    /// second-order directional derivative (MMSODD), L for the magnitude of the Laplacian (MoL).
+    "policy" Policy {
+        /// MMSODD of the only component.
+        PsaD = "psa_d",
+        /// MoL of the only component.
+        PsaL = "psa_l",
+        /// MMSODD of the luma of three components.
+        PsbD = "psb_d",
+        /// MoL of the luma of three components.
+        PsbL = "psb_l",
+        /// Vector gradient of three components.
+        Psc = "psc",
+        /// Maximum over the components of MMSODD.
+        PsdMaxD = "psd_max_d",
+        /// Maximum over the components of MoL.
+        PsdMaxL = "psd_max_l",
+        /// Mean over the components of MMSODD.
+        PsdAvgD = "psd_avg_d",
+        /// Mean over the components of MoL.
+        PsdAvgL = "psd_avg_l",
+        /// Each component diffused by its own MMSODD, the points united.
+        PseD = "pse_d",
+        /// Each component diffused by its own MoL, the points united.
+        PseL = "pse_l",
+    }
+}
+
+named_values! {
+    /// How the initial points are chosen.
+    "initial" Generator {
+        /// Error diffusion of the density.
+        ErrorDiffusion = "ed",
+        /// Every lattice point.
+        All = "all",
+        /// Points drawn at random, the same for the same seed.
+        Random = "random",
+        /// A regular grid.
+        Uniform = "uniform",
+    }
+}
+
+named_values! {
+    /// The errors that error diffusion starts row 0 with.
+    "startup" Startup {
+        /// None.
+        Classic = "classic",
+        /// Those of a pass over the image mirrored at row 0.
+        Mirroring = "mirroring",
+        /// Drawn at random between minus and plus the first threshold, the same for the same seed.
+        Random = "random",
+    }
+}
+
+named_values! {
+    /// The direction in which error diffusion visits each row.
+    "scan" Scan {
+        /// Always left to right.
+        Raster = "raster",
+        /// Alternating, the first row left to right.
+        Serpentine = "serpentine",
+    }
+}
+
+named_values! {
+    /// The smoothing filter.
+    "smoothing" Smoothing {
+        /// Binomial weights; order 3 is 1/4, 1/2, 1/4.
+        Binomial = "binomial",
+        /// Equal weights.
+        Mean = "mean",
+    }
+}
+
+named_values! {
+    /// The directions in which the picture is smoothed before it is differentiated.
+    "smoothing_direction" SmoothingDirection {
+        /// Rows and columns.
+        Both = "both",
+        /// Only at right angles to the derivative: rows for the one along columns, columns for the
+        /// one along rows, neither for the mixed one.
+        Orthogonal = "orthogonal",
+    }
+}
+
+named_values! {
+    /// The vector gradient where its rates of change in x and y are equal.
+    "psc_tie" PscTie {
+        /// As if the mixed term were 0: so the published results were made.
+        Published = "published",
+        /// The larger eigenvalue, as everywhere else.
+        Exact = "exact",
+    }
+}
+
+named_values! {
+    /// The error that greedy removal raises least.
+    "error_metric" ErrorMetric {
+        /// Squared error, mean over the components.
+        MeanCompSe = "mean_comp_se",
+        /// Absolute error, mean over the components.
+        MeanCompAe = "mean_comp_ae",
+        /// Squared error of the luma of three components.
+        LumaSe = "luma_se",
+        /// Absolute error of the luma of three components.
+        LumaAe = "luma_ae",
+        /// Squared length of the difference of two colours in the YCbCr space.
+        YcbcrVecSe = "ycbcr_vec_se",
+        /// Length of the difference of two colours in the YCbCr space.
+        YcbcrVecAe = "ycbcr_vec_ae",
+        /// Squared length of the difference of two sample vectors.
+        VecSe = "vec_se",
+    }
+}
+
+named_values! {
+    /// What the filters see beyond the border of the picture.
+    "boundary" Boundary {
+        /// Zero.
+        Zero = "zero",
+        /// The nearest sample of the picture.
+        Constant = "constant",
+        /// The picture mirrored at its border samples, which are not repeated.
+        Symmetric = "symmetric",
+    }
+}
+
+named_values! {
+    /// Which image's error rules the simplification.
+    "meshed" Meshed {
+        /// The image itself.
+        Components = "components",
+        /// The luma of its three components; the mesh carries their colours all the same.
+        Luma = "luma",
+    }
+}
+
+pub(crate) use named_values;
+
+impl Policy {
+    /// The number of components this policy is made for; `None` for any.
+    #[must_use]
+    pub fn component_count(self) -> Option<usize> {
+        match self {
+            Self::PsaD | Self::PsaL => Some(1),
+            Self::PsbD | Self::PsbL | Self::Psc => Some(3),
+            _ => None,
+        }
+    }
+
+    /// The same policy for the luma, an image of one component.
+    pub(crate) fn of_one_component(self) -> Self {
+        match self {
+            Self::PsbD | Self::Psc => Self::PsaD,
+            Self::PsbL => Self::PsaL,
+            any => any,
+        }
+    }
+}
+
+impl ErrorMetric {
+    /// The number of components this metric is made for; `None` for any.
+    #[must_use]
+    pub fn component_count(self) -> Option<usize> {
+        match self {
+            Self::MeanCompSe | Self::MeanCompAe | Self::VecSe => None,
+            Self::LumaSe | Self::LumaAe | Self::YcbcrVecSe | Self::YcbcrVecAe => Some(3),
+        }
+    }
+
+    /// The same metric for the luma, an image of one component.
+    pub(crate) fn of_one_component(self) -> Self {
+        match self {
+            Self::MeanCompAe | Self::LumaAe | Self::YcbcrVecAe => Self::MeanCompAe,
+            Self::MeanCompSe | Self::LumaSe | Self::YcbcrVecSe | Self::VecSe => Self::MeanCompSe,
+        }
+    }
+}
