@@ -9,84 +9,90 @@ use crate::interpolant::Interpolant;
 use crate::mesh::Point;
 use crate::predicates::orientation;
 use crate::small_face::Pixels;
-use wide::f32x4;
 
-/// Computes errors of faces over vertices at lattice points of an image; keeps its memory from one
-/// face to the next.
-pub(crate) struct FaceErrors<'a> {
+/// What faces are measured against: an image, its tables and a metric.
+pub(crate) struct Measure<'a> {
     image: &'a Image,
-    /// `None` for the squared error, which has a path of its own.
+    /// `None` for the squared error, which has paths of its own.
     metric: Option<&'static dyn Metric>,
-    small: SmallFaces,
+    pixels: Option<Pixels>,
     flat: Option<FlatAreas>,
-    interpolants: Vec<Interpolant>,
-    /// One row of approximations for each component.
-    approximations: Vec<Vec<u16>>,
 }
 
-/// The picture as small faces are measured against it.
-enum SmallFaces {
-    One(Pixels<f32>),
-    Several(Pixels<f32x4>),
-    /// More than 8 bits, more than four components, or another metric: as any other face.
-    None,
-}
-
-impl SmallFaces {
-    fn new(image: &Image) -> Self {
-        match (image.precision(), image.component_count()) {
-            (9.., _) => Self::None,
-            (_, 1) => Self::One(Pixels::new(image)),
-            (_, 2..=4) => Self::Several(Pixels::new(image)),
-            _ => Self::None,
-        }
-    }
-
-    /// The squared error of a face, if it is small enough.
-    #[inline]
-    fn squared_error(&self, corners: [Point; 3]) -> Option<u64> {
-        match self {
-            Self::One(pixels) => pixels.squared_error(corners),
-            Self::Several(pixels) => pixels.squared_error(corners),
-            Self::None => None,
-        }
-    }
-}
-
-impl<'a> FaceErrors<'a> {
+impl<'a> Measure<'a> {
     /// Errors of approximations of `image` by a metric, for many more faces than cover it once.
     pub(crate) fn new(image: &'a Image, metric: ErrorMetric) -> Self {
-        let small = match metric.is_squared_difference() {
-            true => SmallFaces::new(image),
-            false => SmallFaces::None,
-        };
-        Self { small, flat: FlatAreas::new(image), ..Self::for_few(image, metric) }
+        Self { flat: FlatAreas::new(image), ..Self::for_few(image, metric) }
     }
 
     /// The same without the tables that only pay for many faces.
     pub(crate) fn for_few(image: &'a Image, metric: ErrorMetric) -> Self {
-        let count = image.component_count();
+        let is_squared = metric.is_squared_difference();
         Self {
             image,
-            metric: (!metric.is_squared_difference()).then(|| metric.metric()),
-            small: SmallFaces::None,
+            metric: (!is_squared).then(|| metric.metric()),
+            pixels: if is_squared { Pixels::new(image) } else { None },
             flat: None,
+        }
+    }
+}
+
+/// Computes errors of faces over vertices at lattice points of an image; keeps its memory from one
+/// face to the next.
+pub(crate) struct FaceErrors<'m> {
+    measure: &'m Measure<'m>,
+    interpolants: Vec<Interpolant>,
+    /// One row of approximations for each component.
+    approximations: Vec<Vec<u16>>,
+    /// The errors of the faces that are small.
+    small: Vec<Option<u64>>,
+}
+
+impl<'m> FaceErrors<'m> {
+    pub(crate) fn new(measure: &'m Measure<'m>) -> Self {
+        let count = measure.image.component_count();
+        Self {
+            measure,
             interpolants: Vec::with_capacity(count),
             approximations: vec![Vec::new(); count],
+            small: Vec::new(),
         }
     }
 
-    /// Sum over the face's lattice points of the error of the rounded interpolant.
-    #[inline]
+    /// Sums over each face's lattice points of the error of the rounded interpolant.
+    pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
+        errors.clear();
+        if self.measure.flat.is_some() {
+            errors.extend(faces.iter().map(|&face| self.error(face)));
+            return;
+        }
+        self.small.clear();
+        self.small.resize(faces.len(), None);
+        if let Some(pixels) = &self.measure.pixels {
+            pixels.squared_errors(faces, &mut self.small);
+        }
+        for (i, &face) in faces.iter().enumerate() {
+            let error = self.small[i].unwrap_or_else(|| self.error_of_any(face));
+            errors.push(error);
+        }
+    }
+
+    /// The same for one face.
     pub(crate) fn error(&mut self, corners: [Point; 3]) -> u64 {
-        if self.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
+        if self.measure.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
             return 0;
         }
-        if let Some(error) = self.small.squared_error(corners) {
-            return error;
+        let mut small = [None];
+        if let Some(pixels) = &self.measure.pixels {
+            pixels.squared_errors(&[corners], &mut small);
         }
+        small[0].unwrap_or_else(|| self.error_of_any(corners))
+    }
+
+    /// The error of a face of any size.
+    fn error_of_any(&mut self, corners: [Point; 3]) -> u64 {
         self.prepare(corners);
-        match self.metric {
+        match self.measure.metric {
             None => self.squared_error(corners),
             Some(metric) => self.error_by(metric, corners),
         }
@@ -95,11 +101,11 @@ impl<'a> FaceErrors<'a> {
     /// Sets the interpolants of a face.
     fn prepare(&mut self, corners: [Point; 3]) {
         let double_area = orientation(corners[0], corners[1], corners[2]);
-        let width = self.image.width();
+        let width = self.measure.image.width();
         let places = corners.map(|p| p.y as usize * width + p.x as usize);
         let quarter_reciprocal = 0.25 / double_area as f64;
         self.interpolants.clear();
-        self.interpolants.extend(self.image.components().iter().map(|samples| {
+        self.interpolants.extend(self.measure.image.components().iter().map(|samples| {
             let samples = places.map(|place| samples[place]);
             Interpolant::with_double_area(corners, samples, double_area, quarter_reciprocal)
         }));
@@ -107,7 +113,7 @@ impl<'a> FaceErrors<'a> {
 
     /// Sum over points and components of the squared differences.
     fn squared_error(&self, corners: [Point; 3]) -> u64 {
-        let (image, width) = (self.image, self.image.width());
+        let (image, width) = (self.measure.image, self.measure.image.width());
         let mut sum = 0;
         for_each_row(corners, |y, first, end| {
             let points = y as usize * width + first as usize..y as usize * width + end as usize;
@@ -120,7 +126,7 @@ impl<'a> FaceErrors<'a> {
 
     /// Sum over points of another metric.
     fn error_by(&mut self, metric: &dyn Metric, corners: [Point; 3]) -> u64 {
-        let Self { image, interpolants, approximations, .. } = self;
+        let Self { measure: Measure { image, .. }, interpolants, approximations, .. } = self;
         let mut sum = 0;
         for_each_row(corners, |y, first, end| {
             let columns = first as usize..end as usize;
@@ -160,15 +166,14 @@ mod tests {
             (component_count, precision) in (1usize..5, 1u8..9),
         ) {
             let image = picture(90, component_count, precision);
-            let mut small = FaceErrors::new(&image, ErrorMetric::MeanCompSe);
-            let mut any = FaceErrors::new(&image, ErrorMetric::MeanCompSe);
-            any.small = SmallFaces::None;
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let mut errors = FaceErrors::new(&measure);
             let mut corners = [0, 2, 4].map(|i| Point::new(places[i] / scale, places[i + 1] / scale));
             if orientation(corners[0], corners[1], corners[2]) < 0 {
                 corners.swap(1, 2);
             }
             if orientation(corners[0], corners[1], corners[2]) > 0 {
-                prop_assert_eq!(small.error(corners), any.error(corners));
+                prop_assert_eq!(errors.error(corners), errors.error_of_any(corners));
             }
         }
     }
@@ -190,11 +195,10 @@ mod tests {
             let components =
                 vec![samples(&white), samples(&|i| !white(i)), samples(&|i| i % 3 == 0)];
             let image = Image::new(side, side, 8, components).unwrap();
-            let mut small = FaceErrors::new(&image, ErrorMetric::MeanCompSe);
-            assert!(small.small.squared_error(places).is_some());
-            let error = small.error(places);
-            small.small = SmallFaces::None;
-            assert_eq!(error, small.error(places));
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let mut small = [None];
+            measure.pixels.as_ref().unwrap().squared_errors(&[places], &mut small);
+            assert_eq!(small[0], Some(FaceErrors::new(&measure).error_of_any(places)));
         }
     }
 }

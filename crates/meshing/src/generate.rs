@@ -2,10 +2,10 @@
 
 use crate::choices::{ErrorMetric, Meshed};
 use crate::control::{Cancelled, Control, Stage};
-use crate::face_error::FaceErrors;
+use crate::face_error::{FaceErrors, Measure};
 use crate::image::Image;
 use crate::luma::luma;
-use crate::mesh::{Mesh, Shape};
+use crate::mesh::{Face, Mesh, Point, Shape};
 use crate::metrics::Fidelity;
 use crate::parameters::{ParameterError, Parameters, Plan};
 use crate::sample_points::sample_points;
@@ -55,7 +55,7 @@ pub fn generate(
     control: &dyn Control,
 ) -> Result<Model, GenerateError> {
     let plan = parameters.plan(image.shape())?;
-    let Made { triangulation, removals, squared_error } = match parameters.meshed {
+    let Made { points, faces, removals, squared_error } = match parameters.meshed {
         Meshed::Components => triangulate_image(image, parameters, plan, control)?,
         Meshed::Luma => {
             let made = triangulate_image(&luma(image), &on_luma(parameters), plan, control)?;
@@ -64,16 +64,19 @@ pub fn generate(
     };
     let squared_error = match squared_error {
         Some(known) => known,
-        None => measure(image, &triangulation, control)?,
+        None => measure(image, &points, &faces, control)?,
     };
     let fidelity = Fidelity::of_sum(squared_error, image);
-    let mesh = carry_samples(image, triangulation);
+    let mesh = carry_samples(image, points, faces);
     Ok(Model { mesh, fidelity, plan, removals })
 }
 
 /// A triangulation made of an image.
 struct Made {
-    triangulation: Triangulation,
+    /// The vertices, by row, then column.
+    points: Vec<Point>,
+    /// The faces, each beginning with its smallest vertex, in ascending order.
+    faces: Vec<Face>,
     removals: Vec<Removal>,
     /// The squared error of the image's approximation, where it is known already.
     squared_error: Option<u64>,
@@ -92,13 +95,15 @@ fn triangulate_image(
     let bad_point_removal = parameters.bad_point_removal;
     if initial_size == size && bound.is_none() && !bad_point_removal {
         // A one-shot mesh has the size that error diffusion gave it, a few points more or fewer.
-        return Ok(Made { triangulation, removals: Vec::new(), squared_error: None });
+        let faces = triangulation.faces();
+        let points = triangulation.points;
+        return Ok(Made { points, faces, removals: Vec::new(), squared_error: None });
     }
     let rule = StopRule { size, bound, metric: parameters.error_metric, bad_point_removal };
-    let Simplified { triangulation, removals, error } =
+    let Simplified { points, faces, removals, error } =
         simplify(image, triangulation, rule, control)?;
     let squared_error = parameters.error_metric.is_squared_difference().then_some(error);
-    Ok(Made { triangulation, removals, squared_error })
+    Ok(Made { points, faces, removals, squared_error })
 }
 
 /// The parameters of a colour method for the luma, an image of one component.
@@ -108,28 +113,29 @@ fn on_luma(parameters: &Parameters) -> Parameters {
     Parameters { policy, error_metric, meshed: Meshed::Components, ..parameters.clone() }
 }
 
-/// The squared error of an image's approximation over a triangulation.
+/// The squared error of an image's approximation by a mesh.
 fn measure(
     image: &Image,
-    triangulation: &Triangulation,
+    points: &[Point],
+    faces: &[Face],
     control: &dyn Control,
 ) -> Result<u64, Cancelled> {
-    let mut errors = FaceErrors::for_few(image, ErrorMetric::MeanCompSe);
-    let (faces, mut sum) = (triangulation.origins.chunks_exact(3), 0);
-    let count = faces.len();
-    for (f, face) in faces.enumerate() {
-        if f % FACES_PER_POLL == 0 {
-            control.poll(Stage::Measure, f, count)?;
-        }
-        sum += errors.error([0, 1, 2].map(|i| triangulation.points[face[i] as usize]));
+    let measure = Measure::for_few(image, ErrorMetric::MeanCompSe);
+    let (mut face_errors, mut some, mut errors) =
+        (FaceErrors::new(&measure), Vec::new(), Vec::new());
+    let mut sum = 0;
+    for (chunk, chunk_faces) in faces.chunks(FACES_PER_POLL).enumerate() {
+        control.poll(Stage::Measure, chunk * FACES_PER_POLL, faces.len())?;
+        some.clear();
+        some.extend(chunk_faces.iter().map(|face| face.map(|v| points[v as usize])));
+        face_errors.errors(&some, &mut errors);
+        sum += errors.iter().sum::<u64>();
     }
     Ok(sum)
 }
 
-/// The mesh of a triangulation whose vertices carry the image's samples.
-fn carry_samples(image: &Image, triangulation: Triangulation) -> Mesh {
-    let faces = triangulation.faces();
-    let points = triangulation.points;
+/// The mesh whose vertices carry the image's samples.
+fn carry_samples(image: &Image, points: Vec<Point>, faces: Vec<Face>) -> Mesh {
     let samples = points
         .iter()
         .flat_map(|p| {

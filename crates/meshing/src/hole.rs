@@ -6,37 +6,23 @@
 //! one whose circle through the edge holds no other; it splits the rest of the boundary in two,
 //! each filled in the same way. A hole has six vertices on average, and for so few the next edge
 //! is always the side of the triangle before. With many vertices that takes quadratic time where
-//! the triangles make a fan, so larger boundaries are split at their middle edge, as lists.
+//! the triangles make a fan, so larger boundaries are split at their middle edge, as lists, and so
+//! are those that reach too far for 64 bits.
 
 use crate::mesh::Point;
 use crate::predicates::{in_circle, orientation};
 
-/// A triangle of the fill.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct HoleTriangle {
-    /// Its vertices as places on the boundary, counter-clockwise and ascending.
-    pub(crate) corners: [u32; 3],
-    /// What lies beyond its side from the last corner to the first.
-    pub(crate) base: Base,
-}
-
-/// What lies beyond the side of a triangle that faces the triangle found before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Base {
-    /// The boundary's last edge, from its last vertex to its first.
-    Boundary,
-    /// The side from the first corner to the second of the triangle of this index.
-    FirstSide(u32),
-    /// The side from the second corner to the third of the triangle of this index.
-    SecondSide(u32),
-}
+/// A triangle of the fill: its vertices as places on the boundary, counter-clockwise and ascending.
+///
+/// Its side from the last to the first is one of the fill's edges, except for the triangle at the
+/// boundary's last edge.
+pub(crate) type HoleTriangle = [u32; 3];
 
 /// A part of the boundary that is still to be filled: the places from `from` to `to`.
 #[derive(Clone, Copy)]
 struct Gap {
     from: u32,
     to: u32,
-    base: Base,
 }
 
 /// Boundaries of more vertices than this are split at their middle edge.
@@ -55,12 +41,13 @@ pub(crate) struct HoleFiller {
 
 impl HoleFiller {
     /// The triangles that fill the hole with the given boundary of at least three points,
-    /// counter-clockwise; each after the one beyond its base.
+    /// counter-clockwise.
     pub(crate) fn fill(&mut self, boundary: &[Point]) -> &[HoleTriangle] {
         self.triangles.clear();
-        if boundary.len() > LARGE {
+        if let [_, _, _] = boundary {
+            self.triangles.push([0, 1, 2]);
+        } else if boundary.len() > LARGE || !is_narrow(boundary) {
             self.split_at_middle_edges(boundary);
-            self.nest();
         } else {
             self.split_at_bases(boundary);
         }
@@ -69,23 +56,21 @@ impl HoleFiller {
 
     /// Finds the triangle at each gap's base, from the boundary's last edge on.
     fn split_at_bases(&mut self, boundary: &[Point]) {
-        self.gaps.push(Gap { from: 0, to: boundary.len() as u32 - 1, base: Base::Boundary });
-        while let Some(Gap { from, to, base }) = self.gaps.pop() {
-            let [a, b] = [from, to].map(|place| boundary[place as usize]);
-            let apex = apex(boundary, b, a, from + 1..to);
-            let triangle = self.triangles.len() as u32;
-            self.triangles.push(HoleTriangle { corners: [from, apex, to], base });
-            if to - apex > 1 {
-                self.gaps.push(Gap { from: apex, to, base: Base::SecondSide(triangle) });
-            }
-            if apex - from > 1 {
-                self.gaps.push(Gap { from, to: apex, base: Base::FirstSide(triangle) });
+        self.gaps.push(Gap { from: 0, to: boundary.len() as u32 - 1 });
+        while let Some(Gap { from, to }) = self.gaps.pop() {
+            let apex = apex_of_narrow(boundary, from, to);
+            self.triangles.push([from, apex, to]);
+            for gap in [Gap { from: apex, to }, Gap { from, to: apex }] {
+                match gap.to - gap.from {
+                    0 | 1 => {}
+                    2 => self.triangles.push([gap.from, gap.from + 1, gap.to]),
+                    _ => self.gaps.push(gap),
+                }
             }
         }
     }
 
-    /// Finds the triangle at the middle edge of each boundary that remains, in any order and with
-    /// no base.
+    /// Finds the triangle at the middle edge of each boundary that remains.
     fn split_at_middle_edges(&mut self, boundary: &[Point]) {
         self.rings.clear();
         self.rings.extend(0..boundary.len() as u32);
@@ -98,7 +83,7 @@ impl HoleFiller {
             let apex = apex(boundary, boundary[from as usize], boundary[to as usize], others);
             let mut corners = [from, to, apex];
             corners.sort_unstable();
-            self.triangles.push(HoleTriangle { corners, base: Base::Boundary });
+            self.triangles.push(corners);
             let at = ring.iter().position(|&place| place == apex).unwrap_or_default();
             if at > middle {
                 self.push_ring(&ring[middle..=at], &[]);
@@ -118,34 +103,48 @@ impl HoleFiller {
         }
     }
 
-    /// Puts each triangle after the one beyond its base, which spans it, and finds that one.
-    fn nest(&mut self) {
-        self.triangles.sort_unstable_by_key(|triangle| {
-            let [first, _, third] = triangle.corners;
-            (first, u32::MAX - third)
-        });
-        let mut spanning: Vec<u32> = Vec::new();
-        for triangle in 0..self.triangles.len() {
-            let [first, _, third] = self.triangles[triangle].corners;
-            while let Some(&outer) = spanning.last() {
-                let [from, through, to] = self.triangles[outer as usize].corners;
-                if (first, third) == (from, through) {
-                    self.triangles[triangle].base = Base::FirstSide(outer);
-                    break;
-                } else if (first, third) == (through, to) {
-                    self.triangles[triangle].base = Base::SecondSide(outer);
-                    break;
-                }
-                spanning.pop();
-            }
-            spanning.push(triangle as u32);
-        }
-    }
-
     /// The triangles of the last fill.
     pub(crate) fn triangles(&self) -> &[HoleTriangle] {
         &self.triangles
     }
+}
+
+/// Coordinates that differ by less than this have angles that compare in 64 bits: the products of
+/// two differences are below 2^30, sums of two below 2^31, products of these below 2^62.
+const NARROW: i32 = 1 << 15;
+
+/// Tells whether all points are near enough to each other for [`apex_of_narrow`].
+#[inline]
+fn is_narrow(boundary: &[Point]) -> bool {
+    let first = boundary[0];
+    let reach =
+        boundary.iter().fold(0, |reach, p| reach | (p.x - first.x).abs() | (p.y - first.y).abs());
+    reach < NARROW / 2
+}
+
+/// The place between `from` and `to` whose vertex sees the edge between these under the largest
+/// angle, which is the one in whose circle through the edge no other vertex lies.
+///
+/// Angles are compared by their cotangents, fractions whose two parts are computed once for each
+/// vertex; the preferred directions decide between equal ones.
+#[inline]
+fn apex_of_narrow(boundary: &[Point], from: u32, to: u32) -> u32 {
+    let (a, b) = (boundary[to as usize], boundary[from as usize]);
+    let (mut best, mut best_dot, mut best_cross) = (from, 1, 0);
+    for (place, &c) in (from + 1..to).zip(&boundary[from as usize + 1..to as usize]) {
+        let (ax, ay) = (i64::from(a.x - c.x), i64::from(a.y - c.y));
+        let (bx, by) = (i64::from(b.x - c.x), i64::from(b.y - c.y));
+        let (dot, cross) = (ax * bx + ay * by, ax * by - ay * bx);
+        if cross <= 0 {
+            continue;
+        }
+        let (this, other) = (dot * best_cross, best_dot * cross);
+        if this < other || this == other && in_circle(a, b, boundary[best as usize], c) {
+            (best, best_dot, best_cross) = (place, dot, cross);
+        }
+    }
+    // The inside of a boundary is left of each of its edges, so there is such a vertex.
+    best
 }
 
 /// The place whose vertex makes the triangle of the triangulation with the edge from `a` to `b`:
@@ -179,7 +178,7 @@ mod tests {
             let triangles = filler.fill(&boundary);
             assert_eq!(triangles.len(), 2);
             for triangle in triangles {
-                let corners = triangle.corners.map(|place| boundary[place as usize]);
+                let corners = triangle.map(|place| boundary[place as usize]);
                 assert!(corners.contains(&square[0]) && corners.contains(&square[2]));
             }
         }
@@ -221,7 +220,8 @@ mod tests {
             let [mut by_bases, mut by_middle_edges] = [HoleFiller::default(), HoleFiller::default()];
             by_bases.split_at_bases(&boundary);
             by_middle_edges.split_at_middle_edges(&boundary);
-            by_middle_edges.nest();
+            by_bases.triangles.sort_unstable();
+            by_middle_edges.triangles.sort_unstable();
             proptest::prop_assert_eq!(by_bases.triangles, by_middle_edges.triangles);
         }
     }
@@ -234,7 +234,7 @@ mod tests {
         let double_area: i64 = triangles
             .iter()
             .map(|triangle| {
-                let [a, b, c] = triangle.corners.map(|place| boundary[place as usize]);
+                let [a, b, c] = triangle.map(|place| boundary[place as usize]);
                 assert!(orientation(a, b, c) > 0);
                 orientation(a, b, c)
             })

@@ -63,11 +63,14 @@ mod metrics;
 mod parameters;
 mod predicates;
 mod rasterize;
+mod removal;
 mod removal_queue;
 mod sample_points;
 mod significance;
 mod simplify;
 mod small_face;
+mod star;
+mod tile_order;
 mod triangulation;
 
 pub use choices::{

@@ -7,20 +7,30 @@ const ABSENT: u32 = u32::MAX;
 /// Children of each place.
 const ARITY: usize = 4;
 
-/// A priority queue of vertices by change of squared error, then by index.
+/// A vertex with its place in the order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Entry {
+    /// By how much its removal changes the error.
+    pub(crate) change: i64,
+    /// Its place by row, then column, which decides between equal changes.
+    pub(crate) rank: u32,
+    pub(crate) vertex: u32,
+}
+
+/// A priority queue of vertices by change of error, then by rank.
 pub(crate) struct RemovalQueue {
     /// The heap: the least first, the children of place `i` at `4 i + 1` to `4 i + 4`.
-    heap: Vec<(i64, u32)>,
+    heap: Vec<Entry>,
     /// Place of each vertex in the heap.
     places: Vec<u32>,
 }
 
 impl RemovalQueue {
-    /// A queue of the vertices with their keys, of `vertex_count` in all.
-    pub(crate) fn new(entries: Vec<(i64, u32)>, vertex_count: usize) -> Self {
+    /// A queue of entries for some of `vertex_count` vertices.
+    pub(crate) fn new(entries: Vec<Entry>, vertex_count: usize) -> Self {
         let mut queue = Self { heap: entries, places: vec![ABSENT; vertex_count] };
-        for place in 0..queue.heap.len() {
-            queue.places[queue.heap[place].1 as usize] = place as u32;
+        for (place, entry) in queue.heap.iter().enumerate() {
+            queue.places[entry.vertex as usize] = place as u32;
         }
         for place in (0..queue.heap.len() / ARITY + 1).rev() {
             queue.sift_down(place);
@@ -28,25 +38,25 @@ impl RemovalQueue {
         queue
     }
 
-    /// The vertex whose removal changes the squared error least, and that change.
-    pub(crate) fn first(&self) -> Option<(i64, u32)> {
+    /// The vertex whose removal changes the error least.
+    pub(crate) fn first(&self) -> Option<Entry> {
         self.heap.first().copied()
     }
 
     /// Takes out the first vertex.
     pub(crate) fn remove_first(&mut self) {
         let first = self.heap.swap_remove(0);
-        self.places[first.1 as usize] = ABSENT;
-        if let Some(&(_, moved)) = self.heap.first() {
-            self.places[moved as usize] = 0;
+        self.places[first.vertex as usize] = ABSENT;
+        if let Some(moved) = self.heap.first() {
+            self.places[moved.vertex as usize] = 0;
             self.sift_down(0);
         }
     }
 
     /// Gives a vertex of the queue another key.
-    pub(crate) fn change(&mut self, vertex: u32, key: i64) {
+    pub(crate) fn change(&mut self, vertex: u32, change: i64) {
         let place = self.places[vertex as usize] as usize;
-        self.heap[place].0 = key;
+        self.heap[place].change = change;
         self.sift_up(place);
         self.sift_down(self.places[vertex as usize] as usize);
     }
@@ -82,9 +92,9 @@ impl RemovalQueue {
     }
 
     /// Writes an entry to a place.
-    fn put(&mut self, place: usize, entry: (i64, u32)) {
+    fn put(&mut self, place: usize, entry: Entry) {
         self.heap[place] = entry;
-        self.places[entry.1 as usize] = place as u32;
+        self.places[entry.vertex as usize] = place as u32;
     }
 }
 
@@ -99,15 +109,19 @@ mod tests {
             mut keys in prop::collection::vec(-20i64..20, 1..60),
             changes in prop::collection::vec((0usize..60, -20i64..20), 0..60),
         ) {
-            let entries = keys.iter().enumerate().map(|(v, &key)| (key, v as u32)).collect();
-            let mut queue = RemovalQueue::new(entries, keys.len());
+            // Ranks run against the numbers of the vertices.
+            let entry = |(v, &change): (usize, &i64)| Entry {
+                change,
+                rank: 100 - v as u32,
+                vertex: v as u32,
+            };
+            let mut queue = RemovalQueue::new(keys.iter().enumerate().map(entry).collect(), keys.len());
             for (v, key) in changes {
                 let v = v % keys.len();
                 keys[v] = key;
                 queue.change(v as u32, key);
             }
-            let mut expected: Vec<(i64, u32)> =
-                keys.iter().enumerate().map(|(v, &key)| (key, v as u32)).collect();
+            let mut expected: Vec<Entry> = keys.iter().enumerate().map(entry).collect();
             expected.sort_unstable();
             for entry in expected {
                 prop_assert_eq!(queue.first(), Some(entry));

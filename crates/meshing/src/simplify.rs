@@ -8,15 +8,22 @@
 
 use crate::choices::ErrorMetric;
 use crate::control::{Cancelled, Control, Stage};
-use crate::face_error::FaceErrors;
-use crate::hole::{Base, HoleFiller};
-use crate::hole_memory::HoleMemory;
+use crate::face_error::{FaceErrors, Measure};
 use crate::image::Image;
-use crate::mesh::Point;
+use crate::mesh::{Face, Point};
 use crate::metrics::Fidelity;
 use crate::parameters::ErrorBound;
-use crate::removal_queue::RemovalQueue;
-use crate::triangulation::{NONE, Triangulation, next, previous, smallest_first};
+use crate::removal::{Neighbour, Net, Remover};
+use crate::removal_queue::{Entry, RemovalQueue};
+use crate::star::Stars;
+use crate::tile_order::tile_order;
+use crate::triangulation::Triangulation;
+
+/// Faces measured, and vertices evaluated for the first time, between two polls of the control.
+const STEPS_PER_POLL: usize = 256;
+
+/// Stands for a vertex that is gone.
+const GONE: u32 = u32::MAX;
 
 /// When removal ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,100 +49,86 @@ pub struct Removal {
 
 /// What greedy removal leaves.
 pub(crate) struct Simplified {
-    /// The triangulation of the vertices left, by row, then column.
-    pub(crate) triangulation: Triangulation,
+    /// The vertices left, by row, then column.
+    pub(crate) points: Vec<Point>,
+    /// The faces, counter-clockwise, each beginning with its smallest vertex, in ascending order.
+    pub(crate) faces: Vec<Face>,
     /// The removals, in order.
     pub(crate) removals: Vec<Removal>,
     /// The sum of errors over the image, in the metric's whole numbers.
     pub(crate) error: u64,
 }
 
-/// Removes vertices of a triangulation of `image` until the rule says stop.
+/// Removes vertices of a triangulation of `image`, whose points are given by row, then column,
+/// until the rule says stop.
 pub(crate) fn simplify(
     image: &Image,
     triangulation: Triangulation,
     rule: StopRule,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
-    let mut simplification = Simplification::new(image, triangulation, rule.metric);
-    let surplus = simplification.remaining.saturating_sub(rule.size);
+    let measure = Measure::new(image, rule.metric);
+    let surplus = triangulation.points.len().saturating_sub(rule.size);
+    let mut simplification = Simplification::new(image, triangulation, &measure, surplus, control)?;
     let mut queue = simplification.evaluate_all(surplus, control)?;
     let mut removals = Vec::with_capacity(surplus);
-    while let Some((change, vertex)) = queue.first() {
+    while let Some(Entry { change, vertex, .. }) = queue.first() {
         control.poll(Stage::Simplify, removals.len().min(surplus), surplus)?;
         if simplification.must_stop(change, rule) {
             break;
         }
         queue.remove_first();
-        simplification.remove(vertex);
-        simplification.update_neighbours(&mut queue);
-        let point = simplification.triangulation.points[vertex as usize];
-        removals.push(Removal { point, change });
+        simplification.remove(vertex, &mut queue);
+        removals.push(Removal { point: simplification.net.points[vertex as usize], change });
     }
-    let error = simplification.total_error;
-    Ok(Simplified { triangulation: simplification.finish(), removals, error })
+    let (points, faces) = simplification.mesh();
+    Ok(Simplified { points, faces, removals, error: simplification.total_error })
 }
 
-/// A triangulation that loses vertices, and what is known of its faces.
+/// A triangulation that loses vertices.
 struct Simplification<'a> {
     image: &'a Image,
-    /// Slots of triangles that are gone have [`NONE`] as origins.
-    triangulation: Triangulation,
-    /// A half-edge that begins at each vertex; on the border the one with no twin.
-    outgoing: Vec<u32>,
-    errors: FaceErrors<'a>,
-    /// Error of each triangle.
-    face_errors: Vec<u64>,
-    /// Sum of the above.
+    net: Net,
+    /// The places of the vertices by row, then column.
+    ranks: Vec<u32>,
+    remover: Remover<'a>,
+    /// The neighbours of the last vertex that went.
+    neighbours: Vec<Neighbour>,
+    /// Sum of the errors of all faces.
     total_error: u64,
     /// Vertices not removed.
     remaining: usize,
-    star: Star,
-    /// Vertices around the last hole.
-    neighbours: Vec<u32>,
-    filler: HoleFiller,
-    memory: HoleMemory,
-    /// Error of each triangle of the last fill.
-    fill_errors: Vec<u64>,
-}
-
-/// The triangles around a vertex, counter-clockwise; keeps its memory from one to the next.
-#[derive(Default)]
-struct Star {
-    /// Their indices.
-    triangles: Vec<u32>,
-    /// The vertices of the boundary, from that of the first triangle on.
-    vertices: Vec<u32>,
-    /// Their places.
-    boundary: Vec<Point>,
-    /// The half-edge beyond the boundary's edge from each vertex to the next.
-    beyond: Vec<u32>,
 }
 
 impl<'a> Simplification<'a> {
-    fn new(image: &'a Image, triangulation: Triangulation, metric: ErrorMetric) -> Self {
-        let mut simplification = Self {
-            image,
-            outgoing: outgoing_half_edges(&triangulation),
-            errors: FaceErrors::new(image, metric),
-            face_errors: Vec::with_capacity(triangulation.origins.len() / 3),
-            total_error: 0,
-            remaining: triangulation.points.len(),
-            star: Star::default(),
-            neighbours: Vec::new(),
-            filler: HoleFiller::default(),
-            memory: HoleMemory::new(triangulation.points.len()),
-            fill_errors: Vec::new(),
-            triangulation,
-        };
-        for corners in simplification.triangulation.origins.chunks_exact(3) {
-            let points =
-                [0, 1, 2].map(|i| simplification.triangulation.points[corners[i] as usize]);
-            let error = simplification.errors.error(points);
-            simplification.face_errors.push(error);
-            simplification.total_error += error;
+    fn new(
+        image: &'a Image,
+        triangulation: Triangulation,
+        measure: &'a Measure<'a>,
+        surplus: usize,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let errors = errors_of(&triangulation, measure, surplus, control)?;
+        let ranks = tile_order(&triangulation.points, image.width(), image.height());
+        let mut numbers = vec![0; ranks.len()];
+        for (number, &rank) in (0..).zip(&ranks) {
+            numbers[rank as usize] = number;
         }
-        simplification
+        let net = Net {
+            stars: Stars::new(&triangulation, &numbers, &errors),
+            points: ranks.iter().map(|&rank| triangulation.points[rank as usize]).collect(),
+            right: image.width() as i32 - 1,
+            top: image.height() as i32 - 1,
+        };
+        Ok(Self {
+            image,
+            remaining: net.points.len(),
+            net,
+            ranks,
+            remover: Remover::new(measure),
+            neighbours: Vec::new(),
+            total_error: errors.iter().sum(),
+        })
     }
 
     /// The queue of all vertices but the corners of the image.
@@ -144,33 +137,19 @@ impl<'a> Simplification<'a> {
         surplus: usize,
         control: &dyn Control,
     ) -> Result<RemovalQueue, Cancelled> {
-        let count = self.triangulation.points.len();
+        let count = self.net.points.len();
         let mut entries = Vec::with_capacity(count);
         for vertex in 0..count as u32 {
-            if !self.is_corner(vertex) {
+            if vertex as usize % STEPS_PER_POLL == 0 {
                 control.poll(Stage::Simplify, 0, surplus)?;
-                entries.push((self.evaluate(vertex), vertex));
+            }
+            if !self.net.is_corner(vertex) {
+                let (change, memory) = self.remover.evaluate(vertex, &self.net);
+                self.net.stars.remember(vertex, memory);
+                entries.push(Entry { change, rank: self.ranks[vertex as usize], vertex });
             }
         }
         Ok(RemovalQueue::new(entries, count))
-    }
-
-    /// By how much the error changes when the vertex goes; leaves the star and the fill of
-    /// its hole in place.
-    fn evaluate(&mut self, vertex: u32) -> i64 {
-        self.star.gather(vertex, &self.triangulation, &self.outgoing);
-        let before: u64 = self.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
-        self.fill_errors.clear();
-        let (star, errors) = (&self.star, &mut self.errors);
-        for triangle in self.filler.fill(&star.boundary) {
-            let face = smallest_first(triangle.corners.map(|place| star.vertices[place as usize]));
-            let error = self.memory.error(vertex, face, || {
-                errors.error(triangle.corners.map(|place| star.boundary[place as usize]))
-            });
-            self.fill_errors.push(error);
-        }
-        self.memory.keep(vertex);
-        self.fill_errors.iter().sum::<u64>() as i64 - before as i64
     }
 
     /// Tells whether a removal with this change must not be made.
@@ -188,171 +167,91 @@ impl<'a> Simplification<'a> {
         }
     }
 
-    /// Takes a vertex out of the mesh and fills its hole.
-    fn remove(&mut self, vertex: u32) {
-        let change = self.evaluate(vertex);
-        self.total_error = self.total_error.wrapping_add_signed(change);
-        let fill = std::mem::take(&mut self.filler);
-        for (i, triangle) in fill.triangles().iter().enumerate() {
-            let slot = self.star.triangles[i];
-            self.face_errors[slot as usize] = self.fill_errors[i];
-            self.place(slot, triangle.corners);
-            let opposite = match triangle.base {
-                Base::Boundary => self.star.beyond_last(),
-                Base::FirstSide(t) => 3 * self.star.triangles[t as usize],
-                Base::SecondSide(t) => 3 * self.star.triangles[t as usize] + 1,
-            };
-            self.connect(3 * slot + 2, opposite);
-        }
-        for &slot in &self.star.triangles[fill.triangles().len()..] {
-            self.face_errors[slot as usize] = 0;
-            self.triangulation.origins[3 * slot as usize..][..3].fill(NONE);
-        }
-        self.filler = fill;
-        self.outgoing[vertex as usize] = NONE;
-        self.remaining -= 1;
-    }
-
-    /// Writes a triangle of the fill to a slot, and connects its sides that lie on the boundary;
-    /// the third side is left to its caller.
-    fn place(&mut self, slot: u32, corners: [u32; 3]) {
-        let [first, second, third] = corners;
-        for (h, place) in (3 * slot..).zip(corners) {
-            self.triangulation.origins[h as usize] = self.star.vertices[place as usize];
-        }
-        for (h, from, to) in [(3 * slot, first, second), (3 * slot + 1, second, third)] {
-            if to == from + 1 {
-                self.connect(h, self.star.beyond[from as usize]);
-            }
-        }
-    }
-
-    /// Makes two half-edges opposite, and the first of them the way out of its vertex, unless that
-    /// vertex lies on the border and the half-edge does not.
-    fn connect(&mut self, h: u32, opposite: u32) {
-        self.triangulation.link(h, opposite);
-        let origin = self.triangulation.origins[h as usize] as usize;
-        if opposite == NONE || !self.is_on_border(self.triangulation.points[origin]) {
-            self.outgoing[origin] = h;
-        }
-    }
-
-    /// Gives the vertices around the last hole their new keys.
-    fn update_neighbours(&mut self, queue: &mut RemovalQueue) {
-        // Evaluating gathers another star.
-        std::mem::swap(&mut self.neighbours, &mut self.star.vertices);
-        for i in 0..self.neighbours.len() {
-            let vertex = self.neighbours[i];
-            if !self.is_corner(vertex) {
-                let change = self.evaluate(vertex);
+    /// Takes a vertex out of the mesh, fills its hole and gives its neighbours their new keys.
+    fn remove(&mut self, vertex: u32, queue: &mut RemovalQueue) {
+        let neighbours = &mut self.neighbours;
+        let change =
+            self.remover.prepare(vertex, &self.net, |neighbour| neighbours.push(neighbour));
+        for Neighbour { vertex, star, change } in neighbours.drain(..) {
+            self.net.stars.write(vertex, star);
+            if let Some(change) = change {
                 queue.change(vertex, change);
             }
         }
+        self.net.stars.remove(vertex);
+        self.total_error = self.total_error.wrapping_add_signed(change);
+        self.remaining -= 1;
     }
 
-    /// Tells whether a point lies on the border of the image.
-    fn is_on_border(&self, Point { x, y }: Point) -> bool {
-        let (right, top) = (self.image.width() as i32 - 1, self.image.height() as i32 - 1);
-        x == 0 || y == 0 || x == right || y == top
-    }
-
-    /// Tells whether a vertex is a corner of the image.
-    fn is_corner(&self, vertex: u32) -> bool {
-        let Point { x, y } = self.triangulation.points[vertex as usize];
-        let (right, top) = (self.image.width() as i32 - 1, self.image.height() as i32 - 1);
-        (x == 0 || x == right) && (y == 0 || y == top)
-    }
-
-    /// The triangulation without the slots and vertices that are gone.
-    fn finish(self) -> Triangulation {
-        let Triangulation { points, origins, twins } = self.triangulation;
-        let mut kept = 0..;
-        let vertex_numbers: Vec<u32> = self
-            .outgoing
-            .iter()
-            .map(|&h| if h == NONE { NONE } else { kept.next().unwrap_or(NONE) })
-            .collect();
-        let mut kept = 0..;
-        let slot_numbers: Vec<u32> = origins
-            .chunks_exact(3)
-            .map(|slot| if slot[0] == NONE { NONE } else { kept.next().unwrap_or(NONE) })
-            .collect();
-        let renumber =
-            |h: u32| if h == NONE { NONE } else { 3 * slot_numbers[h as usize / 3] + h % 3 };
-        let alive = |h: &usize| origins[*h] != NONE;
-        let vertices = points.iter().zip(&vertex_numbers);
-        Triangulation {
-            points: vertices
-                .filter(|(_, number)| **number != NONE)
-                .map(|(&point, _)| point)
-                .collect(),
-            origins: origins
-                .iter()
-                .filter(|&&v| v != NONE)
-                .map(|&v| vertex_numbers[v as usize])
-                .collect(),
-            twins: (0..origins.len()).filter(alive).map(|h| renumber(twins[h])).collect(),
+    /// The points and faces of the vertices that are left.
+    fn mesh(&self) -> (Vec<Point>, Vec<Face>) {
+        let Self { net, ranks, .. } = self;
+        let mut by_rank = vec![GONE; ranks.len()];
+        for (vertex, &rank) in (0..).zip(ranks).filter(|&(v, _)| !net.stars.is_gone(v)) {
+            by_rank[rank as usize] = vertex;
         }
+        by_rank.retain(|&vertex| vertex != GONE);
+        let mut numbers = vec![GONE; ranks.len()];
+        for (number, &vertex) in (0..).zip(&by_rank) {
+            numbers[vertex as usize] = number;
+        }
+        let points = by_rank.iter().map(|&vertex| net.points[vertex as usize]).collect();
+        let mut faces = Vec::with_capacity(2 * by_rank.len());
+        for &vertex in &by_rank {
+            faces_at(vertex, net, &numbers, &mut faces);
+        }
+        (points, faces)
     }
 }
 
-impl Star {
-    /// Collects the triangles around a vertex.
-    fn gather(&mut self, vertex: u32, triangulation: &Triangulation, outgoing: &[u32]) {
-        self.triangles.clear();
-        self.vertices.clear();
-        self.boundary.clear();
-        self.beyond.clear();
-        let Triangulation { points, origins, twins } = triangulation;
-        let first = outgoing[vertex as usize];
-        let mut spoke = first;
-        loop {
-            let side = next(spoke);
-            let neighbour = origins[side as usize];
-            self.triangles.push(spoke / 3);
-            self.vertices.push(neighbour);
-            self.boundary.push(points[neighbour as usize]);
-            self.beyond.push(twins[side as usize]);
-            let incoming = previous(spoke);
-            spoke = twins[incoming as usize];
-            if spoke == first {
-                return;
-            }
-            if spoke == NONE {
-                // On the border the boundary ends at the vertex before, which no spoke begins at.
-                let last = origins[incoming as usize];
-                self.vertices.push(last);
-                self.boundary.push(points[last as usize]);
-                self.beyond.push(NONE);
-                return;
-            }
-        }
+/// The errors of all triangles.
+fn errors_of(
+    triangulation: &Triangulation,
+    measure: &Measure<'_>,
+    surplus: usize,
+    control: &dyn Control,
+) -> Result<Vec<u64>, Cancelled> {
+    let mut errors = Vec::with_capacity(triangulation.origins.len() / 3);
+    let (mut face_errors, mut faces, mut some) = (FaceErrors::new(measure), Vec::new(), Vec::new());
+    for origins in triangulation.origins.chunks(3 * STEPS_PER_POLL) {
+        control.poll(Stage::Simplify, 0, surplus)?;
+        faces.clear();
+        faces.extend(
+            origins
+                .chunks_exact(3)
+                .map(|corners| [0, 1, 2].map(|i| triangulation.points[corners[i] as usize])),
+        );
+        face_errors.errors(&faces, &mut some);
+        errors.extend_from_slice(&some);
     }
-
-    /// The half-edge beyond the boundary's edge from its last vertex to its first.
-    fn beyond_last(&self) -> u32 {
-        self.beyond[self.vertices.len() - 1]
-    }
+    Ok(errors)
 }
 
-/// A half-edge that begins at each vertex; on the border the one with no twin, from which turning
-/// counter-clockwise meets every triangle.
-fn outgoing_half_edges(triangulation: &Triangulation) -> Vec<u32> {
-    let mut outgoing = vec![NONE; triangulation.points.len()];
-    let half_edges = triangulation.origins.iter().zip(&triangulation.twins);
-    for (h, (&origin, &twin)) in half_edges.enumerate() {
-        let out = &mut outgoing[origin as usize];
-        if *out == NONE || twin == NONE {
-            *out = h as u32;
+/// Adds the faces of which a vertex is the one of the smallest number, in ascending order.
+fn faces_at(vertex: u32, net: &Net, numbers: &[u32], faces: &mut Vec<Face>) {
+    let neighbours = net.stars.neighbours(vertex);
+    let number = numbers[vertex as usize];
+    let begun = faces.len();
+    for (i, &neighbour) in neighbours.iter().enumerate() {
+        let is_last = i + 1 == neighbours.len();
+        if is_last && net.is_on_border(vertex) {
+            continue;
+        }
+        let next = neighbours[if is_last { 0 } else { i + 1 }];
+        let (second, third) = (numbers[neighbour as usize], numbers[next as usize]);
+        if number < second && number < third {
+            faces.push([number, second, third]);
         }
     }
-    outgoing
+    faces[begun..].sort_unstable();
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::hole_memory::HoleMemory;
+    use crate::star::Star;
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
 
@@ -366,52 +265,50 @@ mod tests {
         (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y))).collect()
     }
 
-    /// The errors cached for the faces are those computed afresh.
-    fn assert_errors_are_cached(simplification: &Simplification<'_>) {
-        let mut errors = FaceErrors::new(simplification.image, ErrorMetric::MeanCompSe);
-        let Triangulation { points, origins, .. } = &simplification.triangulation;
-        let mut total = 0;
-        for (t, corners) in origins.chunks_exact(3).enumerate() {
-            let fresh = if corners[0] == NONE {
-                0
-            } else {
-                errors.error([0, 1, 2].map(|i| points[corners[i] as usize]))
-            };
-            assert_eq!(simplification.face_errors[t], fresh);
-            total += fresh;
+    /// The errors kept for the faces are those computed afresh.
+    fn assert_errors_are_current(simplification: &Simplification<'_>, measure: &Measure<'_>) {
+        let mut errors = FaceErrors::new(measure);
+        let Net { points, stars, .. } = &simplification.net;
+        let (mut star, mut total) = (Star::default(), 0);
+        for v in (0..points.len() as u32).filter(|&v| !stars.is_gone(v)) {
+            stars.read(v, &mut star);
+            let neighbours = &star.neighbours;
+            for (i, &error) in star.errors.iter().enumerate() {
+                let last = i + 1 == neighbours.len();
+                let fresh = if last && simplification.net.is_on_border(v) {
+                    0
+                } else {
+                    let next = neighbours[if last { 0 } else { i + 1 }];
+                    errors.error([v, neighbours[i], next].map(|v| points[v as usize]))
+                };
+                assert_eq!(error, fresh);
+                total += fresh;
+            }
         }
-        assert_eq!(simplification.total_error, total);
+        assert_eq!(3 * simplification.total_error, total);
     }
 
     /// The faces are those of the vertices that are left, triangulated afresh.
     fn assert_triangulated_afresh(simplification: &Simplification<'_>) {
-        let outgoing = &simplification.outgoing;
-        let all = &simplification.triangulation.points;
-        let kept: Vec<usize> = (0..all.len()).filter(|&v| outgoing[v] != NONE).collect();
-        let points: Vec<Point> = kept.iter().map(|&v| all[v]).collect();
-        let mut faces: Vec<_> = simplification
-            .triangulation
-            .origins
-            .chunks_exact(3)
-            .filter(|corners| corners[0] != NONE)
-            .map(|corners| smallest_first([corners[0], corners[1], corners[2]]))
-            .collect();
-        faces.sort_unstable();
-        let fresh = triangulate(&points);
-        let fresh: Vec<_> =
-            fresh.iter().map(|face| face.map(|v| kept[v as usize] as u32)).collect();
-        assert_eq!(faces, fresh);
+        let (points, faces) = simplification.mesh();
+        assert!(points.is_sorted());
+        assert_eq!(faces, triangulate(&points));
     }
 
-    /// The queue's keys are the changes computed afresh.
+    /// The queue's keys are the changes computed afresh, with nothing remembered.
     fn assert_keys_are_current(simplification: &mut Simplification<'_>, queue: &mut RemovalQueue) {
         let mut entries = Vec::new();
-        while let Some((change, vertex)) = queue.first() {
-            assert_eq!(simplification.evaluate(vertex), change);
-            entries.push((change, vertex));
+        while let Some(entry) = queue.first() {
+            let stars = &mut simplification.net.stars;
+            let remembered = *stars.memory(entry.vertex);
+            stars.remember(entry.vertex, HoleMemory::NOTHING);
+            let (change, _) = simplification.remover.evaluate(entry.vertex, &simplification.net);
+            simplification.net.stars.remember(entry.vertex, remembered);
+            assert_eq!(change, entry.change);
+            entries.push(entry);
             queue.remove_first();
         }
-        *queue = RemovalQueue::new(entries, simplification.triangulation.points.len());
+        *queue = RemovalQueue::new(entries, simplification.net.points.len());
     }
 
     proptest! {
@@ -424,15 +321,16 @@ mod tests {
         ) {
             let image = picture(width, height, &samples);
             let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
-            let mut simplification = Simplification::new(&image, triangulation, ErrorMetric::MeanCompSe);
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let mut simplification =
+                Simplification::new(&image, triangulation, &measure, 1, &Unattended).unwrap();
             let mut queue = simplification.evaluate_all(1, &Unattended).unwrap();
-            while let Some((change, vertex)) = queue.first() {
+            while let Some(Entry { change, vertex, .. }) = queue.first() {
                 let before = simplification.total_error;
                 queue.remove_first();
-                simplification.remove(vertex);
+                simplification.remove(vertex, &mut queue);
                 prop_assert_eq!(simplification.total_error, before.wrapping_add_signed(change));
-                simplification.update_neighbours(&mut queue);
-                assert_errors_are_cached(&simplification);
+                assert_errors_are_current(&simplification, &measure);
                 assert_triangulated_afresh(&simplification);
                 assert_keys_are_current(&mut simplification, &mut queue);
             }

@@ -118,9 +118,7 @@ fn initial_points(image: &Image, parameters: &Parameters) -> Result<Vec<Point>, 
     Ok(sample_points(image, parameters, plan.initial_size, &Unattended)?)
 }
 
-fn spade_bulk_load(
-    points: &[Point],
-) -> Result<DelaunayTriangulation<Point2<f64>>, Box<dyn Error>> {
+fn spade_bulk_load(points: &[Point]) -> Result<DelaunayTriangulation<Point2<f64>>, Box<dyn Error>> {
     let sites = points.iter().map(|p| Point2::new(f64::from(p.x), f64::from(p.y))).collect();
     Ok(DelaunayTriangulation::bulk_load(sites)?)
 }

@@ -1,0 +1,304 @@
+//! The vertices of a triangulation as their stars: of each one the neighbours, counter-clockwise,
+//! and the errors of the faces between them.
+//!
+//! Greedy removal asks for the star of a vertex again and again; here it lies in one or two lines of
+//! memory. A record has room for nine neighbours; the few vertices with more, or with a face whose
+//! error needs more than 32 bits, have theirs in lists.
+
+use crate::hole_memory::{HoleMemory, Shift};
+use crate::triangulation::{NONE, Triangulation, next, previous};
+
+/// Neighbours that a record has room for; six in a thousand vertices have more.
+const ROOM: usize = 9;
+
+/// Degree of a vertex whose star is in lists; the first neighbour is the number of these.
+const LISTED: u32 = u32::MAX;
+
+/// The star of one vertex.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Record {
+    memory: HoleMemory,
+    /// Number of neighbours, 0 for a vertex that is gone.
+    degree: u32,
+    neighbours: [u32; ROOM],
+    /// The error of the face between each neighbour and the next one.
+    errors: [u32; ROOM],
+}
+
+/// A star of any size.
+///
+/// Around an inner vertex the face after the last neighbour ends at the first one. On the border
+/// the first and the last neighbour are those along the border, and there is no such face.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Star {
+    /// The neighbours, counter-clockwise.
+    pub(crate) neighbours: Vec<u32>,
+    /// The error of the face between each neighbour and the next one; 0 where there is none.
+    pub(crate) errors: Vec<u64>,
+}
+
+/// A star with what is remembered of its hole, ready to be written.
+pub(crate) struct Packed {
+    record: Record,
+    /// The star itself, where it does not fit.
+    listed: Option<Star>,
+}
+
+/// The stars of all vertices.
+pub(crate) struct Stars {
+    records: Vec<Record>,
+    lists: Vec<Star>,
+    /// Lists that no vertex uses.
+    unused: Vec<u32>,
+}
+
+impl Record {
+    const GONE: Self =
+        Self { memory: HoleMemory::NOTHING, degree: 0, neighbours: [0; ROOM], errors: [0; ROOM] };
+}
+
+impl Star {
+    /// The sum of the errors of all faces.
+    #[inline]
+    pub(crate) fn error(&self) -> u64 {
+        self.errors.iter().sum()
+    }
+
+    /// Becomes a copy of another star.
+    fn copy<E: Copy + Into<u64>>(&mut self, neighbours: &[u32], errors: &[E]) {
+        self.clear();
+        self.neighbours.extend_from_slice(neighbours);
+        self.errors.extend(errors.iter().map(|&error| error.into()));
+    }
+
+    /// Becomes another star where a neighbour, at `place`, has given way.
+    #[inline]
+    fn copy_without<E: Copy + Into<u64>>(
+        &mut self,
+        (neighbours, errors): (&[u32], &[E]),
+        place: usize,
+        gap: Gap<'_>,
+    ) {
+        self.clear();
+        self.neighbours.extend_from_slice(&neighbours[..place]);
+        self.neighbours.extend_from_slice(gap.successors);
+        self.neighbours.extend_from_slice(&neighbours[place + 1..]);
+        match (place, gap.is_on_border()) {
+            (0, true) => {
+                self.errors.extend_from_slice(gap.errors);
+                self.keep(&errors[1..]);
+            }
+            (_, true) => {
+                self.keep(&errors[..place - 1]);
+                self.errors.extend_from_slice(gap.errors);
+                self.errors.push(0);
+            }
+            (0, false) => {
+                // The face before the first neighbour comes last.
+                self.errors.extend_from_slice(&gap.errors[1..]);
+                self.keep(&errors[1..errors.len() - 1]);
+                self.errors.push(gap.errors[0]);
+            }
+            (_, false) => {
+                self.keep(&errors[..place - 1]);
+                self.errors.extend_from_slice(gap.errors);
+                self.keep(&errors[place + 1..]);
+            }
+        }
+    }
+
+    #[inline]
+    fn keep<E: Copy + Into<u64>>(&mut self, errors: &[E]) {
+        self.errors.extend(errors.iter().map(|&error| error.into()));
+    }
+
+    fn clear(&mut self) {
+        self.neighbours.clear();
+        self.errors.clear();
+    }
+
+    /// The star as it is kept.
+    pub(crate) fn pack(&self, memory: HoleMemory) -> Packed {
+        let degree = self.neighbours.len();
+        let mut record = Record { memory, degree: degree as u32, ..Record::GONE };
+        if degree > ROOM || self.errors.iter().any(|&error| error > u32::MAX.into()) {
+            record.degree = LISTED;
+            return Packed { record, listed: Some(self.clone()) };
+        }
+        record.neighbours[..degree].copy_from_slice(&self.neighbours);
+        for (kept, &error) in record.errors.iter_mut().zip(&self.errors) {
+            *kept = error as u32;
+        }
+        Packed { record, listed: None }
+    }
+}
+
+/// What stands in a star in the place of a neighbour that is gone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gap<'a> {
+    /// The new neighbours, counter-clockwise.
+    pub(crate) successors: &'a [u32],
+    /// The errors of the faces between them and the neighbours before and after: one more than
+    /// successors, but as many where a side of the gap lies on the border.
+    pub(crate) errors: &'a [u64],
+}
+
+impl Gap<'_> {
+    fn is_on_border(&self) -> bool {
+        self.errors.len() == self.successors.len()
+    }
+}
+
+impl Stars {
+    /// The stars of a triangulation's vertices, which are renumbered, with the errors of its
+    /// triangles; `numbers[v]` is the new number of vertex `v`.
+    pub(crate) fn new(triangulation: &Triangulation, numbers: &[u32], errors: &[u64]) -> Self {
+        let Triangulation { origins, twins, .. } = triangulation;
+        let mut stars = Self {
+            records: vec![Record::GONE; numbers.len()],
+            lists: Vec::new(),
+            unused: Vec::new(),
+        };
+        let mut star = Star::default();
+        for (v, &first) in outgoing_half_edges(triangulation).iter().enumerate() {
+            star.clear();
+            let mut spoke = first;
+            loop {
+                star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
+                star.errors.push(errors[spoke as usize / 3]);
+                let incoming = previous(spoke);
+                spoke = twins[incoming as usize];
+                if spoke == NONE {
+                    star.neighbours.push(numbers[origins[incoming as usize] as usize]);
+                    star.errors.push(0);
+                }
+                if spoke == NONE || spoke == first {
+                    break;
+                }
+            }
+            stars.write(numbers[v], star.pack(HoleMemory::NOTHING));
+        }
+        stars
+    }
+
+    /// Tells whether a vertex is gone.
+    pub(crate) fn is_gone(&self, vertex: u32) -> bool {
+        self.records[vertex as usize].degree == 0
+    }
+
+    /// The neighbours of a vertex, counter-clockwise.
+    #[inline]
+    pub(crate) fn neighbours(&self, vertex: u32) -> &[u32] {
+        let record = &self.records[vertex as usize];
+        match record.degree {
+            LISTED => &self.lists[record.neighbours[0] as usize].neighbours,
+            degree => &record.neighbours[..degree as usize],
+        }
+    }
+
+    /// What is remembered of the hole of a vertex.
+    #[inline]
+    pub(crate) fn memory(&self, vertex: u32) -> &HoleMemory {
+        &self.records[vertex as usize].memory
+    }
+
+    /// Remembers a hole.
+    pub(crate) fn remember(&mut self, vertex: u32, memory: HoleMemory) {
+        self.records[vertex as usize].memory = memory;
+    }
+
+    /// Copies the star of a vertex to `star`.
+    pub(crate) fn read(&self, vertex: u32, star: &mut Star) {
+        let record = &self.records[vertex as usize];
+        match record.degree {
+            LISTED => {
+                let list = &self.lists[record.neighbours[0] as usize];
+                star.copy(&list.neighbours, &list.errors);
+            }
+            degree => {
+                let degree = degree as usize;
+                star.copy(&record.neighbours[..degree], &record.errors[..degree]);
+            }
+        }
+    }
+
+    /// Copies to `star` the star that a vertex will have without one of its neighbours, and returns
+    /// how the places of the others shift.
+    #[inline]
+    pub(crate) fn read_without(
+        &self,
+        vertex: u32,
+        gone: u32,
+        gap: Gap<'_>,
+        star: &mut Star,
+    ) -> Shift {
+        let record = &self.records[vertex as usize];
+        let place = |neighbours: &[u32]| {
+            // Whoever has the vertex as a neighbour is one of its neighbours.
+            neighbours.iter().position(|&v| v == gone).unwrap_or_default()
+        };
+        let place = match record.degree {
+            LISTED => {
+                let Star { neighbours, errors } = &self.lists[record.neighbours[0] as usize];
+                let place = place(neighbours);
+                star.copy_without((neighbours, errors), place, gap);
+                place
+            }
+            degree => {
+                let degree = degree as usize;
+                let place = place(&record.neighbours[..degree]);
+                let old = (&record.neighbours[..degree], &record.errors[..degree]);
+                star.copy_without(old, place, gap);
+                place
+            }
+        };
+        Shift { place: place as u32, successors: gap.successors.len() as u32 }
+    }
+
+    /// Replaces the star of a vertex.
+    pub(crate) fn write(&mut self, vertex: u32, packed: Packed) {
+        self.release(vertex);
+        let Packed { mut record, listed } = packed;
+        if let Some(star) = listed {
+            let number = self.unused.pop().unwrap_or(self.lists.len() as u32);
+            record.neighbours[0] = number;
+            match self.lists.get_mut(number as usize) {
+                Some(list) => *list = star,
+                None => self.lists.push(star),
+            }
+        }
+        self.records[vertex as usize] = record;
+    }
+
+    /// Forgets a vertex that is gone.
+    pub(crate) fn remove(&mut self, vertex: u32) {
+        self.release(vertex);
+        self.records[vertex as usize].degree = 0;
+    }
+
+    /// Gives back the lists of a vertex.
+    #[inline]
+    fn release(&mut self, vertex: u32) {
+        let record = &self.records[vertex as usize];
+        if record.degree == LISTED {
+            let number = record.neighbours[0];
+            self.lists[number as usize] = Star::default();
+            self.unused.push(number);
+        }
+    }
+}
+
+/// A half-edge that begins at each vertex; on the border the one with no twin, from which turning
+/// counter-clockwise meets every triangle.
+fn outgoing_half_edges(triangulation: &Triangulation) -> Vec<u32> {
+    let mut outgoing = vec![NONE; triangulation.points.len()];
+    let half_edges = triangulation.origins.iter().zip(&triangulation.twins);
+    for (h, (&origin, &twin)) in half_edges.enumerate() {
+        let out = &mut outgoing[origin as usize];
+        if *out == NONE || twin == NONE {
+            *out = h as u32;
+        }
+    }
+    outgoing
+}
