@@ -6,17 +6,18 @@
 //! found by search. Error that has no neighbour to go to is shared among the others (non-leaky),
 //! and the first row may start with the errors of the picture mirrored below it.
 //!
-//! The search tries about ten thresholds. One pass tries seven of them at once, those that the
-//! next three steps of the search may come to, and the one taken is the one that the steps take.
+//! The search tries about ten thresholds. One pass tries seven or fifteen of them at once, those
+//! that the next three or four steps of the search may come to, and the one taken is the one that
+//! the steps take.
 
 use crate::choices::{Scan, Startup};
 use crate::control::{Cancelled, Control, Stage};
 use crate::density::Density;
-use crate::floyd_steinberg::Weights;
+use crate::floyd_steinberg::{Lanes, Numbers, Weights};
 use crate::parameters::Parameters;
+use fearless_simd::{Level, Simd, dispatch};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use wide::f64x8;
 
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
@@ -40,29 +41,26 @@ pub(crate) fn diffuse_to_size(
 ) -> Result<Vec<u8>, Cancelled> {
     let mut diffusion = Diffusion::new(density, size, parameters, control)?;
     if diffusion.sums.iter().all(|&sum| sum == 0.0) {
-        return Ok(diffusion.chosen);
+        return Ok(diffusion.points_of(0));
     }
     let default = if density.fields.len() == 1 { TOLERANCE_ONE_FIELD } else { TOLERANCE_UNION };
     let tolerance = parameters.tolerance.unwrap_or(default);
     let mut search = ThresholdSearch::new(diffusion.first_threshold(), size);
     while diffusion.tries < MAX_TRIES {
-        let counts = diffusion.run(search.next_thresholds())?;
+        let thresholds = search.next_thresholds(diffusion.steps_per_pass());
+        let counts = diffusion.run(&thresholds)?;
         let mut node = 0;
-        while node < THRESHOLDS {
-            if counts[node].abs_diff(size) <= tolerance {
+        while let Some(&count) = counts.get(node) {
+            if count.abs_diff(size) <= tolerance {
                 return Ok(diffusion.points_of(node));
             }
             diffusion.tries += 1;
-            node = 2 * node + if search.learn(counts[node]) { 1 } else { 2 };
+            node = 2 * node + if search.learn(count) { 1 } else { 2 };
         }
     }
-    diffusion.run([search.nearest.0; THRESHOLDS])?;
+    diffusion.run(&[search.nearest.0])?;
     Ok(diffusion.points_of(0))
 }
-
-/// Thresholds that one pass tries: the next one of the search, the two that may follow, and the
-/// four that may follow these.
-const THRESHOLDS: usize = 7;
 
 /// The search for the threshold that chooses a number of points: doubled or halved until the
 /// number changes sides, then bisected.
@@ -89,15 +87,16 @@ impl ThresholdSearch {
         Self { size, bracket, nearest: (threshold, usize::MAX) }
     }
 
-    /// The thresholds of the next three tries, whatever comes out of them: after try `i` follows
+    /// The thresholds of the next few tries, whatever comes out of them: after try `i` follows
     /// `2 i + 1` if it chose too many points, else `2 i + 2`.
-    fn next_thresholds(&self) -> [f64; THRESHOLDS] {
-        let mut tries = [self.bracket; THRESHOLDS];
-        for i in 0..THRESHOLDS / 2 {
+    fn next_thresholds(&self, steps: u32) -> Vec<f64> {
+        let count = (1 << steps) - 1;
+        let mut tries = vec![self.bracket; count];
+        for i in 0..count / 2 {
             tries[2 * i + 1] = tries[i].after(true);
             tries[2 * i + 2] = tries[i].after(false);
         }
-        tries.map(|bracket| bracket.threshold)
+        tries.iter().map(|bracket| bracket.threshold).collect()
     }
 
     /// Takes in how many points the threshold chose, moves on to the next one, and tells whether
@@ -143,9 +142,8 @@ struct Diffusion<'a> {
     /// Errors that row 0 of each field starts with.
     initial_errors: Vec<Vec<f64>>,
     /// For each lattice point a bit for each threshold of the last pass that chose it.
-    chosen: Vec<u8>,
-    /// The row in work and the one above, with the errors diffused into them.
-    rows: [Vec<f64x8>; 2],
+    chosen: Vec<u16>,
+    level: Level,
     control: &'a dyn Control,
     /// Thresholds tried before the one in work.
     tries: usize,
@@ -167,7 +165,7 @@ impl<'a> Diffusion<'a> {
             sums: density.fields.iter().map(|field| field.iter().sum()).collect(),
             initial_errors: vec![vec![0.0; width]; density.fields.len()],
             chosen: vec![0; width * density.height],
-            rows: [vec![f64x8::ZERO; width], vec![f64x8::ZERO; width]],
+            level: Level::new(),
             control,
             tries: 0,
         };
@@ -215,67 +213,92 @@ impl<'a> Diffusion<'a> {
             self.poll(y)?;
             let densities = if y == 0 { &nothing } else { self.density.row(field, y) };
             let weights = &self.weights;
-            weights.diffuse_row(&row, densities, &mut above, threshold, rightwards, &mut ignored);
+            let marks = &mut ignored;
+            weights.diffuse_row((), &row, densities, &mut above, threshold, rightwards, marks);
             std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;
         }
         Ok(row)
     }
 
-    /// One pass over every field for each threshold; returns how many points each one chose.
-    fn run(&mut self, thresholds: [f64; THRESHOLDS]) -> Result<[usize; THRESHOLDS], Cancelled> {
-        let mut lanes = [f64::INFINITY; 8];
-        lanes[..THRESHOLDS].copy_from_slice(&thresholds);
+    /// How many steps of the search the thresholds of one pass cover: as many as their lanes are
+    /// computed in little more time than one.
+    fn steps_per_pass(&self) -> u32 {
+        if has_wide_vectors(self.level) { 4 } else { 3 }
+    }
+
+    /// One pass over every field for each threshold, fifteen at most; returns how many points each
+    /// one chose.
+    fn run(&mut self, thresholds: &[f64]) -> Result<Vec<usize>, Cancelled> {
+        let mut lanes = [f64::INFINITY; 16];
+        lanes[..thresholds.len()].copy_from_slice(thresholds);
+        let [first, second] = [0, 8].map(|start| std::array::from_fn(|i| lanes[start + i]));
         self.chosen.fill(0);
         for field in 0..self.density.fields.len() {
-            self.run_field(field, f64x8::from(lanes))?;
+            let level = self.level;
+            if thresholds.len() > 8 {
+                dispatch!(level, simd => self.run_field::<_, 2>(simd, field, [first, second]))?;
+            } else {
+                dispatch!(level, simd => self.run_field::<_, 1>(simd, field, [first]))?;
+            }
         }
-        Ok(std::array::from_fn(|lane| count_of_lane(&self.chosen, lane)))
+        Ok(counts_of_lanes(&self.chosen, thresholds.len()))
     }
 
     /// One pass over one field, adding its points to those chosen.
-    fn run_field(&mut self, field: usize, thresholds: f64x8) -> Result<(), Cancelled> {
+    #[inline(always)]
+    fn run_field<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        field: usize,
+        thresholds: [[f64; 8]; N],
+    ) -> Result<(), Cancelled> {
         let (width, height) = (self.density.width, self.density.height);
-        let [mut row, mut above] = std::mem::take(&mut self.rows);
+        let thresholds = Lanes::load(simd, &thresholds);
         let starts = self.density.row(field, 0).iter().zip(&self.initial_errors[field]);
-        for (value, (density, error)) in row.iter_mut().zip(starts) {
-            *value = f64x8::splat(density + error);
-        }
+        let mut row: Vec<_> = starts.map(|(density, error)| [[density + error; 8]; N]).collect();
+        let mut above = vec![[[0.0; 8]; N]; width];
         let mut rightwards = true;
         for y in 0..height {
             self.poll(y)?;
             let chosen = &mut self.chosen[y * width..][..width];
+            let weights = &self.weights;
             if y + 1 < height {
-                let (next, weights) = (self.density.row(field, y + 1), &self.weights);
-                weights.diffuse_row(&row, next, &mut above, thresholds, rightwards, chosen);
+                let next = self.density.row(field, y + 1);
+                weights.diffuse_row(simd, &row, next, &mut above, thresholds, rightwards, chosen);
             } else {
-                self.weights.diffuse_last_row(&row, thresholds, rightwards, chosen);
+                weights.diffuse_last_row(simd, &row, thresholds, rightwards, chosen);
             }
             std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;
         }
-        self.rows = [row, above];
         Ok(())
     }
 
     /// 1 for each lattice point that a threshold of the last pass chose.
-    fn points_of(mut self, threshold: usize) -> Vec<u8> {
-        self.chosen.iter_mut().for_each(|bits| *bits = *bits >> threshold & 1);
-        self.chosen
+    fn points_of(self, threshold: usize) -> Vec<u8> {
+        self.chosen.iter().map(|bits| (bits >> threshold & 1) as u8).collect()
     }
 }
 
-/// How many points have the bit of a lane set, eight of them at a time.
-fn count_of_lane(chosen: &[u8], lane: usize) -> usize {
-    const LOWEST_BITS: u64 = 0x0101_0101_0101_0101;
-    let (words, rest) = chosen.as_chunks::<8>();
-    let of_word = |word: &[u8; 8]| {
-        let bits = u64::from_le_bytes(*word) >> lane & LOWEST_BITS;
-        // The product's highest byte is the sum of all bytes.
-        (bits.wrapping_mul(LOWEST_BITS) >> 56) as usize
-    };
-    let of_rest = rest.iter().map(|bits| usize::from(bits >> lane & 1));
-    words.iter().map(of_word).chain(of_rest).sum()
+/// Tells whether sixteen numbers fill few enough vectors.
+fn has_wide_vectors(level: Level) -> bool {
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    return level.as_avx2().is_some();
+    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+    return false;
+}
+
+/// How many points have the bit of each lane set.
+fn counts_of_lanes(chosen: &[u16], lanes: usize) -> Vec<usize> {
+    let mut counts = vec![0; lanes];
+    // In 16 bits a lane counts up to 2^16 - 1 points.
+    for chunk in chosen.chunks(usize::from(u16::MAX)) {
+        for (lane, count) in counts.iter_mut().enumerate() {
+            *count += usize::from(chunk.iter().map(|bits| bits >> lane & 1).sum::<u16>());
+        }
+    }
+    counts
 }
 
 /// Errors drawn evenly from `-reach..reach`, from the seed's stream for a field.

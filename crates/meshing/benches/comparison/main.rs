@@ -4,7 +4,7 @@
 //!
 //! The yardsticks are the decoding of the picture by the image crate and the triangulation of the
 //! same points by spade's bulk loading, and by delaunator. Everything runs once in each round, so
-//! that whatever else the machine does meets all alike; the figures are medians over the rounds.
+//! that whatever else the machine does meets all alike; the figures are the least of all rounds.
 //! Without a picture one is made up, of which only the ratios to spade mean something.
 
 #![allow(clippy::print_stdout, reason = "a program whose result is a table on standard output")]
