@@ -214,7 +214,7 @@ impl<'a> Diffusion<'a> {
             let densities = if y == 0 { &nothing } else { self.density.row(field, y) };
             let weights = &self.weights;
             let marks = &mut ignored;
-            weights.diffuse_row((), &row, densities, &mut above, threshold, rightwards, marks);
+            weights.diffuse_row(&row, densities, &mut above, threshold, rightwards, marks);
             std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;
         }
@@ -265,9 +265,9 @@ impl<'a> Diffusion<'a> {
             let weights = &self.weights;
             if y + 1 < height {
                 let next = self.density.row(field, y + 1);
-                weights.diffuse_row(simd, &row, next, &mut above, thresholds, rightwards, chosen);
+                weights.diffuse_row(&row, next, &mut above, thresholds, rightwards, chosen);
             } else {
-                weights.diffuse_last_row(simd, &row, thresholds, rightwards, chosen);
+                weights.diffuse_last_row(&row, thresholds, rightwards, chosen);
             }
             std::mem::swap(&mut row, &mut above);
             rightwards ^= self.serpentine;

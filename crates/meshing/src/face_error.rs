@@ -8,7 +8,7 @@ use crate::image::Image;
 use crate::interpolant::Interpolant;
 use crate::mesh::Point;
 use crate::predicates::orientation;
-use crate::small_face::Pixels;
+use crate::small_face::{Pixels, TOO_LARGE};
 
 /// What faces are measured against: an image, its tables and a metric.
 pub(crate) struct Measure<'a> {
@@ -44,8 +44,8 @@ pub(crate) struct FaceErrors<'m> {
     interpolants: Vec<Interpolant>,
     /// One row of approximations for each component.
     approximations: Vec<Vec<u16>>,
-    /// The errors of the faces that are small.
-    small: Vec<Option<u64>>,
+    /// The error of a face that is small.
+    small: Vec<u64>,
 }
 
 impl<'m> FaceErrors<'m> {
@@ -61,19 +61,22 @@ impl<'m> FaceErrors<'m> {
 
     /// Sums over each face's lattice points of the error of the rounded interpolant.
     pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
-        errors.clear();
         if self.measure.flat.is_some() {
+            errors.clear();
             errors.extend(faces.iter().map(|&face| self.error(face)));
             return;
         }
-        self.small.clear();
-        self.small.resize(faces.len(), None);
-        if let Some(pixels) = &self.measure.pixels {
-            pixels.squared_errors(faces, &mut self.small);
+        match &self.measure.pixels {
+            Some(pixels) => pixels.squared_errors(faces, errors),
+            None => {
+                errors.clear();
+                errors.resize(faces.len(), TOO_LARGE);
+            }
         }
-        for (i, &face) in faces.iter().enumerate() {
-            let error = self.small[i].unwrap_or_else(|| self.error_of_any(face));
-            errors.push(error);
+        for (error, &face) in errors.iter_mut().zip(faces) {
+            if *error == TOO_LARGE {
+                *error = self.error_of_any(face);
+            }
         }
     }
 
@@ -82,11 +85,13 @@ impl<'m> FaceErrors<'m> {
         if self.measure.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
             return 0;
         }
-        let mut small = [None];
         if let Some(pixels) = &self.measure.pixels {
-            pixels.squared_errors(&[corners], &mut small);
+            pixels.squared_errors(&[corners], &mut self.small);
+            if self.small[0] != TOO_LARGE {
+                return self.small[0];
+            }
         }
-        small[0].unwrap_or_else(|| self.error_of_any(corners))
+        self.error_of_any(corners)
     }
 
     /// The error of a face of any size.
@@ -181,11 +186,11 @@ mod tests {
     #[test]
     fn the_largest_errors_of_the_largest_small_faces_are_exact() {
         // Black and white corners, and the opposite everywhere else.
-        let side = 64;
+        let side = 65;
         let samples = |white: &dyn Fn(usize) -> bool| {
             (0..side * side).map(|i| if white(i) { 255 } else { 0 }).collect::<Vec<u16>>()
         };
-        let corners = [0, side - 1, side * side - 1];
+        let corners = [side + 1, side + side - 1, side * side - 1];
         let places = corners.map(|i| Point::new((i % side) as i32, (i / side) as i32));
         for pattern in 0..8 {
             let at_corner = |i: usize| corners.iter().position(|&corner| corner == i);
@@ -196,9 +201,9 @@ mod tests {
                 vec![samples(&white), samples(&|i| !white(i)), samples(&|i| i % 3 == 0)];
             let image = Image::new(side, side, 8, components).unwrap();
             let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
-            let mut small = [None];
+            let mut small = Vec::new();
             measure.pixels.as_ref().unwrap().squared_errors(&[places], &mut small);
-            assert_eq!(small[0], Some(FaceErrors::new(&measure).error_of_any(places)));
+            assert_eq!(small, [FaceErrors::new(&measure).error_of_any(places)]);
         }
     }
 }

@@ -12,7 +12,6 @@
 //! the edge's slope, so one division serves a whole edge.
 
 use crate::mesh::Point;
-use crate::small_face::LARGEST_EXTENT;
 
 /// Calls `use_row(y, first, end)` for each row of the counter-clockwise face `abc` that holds
 /// points of it, with columns `first..end`, from the bottom up.
@@ -36,28 +35,6 @@ pub(crate) fn for_each_row([a, b, c]: [Point; 3], mut use_row: impl FnMut(i32, i
             if first < end {
                 use_row(y, first, end);
             }
-        }
-    }
-}
-
-/// The same for a face whose vertices are at most [`LARGEST_EXTENT`] columns and rows apart and lie
-/// neither in column 0 nor in row 0.
-///
-/// Its edges are walked in steps of fixed point instead of quotients and remainders.
-#[inline(always)]
-pub(crate) fn for_each_inner_row([a, b, c]: [Point; 3], mut use_row: impl FnMut(i32, i32, i32)) {
-    let (bottom, middle, top, middle_is_right) = sorted_by_row(a, b, c);
-    let mut long = FixedPointWalk::new(bottom, top);
-    let mut short = FixedPointWalk::new(bottom, middle);
-    let upper = FixedPointWalk::new(middle, top);
-    for y in bottom.y + 1..=top.y {
-        if y == middle.y + 1 {
-            short = upper;
-        }
-        let (x, other_x) = (long.step(), short.step());
-        let (left, right) = if middle_is_right { (x, other_x) } else { (other_x, x) };
-        if left < right {
-            use_row(y, left + 1, right + 1);
         }
     }
 }
@@ -132,56 +109,6 @@ impl EdgeWalk {
     }
 }
 
-/// Binary digits after the point.
-const FRACTION: u32 = 19;
-
-/// `ceil(2^FRACTION / rows)` for each number of rows.
-const RECIPROCALS: [i32; LARGEST_EXTENT as usize + 1] = {
-    let mut reciprocals = [0; LARGEST_EXTENT as usize + 1];
-    let mut rows = 1;
-    while rows <= LARGEST_EXTENT {
-        reciprocals[rows as usize] = ((1 << FRACTION) + rows - 1) / rows;
-        rows += 1;
-    }
-    reciprocals
-};
-
-/// The place where a short edge crosses a row, in fixed point. A horizontal edge is never stepped.
-///
-/// The quotient of `n = 64 rows + columns k` by `rows`, for the `k`-th row, is `n r >> 19` with
-/// `r = ceil(2^19 / rows)`: `r` is too large by less than `1`, `n` at most `127 rows`, so the product
-/// is too large by less than `127 * 63 * 63 / rows < 2^19 / rows`, and no whole number is reached
-/// too early. Adding 64 columns keeps `n` from being negative.
-#[derive(Clone, Copy)]
-struct FixedPointWalk {
-    place: i32,
-    per_row: i32,
-    /// The column that the place counts from.
-    origin: i32,
-}
-
-impl FixedPointWalk {
-    /// Starts in the row of the lower end of an edge.
-    #[inline(always)]
-    fn new(from: Point, to: Point) -> Self {
-        let (columns, rows) = (to.x - from.x, to.y - from.y);
-        let reciprocal = RECIPROCALS[(rows & LARGEST_EXTENT) as usize];
-        let ahead = LARGEST_EXTENT + 1;
-        Self {
-            place: ahead * rows * reciprocal,
-            per_row: columns * reciprocal,
-            origin: from.x - ahead,
-        }
-    }
-
-    /// Goes on to the next row and tells the column at or left of the crossing.
-    #[inline(always)]
-    fn step(&mut self) -> i32 {
-        self.place += self.per_row;
-        self.origin + (self.place >> FRACTION)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -210,20 +137,6 @@ mod tests {
         let owners: Vec<usize> = (0..faces.len()).filter(|&f| holds(&faces[f])).collect();
         assert_eq!(owners.len(), 1, "{p:?} has the owners {owners:?}");
         owners[0]
-    }
-
-    #[test]
-    fn both_walks_cross_every_row_of_every_short_edge_in_the_same_column() {
-        let (from, extent) = (Point::new(LARGEST_EXTENT + 1, 1), LARGEST_EXTENT);
-        for (rows, columns) in (1..=extent).flat_map(|r| (-extent..=extent).map(move |c| (r, c))) {
-            let to = Point::new(from.x + columns, from.y + rows);
-            let mut exact = EdgeWalk::new(from, to);
-            let mut fixed = FixedPointWalk::new(from, to);
-            for _ in 0..rows {
-                exact.step();
-                assert_eq!(fixed.step(), exact.x, "{rows} rows, {columns} columns");
-            }
-        }
     }
 
     proptest! {

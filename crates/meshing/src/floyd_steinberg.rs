@@ -17,6 +17,8 @@ pub(crate) trait Numbers: Copy {
     /// The same numbers in memory.
     type Stored: Copy;
 
+    fn maker(self) -> Self::Maker;
+
     /// The same number for every threshold.
     fn splat(maker: Self::Maker, number: f64) -> Self;
 
@@ -39,6 +41,9 @@ pub(crate) trait Numbers: Copy {
 impl Numbers for f64 {
     type Maker = ();
     type Stored = Self;
+
+    #[inline(always)]
+    fn maker(self) {}
 
     #[inline(always)]
     fn splat((): (), number: f64) -> Self {
@@ -84,6 +89,11 @@ pub(crate) struct Lanes<S: Simd, const N: usize>([f64x8<S>; N]);
 impl<S: Simd, const N: usize> Numbers for Lanes<S, N> {
     type Maker = S;
     type Stored = [[f64; 8]; N];
+
+    #[inline(always)]
+    fn maker(self) -> S {
+        self.0[0].token()
+    }
 
     #[inline(always)]
     fn splat(simd: S, number: f64) -> Self {
@@ -203,7 +213,6 @@ impl Weights {
     #[inline(always)]
     pub(crate) fn diffuse_row<N: Numbers>(
         &self,
-        maker: N::Maker,
         row: &[N::Stored],
         densities_above: &[f64],
         above: &mut [N::Stored],
@@ -211,7 +220,7 @@ impl Weights {
         rightwards: bool,
         chosen: &mut [u16],
     ) {
-        let last = row.len() - 1;
+        let (last, maker) = (row.len() - 1, threshold.maker());
         // All of one length, so that one check of a place serves for all.
         let (densities_above, above) = (&densities_above[..=last], &mut above[..=last]);
         let chosen = &mut chosen[..=last];
@@ -251,21 +260,18 @@ impl Weights {
     #[inline(always)]
     pub(crate) fn diffuse_last_row<N: Numbers>(
         &self,
-        maker: N::Maker,
         row: &[N::Stored],
         threshold: N,
         rightwards: bool,
         chosen: &mut [u16],
     ) {
-        let last = row.len() - 1;
+        let (last, maker) = (row.len() - 1, threshold.maker());
         let place = |step: usize| if rightwards { step } else { last - step };
-        let (weight, ahead) =
-            (threshold.plus(threshold), N::splat(maker, self.ahead_in_last_row));
+        let (weight, ahead) = (threshold.plus(threshold), N::splat(maker, self.ahead_in_last_row));
         let mut value = N::load(maker, &row[place(0)]);
         for step in 0..=last {
             let next = N::load(maker, &row[place((step + 1).min(last))]);
-            (_, value) =
-                decide(value, next, ahead, threshold, weight, &mut chosen[place(step)]);
+            (_, value) = decide(value, next, ahead, threshold, weight, &mut chosen[place(step)]);
         }
     }
 }
@@ -317,14 +323,14 @@ mod tests {
         let several = Lanes::load(simd, &thresholds);
         let [first, second] = &mut chosen;
         let next = &density[45..];
-        weights.diffuse_row(simd, &row, next, &mut above, several, rightwards, first);
-        weights.diffuse_last_row(simd, &above, several, !rightwards, second);
+        weights.diffuse_row(&row, next, &mut above, several, rightwards, first);
+        weights.diffuse_last_row(&above, several, !rightwards, second);
         for (lane, &threshold) in thresholds.as_flattened().iter().enumerate() {
             let mut one_above = vec![0.0; 45];
             let [mut one, mut last] = [vec![0; 45], vec![0; 45]];
             let row = &density[..45];
-            weights.diffuse_row((), row, next, &mut one_above, threshold, rightwards, &mut one);
-            weights.diffuse_last_row((), &one_above, threshold, !rightwards, &mut last);
+            weights.diffuse_row(row, next, &mut one_above, threshold, rightwards, &mut one);
+            weights.diffuse_last_row(&one_above, threshold, !rightwards, &mut last);
             for x in 0..45 {
                 assert_eq!(above[x].as_flattened()[lane], one_above[x]);
                 assert_eq!(chosen[0][x] >> lane & 1, one[x]);

@@ -46,6 +46,8 @@ impl HoleFiller {
         self.triangles.clear();
         if let [_, _, _] = boundary {
             self.triangles.push([0, 1, 2]);
+        } else if let [_, _, _, _] = boundary {
+            self.fill_quadrilateral(boundary, Gap { from: 0, to: 3 });
         } else if boundary.len() > LARGE || !is_narrow(boundary) {
             self.split_at_middle_edges(boundary);
         } else {
@@ -64,9 +66,25 @@ impl HoleFiller {
                 match gap.to - gap.from {
                     0 | 1 => {}
                     2 => self.triangles.push([gap.from, gap.from + 1, gap.to]),
+                    3 => self.fill_quadrilateral(boundary, gap),
                     _ => self.gaps.push(gap),
                 }
             }
+        }
+    }
+
+    /// Fills a quadrilateral, convex or not: the sign of the determinant that tells on which side of
+    /// a circle a point lies also tells which diagonal lies inside.
+    ///
+    /// The four lifted points are the corners of a tetrahedron, the lower side of which is the
+    /// fill, and the sign tells which two edges of it are seen from below.
+    fn fill_quadrilateral(&mut self, boundary: &[Point], Gap { from, to }: Gap) {
+        let [a, b, c, d] = [from, from + 1, from + 2, to];
+        let [pa, pb, pc, pd] = [a, b, c, d].map(|place| boundary[place as usize]);
+        if in_circle(pa, pb, pc, pd) {
+            self.triangles.extend([[a, b, d], [b, c, d]]);
+        } else {
+            self.triangles.extend([[a, c, d], [a, b, c]]);
         }
     }
 
@@ -101,6 +119,12 @@ impl HoleFiller {
             self.ring_starts.push(self.rings.len());
             self.rings.extend(first.iter().chain(second));
         }
+    }
+
+    /// Takes triangles known from elsewhere as the last fill.
+    pub(crate) fn take(&mut self, triangles: impl Iterator<Item = HoleTriangle>) {
+        self.triangles.clear();
+        self.triangles.extend(triangles);
     }
 
     /// The triangles of the last fill.

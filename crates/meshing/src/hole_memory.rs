@@ -9,49 +9,75 @@ use crate::hole::HoleTriangle;
 /// Triangles remembered for each vertex; a hole has four on average.
 const SLOTS: usize = 6;
 
-/// Bits of a slot that hold the error; three bytes above them hold the places.
-const ERROR_BITS: u32 = 40;
-
-/// Stands in for a triangle that is not remembered: no error has all bits set.
-const NOTHING: u64 = u64::MAX;
+/// Stands in for the places of a triangle that is not remembered.
+const NOTHING: u32 = u32::MAX;
 
 /// Places from this one on are not remembered.
 const PLACES: u32 = 255;
 
 /// The triangles last evaluated for one vertex.
 #[derive(Clone, Copy)]
-pub(crate) struct HoleMemory([u64; SLOTS]);
+pub(crate) struct HoleMemory {
+    /// The places of the vertices of each, a byte each.
+    triangles: [u32; SLOTS],
+    /// Errors that do not fit are not remembered.
+    errors: [u32; SLOTS],
+}
 
 impl HoleMemory {
     /// A memory of nothing.
-    pub(crate) const NOTHING: Self = Self([NOTHING; SLOTS]);
+    pub(crate) const NOTHING: Self = Self { triangles: [NOTHING; SLOTS], errors: [0; SLOTS] };
 
     /// The error of a triangle whose vertices had these places, ascending, when it was remembered.
     #[inline]
     pub(crate) fn error(&self, places: HoleTriangle) -> Option<u64> {
-        let places = pack(places);
-        let known = self.0.iter().find(|&&slot| slot >> ERROR_BITS == places && slot != NOTHING);
-        known.map(|slot| slot & ((1 << ERROR_BITS) - 1))
+        let wanted = pack(places);
+        // All slots are looked at, without a branch for each.
+        let (mut found, mut error) = (false, 0);
+        for (&triangle, &known) in self.triangles.iter().zip(&self.errors) {
+            if triangle == wanted {
+                (found, error) = (true, known);
+            }
+        }
+        found.then_some(error.into())
     }
 
     /// What is remembered of a fill.
     #[inline]
     pub(crate) fn of(triangles: &[HoleTriangle], errors: &[u64]) -> Self {
         let mut memory = Self::NOTHING;
-        for (slot, (&triangle, &error)) in memory.0.iter_mut().zip(triangles.iter().zip(errors)) {
+        for (i, (&triangle, &error)) in triangles.iter().zip(errors).take(SLOTS).enumerate() {
             // The last place is the largest.
-            if triangle[2] < PLACES && error < (1 << ERROR_BITS) - 1 {
-                *slot = pack(triangle) << ERROR_BITS | error;
+            if triangle[2] < PLACES && error <= u32::MAX.into() {
+                memory.triangles[i] = pack(triangle);
+                memory.errors[i] = error as u32;
             }
         }
         memory
+    }
+
+    /// Hands out all triangles of a fill of `count`, with their errors; `None` when some of them
+    /// are not remembered.
+    pub(crate) fn recall(&self, count: usize) -> Option<impl Iterator<Item = (HoleTriangle, u64)>> {
+        let known = self.triangles.get(..count)?;
+        if known.contains(&NOTHING) {
+            return None;
+        }
+        let errors = self.errors.iter().map(|&error| error.into());
+        Some(known.iter().map(|&triangle| unpack(triangle)).zip(errors))
     }
 }
 
 /// Three places as three bytes.
 #[inline]
-fn pack([a, b, c]: HoleTriangle) -> u64 {
-    u64::from(a | b << 8 | c << 16)
+fn pack([a, b, c]: HoleTriangle) -> u32 {
+    a | b << 8 | c << 16
+}
+
+/// The three places.
+#[inline]
+fn unpack(triangle: u32) -> HoleTriangle {
+    [triangle & 0xff, triangle >> 8 & 0xff, triangle >> 16]
 }
 
 /// How the places of a vertex's neighbours have shifted since its hole was last evaluated.
@@ -90,13 +116,13 @@ mod tests {
 
     #[test]
     fn what_was_remembered_is_found_where_its_neighbours_stand_now() {
-        let memory = HoleMemory::of(&[[0, 1, 4], [1, 2, 4], [2, 3, 4]], &[7, 0, 1 << 39]);
+        let memory = HoleMemory::of(&[[0, 1, 4], [1, 2, 4], [2, 3, 4]], &[7, 0, 1 << 31]);
         assert_eq!(memory.error([1, 2, 4]), Some(0));
         assert_eq!(memory.error([1, 3, 4]), None);
         // Neighbour 1 gives way to two others.
         let shift = Shift { place: 1, successors: 2 };
         assert_eq!(shift.before([3, 4, 5]), Some([2, 3, 4]));
-        assert_eq!(memory.error([2, 3, 4]), Some(1 << 39));
+        assert_eq!(memory.error([2, 3, 4]), Some(1 << 31));
         assert_eq!(shift.before([0, 2, 5]), None);
         // Neighbour 0 goes and leaves nothing.
         let shift = Shift { place: 0, successors: 0 };
@@ -105,8 +131,17 @@ mod tests {
     }
 
     #[test]
+    fn a_whole_fill_is_recalled_in_its_order() {
+        let (triangles, errors) = ([[0, 2, 4], [2, 3, 4], [0, 1, 2]], [5, 6, 7]);
+        let memory = HoleMemory::of(&triangles, &errors);
+        assert!(memory.recall(3).unwrap().eq(triangles.into_iter().zip(errors)));
+        assert!(memory.recall(4).is_none() && memory.recall(7).is_none());
+        assert!(HoleMemory::of(&triangles, &[5, 1 << 32, 7]).recall(3).is_none());
+    }
+
+    #[test]
     fn what_does_not_fit_is_forgotten() {
-        let memory = HoleMemory::of(&[[0, 1, 300], [1, 2, 3]], &[5, 1 << 40]);
+        let memory = HoleMemory::of(&[[0, 1, 300], [1, 2, 3]], &[5, 1 << 32]);
         assert_eq!(memory.error([1, 2, 3]), None);
         assert_eq!(memory.error([0, 1, 44]), None);
         assert_eq!(Shift::NONE.before([0, 1, 300]), None);

@@ -69,6 +69,7 @@ mod sample_points;
 mod significance;
 mod simplify;
 mod small_face;
+mod small_face_rows;
 mod star;
 mod tile_order;
 mod triangulation;

@@ -106,7 +106,11 @@ impl<'m> Remover<'m> {
         net: &Net,
         mut use_neighbour: impl FnMut(Neighbour),
     ) -> i64 {
-        let (change, _) = self.evaluate(vertex, net);
+        net.stars.touch(net.stars.neighbours(vertex));
+        net.stars.read(vertex, &mut self.star);
+        let change = self
+            .recall(net.stars.memory(vertex))
+            .unwrap_or_else(|| self.change(net, net.stars.memory(vertex), Shift::NONE));
         self.collect_wedges();
         std::mem::swap(&mut self.hole, &mut self.star);
         let is_open = net.is_on_border(vertex);
@@ -121,7 +125,18 @@ impl<'m> Remover<'m> {
         change
     }
 
-    /// The last star's change of error, and its fill.
+    /// The change of error and the fill of the star in work, if all of it is remembered.
+    fn recall(&mut self, memory: &HoleMemory) -> Option<i64> {
+        let fill = memory.recall(self.star.neighbours.len() - 2)?;
+        self.fill_errors.clear();
+        self.filler.take(fill.map(|(triangle, error)| {
+            self.fill_errors.push(error);
+            triangle
+        }));
+        Some(self.change_of_error())
+    }
+
+    /// The change of error of the star in work, and its fill.
     #[inline]
     fn change(&mut self, net: &Net, memory: &HoleMemory, shift: Shift) -> i64 {
         self.boundary.clear();
@@ -141,6 +156,11 @@ impl<'m> Remover<'m> {
         for (&i, &error) in self.unknown.iter().zip(&self.face_errors) {
             self.fill_errors[i] = error;
         }
+        self.change_of_error()
+    }
+
+    /// By how much the last fill's error differs from that of the star in work.
+    fn change_of_error(&self) -> i64 {
         self.fill_errors.iter().sum::<u64>() as i64 - self.star.error() as i64
     }
 

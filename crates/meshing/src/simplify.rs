@@ -69,7 +69,9 @@ pub(crate) fn simplify(
 ) -> Result<Simplified, Cancelled> {
     let measure = Measure::new(image, rule.metric);
     let surplus = triangulation.points.len().saturating_sub(rule.size);
-    let mut simplification = Simplification::new(image, triangulation, &measure, surplus, control)?;
+    let mut simplification =
+        Simplification::new(image, &triangulation, &measure, surplus, control)?;
+    drop(triangulation);
     let mut queue = simplification.evaluate_all(surplus, control)?;
     let mut removals = Vec::with_capacity(surplus);
     while let Some(Entry { change, vertex, .. }) = queue.first() {
@@ -103,19 +105,19 @@ struct Simplification<'a> {
 impl<'a> Simplification<'a> {
     fn new(
         image: &'a Image,
-        triangulation: Triangulation,
+        triangulation: &Triangulation,
         measure: &'a Measure<'a>,
         surplus: usize,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let errors = errors_of(&triangulation, measure, surplus, control)?;
+        let errors = errors_of(triangulation, measure, surplus, control)?;
         let ranks = tile_order(&triangulation.points, image.width(), image.height());
         let mut numbers = vec![0; ranks.len()];
         for (number, &rank) in (0..).zip(&ranks) {
             numbers[rank as usize] = number;
         }
         let net = Net {
-            stars: Stars::new(&triangulation, &numbers, &errors),
+            stars: Stars::new(triangulation, &numbers, &errors),
             points: ranks.iter().map(|&rank| triangulation.points[rank as usize]).collect(),
             right: image.width() as i32 - 1,
             top: image.height() as i32 - 1,
@@ -140,7 +142,7 @@ impl<'a> Simplification<'a> {
         let count = self.net.points.len();
         let mut entries = Vec::with_capacity(count);
         for vertex in 0..count as u32 {
-            if vertex as usize % STEPS_PER_POLL == 0 {
+            if (vertex as usize).is_multiple_of(STEPS_PER_POLL) {
                 control.poll(Stage::Simplify, 0, surplus)?;
             }
             if !self.net.is_corner(vertex) {
@@ -323,7 +325,7 @@ mod tests {
             let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
             let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
             let mut simplification =
-                Simplification::new(&image, triangulation, &measure, 1, &Unattended).unwrap();
+                Simplification::new(&image, &triangulation, &measure, 1, &Unattended).unwrap();
             let mut queue = simplification.evaluate_all(1, &Unattended).unwrap();
             while let Some(Entry { change, vertex, .. }) = queue.first() {
                 let before = simplification.total_error;

@@ -14,13 +14,13 @@
 //! The vectors are those of the machine the program runs on, chosen as it runs; every lane does the
 //! same operations in the same order on all of them (see `PERFORMANCE.md`).
 
-use crate::face_rows::{for_each_inner_row, for_each_row};
 use crate::image::Image;
 use crate::mesh::Point;
+use crate::small_face_rows::{Edges, ROWS, Rows};
 use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u32x4};
 
-/// The most columns and rows between two vertices of a small face.
-pub(crate) const LARGEST_EXTENT: i32 = 63;
+/// Stands for the error of a face that is not small.
+pub(crate) const TOO_LARGE: u64 = u64::MAX;
 
 /// Samples side by side in a vector.
 const LANES: usize = 8;
@@ -60,56 +60,58 @@ impl Pixels {
         Some(Self { level: Level::new(), width: image.width(), stride, bytes })
     }
 
-    /// The errors of counter-clockwise faces, `None` for those that are too large: sums over the
+    /// The errors of counter-clockwise faces, [`TOO_LARGE`] for those that are: sums over the
     /// lattice points and components of the squared differences between the rounded interpolant and
     /// the picture.
-    pub(crate) fn squared_errors(&self, faces: &[[Point; 3]], errors: &mut [Option<u64>]) {
-        dispatch!(self.level, simd => self.squared_errors_by(simd, faces, errors));
+    pub(crate) fn squared_errors(&self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
+        errors.clear();
+        match self.stride {
+            1 => dispatch!(self.level, simd => self.squared_errors_by::<_, 1>(simd, faces, errors)),
+            2 => dispatch!(self.level, simd => self.squared_errors_by::<_, 2>(simd, faces, errors)),
+            _ => dispatch!(self.level, simd => self.squared_errors_by::<_, 4>(simd, faces, errors)),
+        }
     }
 
     #[inline(always)]
-    fn squared_errors_by<S: Simd>(
+    fn squared_errors_by<S: Simd, const STRIDE: usize>(
         &self,
         simd: S,
         faces: &[[Point; 3]],
-        errors: &mut [Option<u64>],
+        errors: &mut Vec<u64>,
     ) {
-        for (&face, error) in faces.iter().zip(errors) {
-            *error = match self.stride {
-                _ if !is_small(face) => None,
-                1 => Some(self.squared_error::<S, 1>(simd, face)),
-                2 => Some(self.squared_error::<S, 2>(simd, face)),
-                _ => Some(self.squared_error::<S, 4>(simd, face)),
-            };
+        for &face in faces {
+            errors.push(self.squared_error::<S, STRIDE>(simd, face));
         }
     }
 
     /// The error of a small face.
     #[inline(always)]
     fn squared_error<S: Simd, const STRIDE: usize>(&self, simd: S, corners: [Point; 3]) -> u64 {
-        let plane = Plane::<S>::new::<STRIDE>(simd, self, corners);
-        let mut sum = Sum { simd, total: 0, lanes: f32x8::splat(simd, 0.0), points: 0 };
-        let [a, b, c] = corners;
-        if a.x.min(b.x).min(c.x) > 0 && a.y.min(b.y).min(c.y) > 0 {
-            for_each_inner_row(
-                corners,
-                #[inline(always)]
-                |y, first, end| plane.add_row::<STRIDE>(self, y, first, end, &mut sum),
-            );
-        } else {
-            for_each_row(
-                corners,
-                #[inline(always)]
-                |y, first, end| plane.add_row::<STRIDE>(self, y, first, end, &mut sum),
-            );
+        let Some(edges) = Edges::new(corners) else { return TOO_LARGE };
+        if edges.left == 0 || edges.bottom == 0 {
+            return TOO_LARGE;
         }
-        sum.finish()
-    }
-
-    /// The samples at a byte and after it.
-    #[inline(always)]
-    fn load<S: Simd>(&self, simd: S, at: usize) -> f32x8<S> {
-        first_bytes(u8x16::from_slice(simd, &self.bytes[at..at + BYTES_READ]))
+        let mut sum = Sum {
+            plane: Plane::new::<STRIDE>(simd, self, corners),
+            lanes: f32x8::splat(simd, 0.0),
+            total: 0,
+        };
+        let vectors_per_row = edges.columns as usize * STRIDE / LANES + 1;
+        // At least the rows of one vector: a row has 32 vectors at most.
+        let rows_per_sum = POINTS_PER_SUM / vectors_per_row;
+        let mut rows_summed = 0;
+        for first_row in (0..edges.rows).step_by(ROWS) {
+            let rows = edges.rows(simd, first_row);
+            let count = ROWS.min((edges.rows - first_row) as usize);
+            if rows_summed + count > rows_per_sum {
+                sum.empty();
+                rows_summed = 0;
+            }
+            rows_summed += count;
+            sum.add_rows::<STRIDE>(self, edges.bottom + 1 + first_row, &rows, count);
+        }
+        sum.empty();
+        sum.total
     }
 
     /// The samples of one point, again and again.
@@ -160,83 +162,77 @@ impl<S: Simd> Plane<S> {
         Self { simd, a, at_a, per_column, per_row, quarter_reciprocal, offsets }
     }
 
-    /// Adds the squared differences in columns `first..end` of row `y`.
+    /// The numerators in row `y` at and after the column of the first vertex.
     #[inline(always)]
-    fn add_row<const STRIDE: usize>(
-        &self,
-        pixels: &Pixels,
-        y: i32,
-        first: i32,
-        end: i32,
-        sum: &mut Sum<S>,
-    ) {
-        let (count, points) = ((end - first) as usize, LANES / STRIDE);
-        sum.make_room(count.div_ceil(points));
-        let mut at = (y as usize * pixels.width + first as usize) * STRIDE;
-        let mut numerators = self.at_a
-            + self.per_column * (first - self.a.x) as f32
-            + self.per_row * (y - self.a.y) as f32;
-        let mut left = count as i32;
-        loop {
-            let values = numerators * self.quarter_reciprocal + ROUND_TO_NEAREST - ROUND_TO_NEAREST;
-            let differences = values - pixels.load(self.simd, at);
-            let counts: mask32x8<S> = self.offsets.simd_lt(left);
-            sum.add(counts.select(differences, f32x8::splat(self.simd, 0.0)));
-            left -= points as i32;
-            if left <= 0 {
-                return;
-            }
-            at += LANES;
-            numerators += self.per_column * points as f32;
-        }
+    fn row(&self, y: i32) -> f32x8<S> {
+        self.at_a + self.per_row * (y - self.a.y) as f32
     }
 }
 
-/// A sum of squares.
+/// A sum of squared differences over the rows of a face.
 struct Sum<S: Simd> {
-    simd: S,
-    total: u64,
+    plane: Plane<S>,
     lanes: f32x8<S>,
-    /// Points in each lane.
-    points: usize,
+    /// What has been taken out of the lanes.
+    total: u64,
 }
 
 impl<S: Simd> Sum<S> {
-    /// Empties the lanes if they might not hold the squares of so many points more.
+    /// Adds the squared differences in some rows from row `y` on.
     #[inline(always)]
-    fn make_room(&mut self, points: usize) {
-        if self.points + points > POINTS_PER_SUM {
-            self.total += self.sum_of_lanes();
-            (self.lanes, self.points) = (f32x8::splat(self.simd, 0.0), 0);
+    fn add_rows<const STRIDE: usize>(
+        &mut self,
+        pixels: &Pixels,
+        y: i32,
+        rows: &Rows,
+        count: usize,
+    ) {
+        let mut numerators = self.plane.row(y);
+        let mut start = y as usize * pixels.width;
+        for (&first, &points) in rows.firsts.iter().zip(&rows.counts).take(count) {
+            let ahead = (first - self.plane.a.x) as f32;
+            let numerators_from_first = numerators + self.plane.per_column * ahead;
+            self.add_row::<STRIDE>(
+                numerators_from_first,
+                &pixels.bytes[(start + first as usize) * STRIDE..],
+                points,
+            );
+            numerators += self.plane.per_row;
+            start += pixels.width;
         }
-        self.points += points;
     }
 
+    /// Adds the squared differences of the first points of `bytes`.
     #[inline(always)]
-    fn add(&mut self, differences: f32x8<S>) {
-        self.lanes += differences * differences;
+    fn add_row<const STRIDE: usize>(
+        &mut self,
+        mut numerators: f32x8<S>,
+        bytes: &[u8],
+        mut points: i32,
+    ) {
+        let plane = &self.plane;
+        let mut at = 0;
+        loop {
+            let values =
+                numerators * plane.quarter_reciprocal + ROUND_TO_NEAREST - ROUND_TO_NEAREST;
+            let samples = first_bytes(u8x16::from_slice(plane.simd, &bytes[at..at + BYTES_READ]));
+            let counts: mask32x8<S> = plane.offsets.simd_lt(points);
+            let differences = counts.select(values - samples, f32x8::splat(plane.simd, 0.0));
+            self.lanes += differences * differences;
+            points -= (LANES / STRIDE) as i32;
+            if points <= 0 {
+                return;
+            }
+            at += LANES;
+            numerators += plane.per_column * (LANES / STRIDE) as f32;
+        }
     }
 
+    /// Takes the sum out of the lanes.
     #[inline(always)]
-    fn sum_of_lanes(&self) -> u64 {
+    fn empty(&mut self) {
         let lanes: [i32; LANES] = self.lanes.to_int::<i32x8<S>>().into();
-        lanes.iter().sum::<i32>() as u64
+        self.total += lanes.iter().sum::<i32>() as u64;
+        self.lanes = f32x8::splat(self.plane.simd, 0.0);
     }
-
-    #[inline(always)]
-    fn finish(self) -> u64 {
-        self.total + self.sum_of_lanes()
-    }
-}
-
-/// Tells whether the vertices of a face are near enough to each other.
-#[inline(always)]
-fn is_small([a, b, c]: [Point; 3]) -> bool {
-    extent(b.x - a.x, c.x - a.x) <= LARGEST_EXTENT && extent(b.y - a.y, c.y - a.y) <= LARGEST_EXTENT
-}
-
-/// How far apart the first vertex at 0 and those at `b` and `c` are.
-#[inline(always)]
-fn extent(b: i32, c: i32) -> i32 {
-    b.max(c).max(0) - b.min(c).min(0)
 }

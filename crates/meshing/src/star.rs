@@ -7,6 +7,7 @@
 
 use crate::hole_memory::{HoleMemory, Shift};
 use crate::triangulation::{NONE, Triangulation, next, previous};
+use std::hint::black_box;
 
 /// Neighbours that a record has room for; six in a thousand vertices have more.
 const ROOM: usize = 9;
@@ -195,6 +196,17 @@ impl Stars {
             LISTED => &self.lists[record.neighbours[0] as usize].neighbours,
             degree => &record.neighbours[..degree as usize],
         }
+    }
+
+    /// Asks memory for the records of several vertices at once, so that they come together instead of
+    /// one after the other as each is used.
+    #[inline]
+    pub(crate) fn touch(&self, vertices: &[u32]) {
+        let lines = vertices.iter().map(|&v| {
+            let record = &self.records[v as usize];
+            record.degree ^ record.errors[ROOM - 1]
+        });
+        black_box(lines.fold(0, |all, line| all ^ line));
     }
 
     /// What is remembered of the hole of a vertex.
