@@ -127,18 +127,19 @@ impl Triangulation {
 /// The faces of triples of vertices below `vertex_count`, each beginning with its smallest index,
 /// in ascending order.
 fn faces(origins: &[u32], vertex_count: usize) -> Vec<Face> {
-    let faces = || origins.chunks_exact(3).map(|v| smallest_first([v[0], v[1], v[2]]));
     // A counting sort by the first index, then each of its few faces by the others.
+    let triples = origins.chunks_exact(3);
+    let faces: Vec<Face> = triples.map(|v| smallest_first([v[0], v[1], v[2]])).collect();
     let mut ends = vec![0u32; vertex_count];
-    for [first, ..] in faces() {
+    for &[first, ..] in &faces {
         ends[first as usize] += 1;
     }
     let mut sum = 0;
     for end in &mut ends {
         (*end, sum) = (sum, sum + *end);
     }
-    let mut sorted = vec![[0; 3]; sum as usize];
-    for face in faces() {
+    let mut sorted = vec![[0; 3]; faces.len()];
+    for face in faces {
         let end = &mut ends[face[0] as usize];
         sorted[*end as usize] = face;
         *end += 1;
@@ -152,14 +153,15 @@ fn faces(origins: &[u32], vertex_count: usize) -> Vec<Face> {
 }
 
 /// Rotates a face so that its smallest index comes first.
+#[inline]
 pub(crate) fn smallest_first([a, b, c]: Face) -> Face {
-    if a < b && a < c {
-        [a, b, c]
-    } else if b < c {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
+    // Which one it is cannot be predicted: selections for branches.
+    let (is_b, is_c) = ((b < a) & (b < c), (c < a) & (c < b));
+    let select = |a, b, c| {
+        let a_or_b = if is_b { b } else { a };
+        if is_c { c } else { a_or_b }
+    };
+    [select(a, b, c), select(b, c, a), select(c, a, b)]
 }
 
 /// The number of lattice points of the rectangle that points given by row, then column, hold the
