@@ -109,15 +109,6 @@ impl Triangulation {
         Self { points, origins, twins }
     }
 
-    /// Makes two half-edges opposite to each other.
-    #[inline]
-    pub(crate) fn link(&mut self, h: u32, twin: u32) {
-        self.twins[h as usize] = twin;
-        if twin != NONE {
-            self.twins[twin as usize] = h;
-        }
-    }
-
     /// The faces, each beginning with its smallest index, in ascending order.
     pub(crate) fn faces(&self) -> Vec<Face> {
         faces(&self.origins, self.points.len())

@@ -67,6 +67,14 @@ impl Triangulation {
         }
     }
 
+    /// Makes two half-edges opposite to each other.
+    fn link(&mut self, h: u32, twin: u32) {
+        self.twins[h as usize] = twin;
+        if twin != NONE {
+            self.twins[twin as usize] = h;
+        }
+    }
+
     fn is_wrong(&self, h: u32, twin: u32) -> bool {
         let [a, b, c, d] = [h, next(h), previous(h), previous(twin)]
             .map(|h| self.points[self.origins[h as usize] as usize]);
