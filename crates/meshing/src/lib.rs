@@ -32,8 +32,8 @@
 //!
 //! In reading order: [`Image`] states the coordinate convention; `filter`, `significance` and
 //! [`Density`] turn it into a density; `floyd_steinberg`, `error_diffusion` and [`sample_points`]
-//! choose points of it; `predicates` ([`orientation`], [`in_circle`]), `hilbert` and [`triangulate`]
-//! connect them. `simplify` removes points, in the order of `removal_queue`: it fills each `hole`,
+//! choose points of it; `predicates` ([`orientation`], [`in_circle`]) and [`triangulate`] connect
+//! them. `simplify` removes points, in the order of `removal_queue`: it fills each `hole`,
 //! remembered in `hole_memory`, and asks `face_error` for the errors of the new faces, which
 //! `error_metric` defines and `face_rows`, `interpolant`, `small_face` and `flat_areas` compute.
 //! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as
@@ -51,7 +51,6 @@ mod filter;
 mod flat_areas;
 mod floyd_steinberg;
 mod generate;
-mod hilbert;
 mod hole;
 mod hole_memory;
 mod image;
