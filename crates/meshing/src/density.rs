@@ -6,7 +6,9 @@ use crate::filter::{Filter, Order};
 use crate::image::Image;
 use crate::luma::luma;
 use crate::parameters::Parameters;
+use crate::second_derivatives::SecondDerivatives;
 use crate::significance::{Significance, poll_row, vector_gradient};
+use fearless_simd::{Level, Simd, dispatch};
 
 /// What the largest significance is raised by before it divides, so that a picture without any
 /// detail has density 0 and not 0/0.
@@ -47,9 +49,8 @@ impl Density {
     ) -> Result<Self, Cancelled> {
         use Aggregation::{Apart, Maximum, Mean};
         use Significance::{Mmsodd, Mol};
-        let filter = Filter::new(parameters);
         let of = |significance, aggregation| {
-            aggregate(image, &filter, significance, aggregation, control)
+            aggregate(image, parameters, significance, aggregation, control)
         };
         let fields = match parameters.policy {
             Policy::PsaD | Policy::PsdMaxD => of(Mmsodd, Maximum)?,
@@ -58,9 +59,10 @@ impl Density {
             Policy::PsdAvgL => of(Mol, Mean)?,
             Policy::PseD => of(Mmsodd, Apart)?,
             Policy::PseL => of(Mol, Apart)?,
-            Policy::PsbD => aggregate(&luma(image), &filter, Mmsodd, Maximum, control)?,
-            Policy::PsbL => aggregate(&luma(image), &filter, Mol, Maximum, control)?,
+            Policy::PsbD => aggregate(&luma(image), parameters, Mmsodd, Maximum, control)?,
+            Policy::PsbL => aggregate(&luma(image), parameters, Mol, Maximum, control)?,
             Policy::Psc => {
+                let filter = Filter::new(parameters);
                 let (components, tie) = (image.components(), parameters.psc_tie);
                 vec![vector_gradient(&filter, components, image.width(), tie, control)?]
             }
@@ -99,32 +101,67 @@ impl Density {
 
     /// Divides all fields by their common maximum.
     fn normalise(&mut self) {
-        let largest = self.fields.iter().flatten().copied().fold(0.0, f64::max);
+        let level = Level::new();
+        let largest = |field: &Vec<f64>| dispatch!(level, simd => maximum(simd, field));
+        let largest = self.fields.iter().map(largest).fold(0.0, f64::max);
         let divisor = largest + NORMALISATION_FLOOR;
-        self.fields.iter_mut().flatten().for_each(|value| *value /= divisor);
+        for field in &mut self.fields {
+            dispatch!(level, simd => divide(simd, field, divisor));
+        }
+    }
+}
+
+/// The largest of numbers that are not negative.
+#[inline(always)]
+fn maximum<S: Simd>(_: S, values: &[f64]) -> f64 {
+    let (chunks, rest) = values.as_chunks::<16>();
+    let mut lanes = [0.0; 16];
+    for chunk in chunks {
+        for (lane, &value) in lanes.iter_mut().zip(chunk) {
+            *lane = if value > *lane { value } else { *lane };
+        }
+    }
+    lanes.iter().chain(rest).copied().fold(0.0, f64::max)
+}
+
+#[inline(always)]
+fn divide<S: Simd>(_: S, values: &mut [f64], divisor: f64) {
+    for value in values {
+        *value /= divisor;
     }
 }
 
 /// The significance of each component, brought together in one field or left apart.
 fn aggregate(
     image: &Image,
-    filter: &Filter,
+    parameters: &Parameters,
     significance: Significance,
     aggregation: Aggregation,
     control: &dyn Control,
 ) -> Result<Vec<Vec<f64>>, Cancelled> {
+    let filter = Filter::new(parameters);
     let (width, height, count) = (image.width(), image.height(), image.component_count());
     let field_count = if matches!(aggregation, Aggregation::Apart) { count } else { 1 };
     let mut fields = vec![vec![0.0; image.pixel_count()]; field_count];
     let mut values = vec![0.0; width];
     for (c, component) in image.components().iter().enumerate() {
         let field = &mut fields[c.min(field_count - 1)];
-        filter.for_each_row(component, width, Order::Second, |y, row| {
+        let mut use_row = |y: usize, values: &[f64]| {
             poll_row(control, c * height + y, count * height)?;
-            significance.evaluate(row, filter.divisor(), &mut values);
-            merge(&mut field[y * width..][..width], &values, aggregation);
+            merge(&mut field[y * width..][..width], values, aggregation);
             Ok(())
-        })?;
+        };
+        if let Some(mut sweep) = SecondDerivatives::new(parameters, component, width) {
+            for y in 0..height {
+                sweep.evaluate(significance, y, &mut values);
+                use_row(y, &values)?;
+            }
+        } else {
+            filter.for_each_row(component, width, Order::Second, |y, row| {
+                significance.evaluate(row, filter.divisor(), &mut values);
+                use_row(y, &values)
+            })?;
+        }
     }
     if matches!(aggregation, Aggregation::Mean) {
         fields.iter_mut().flatten().for_each(|value| *value /= count as f64);
@@ -135,11 +172,19 @@ fn aggregate(
 
 /// Brings one component's row into the field's.
 fn merge(field: &mut [f64], values: &[f64], aggregation: Aggregation) {
-    for (sum, &value) in field.iter_mut().zip(values) {
-        *sum = match aggregation {
-            Aggregation::Maximum => sum.max(value),
-            Aggregation::Mean => *sum + value,
-            Aggregation::Apart => value,
-        };
+    let level = Level::new();
+    dispatch!(level, simd => merge_by(simd, field, values, aggregation));
+}
+
+#[inline(always)]
+fn merge_by<S: Simd>(_: S, field: &mut [f64], values: &[f64], aggregation: Aggregation) {
+    let pairs = field.iter_mut().zip(values);
+    match aggregation {
+        // Neither is NaN nor negative.
+        Aggregation::Maximum => {
+            pairs.for_each(|(sum, &value)| *sum = if value > *sum { value } else { *sum });
+        }
+        Aggregation::Mean => pairs.for_each(|(sum, &value)| *sum += value),
+        Aggregation::Apart => pairs.for_each(|(sum, &value)| *sum = value),
     }
 }

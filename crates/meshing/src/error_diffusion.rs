@@ -7,14 +7,15 @@
 //! and the first row may start with the errors of the picture mirrored below it.
 //!
 //! The search tries about ten thresholds. One pass tries seven or fifteen of them at once, those
-//! that the next three or four steps of the search may come to, and the one taken is the one that
-//! the steps take.
+//! that its next steps are most likely to come to (see `threshold_search`), and the one taken is
+//! the one that the steps take.
 
 use crate::choices::{Scan, Startup};
 use crate::control::{Cancelled, Control, Stage};
 use crate::density::Density;
 use crate::floyd_steinberg::{Lanes, Numbers, Weights};
 use crate::parameters::Parameters;
+use crate::threshold_search::ThresholdSearch;
 use fearless_simd::{Level, Simd, dispatch};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -47,88 +48,21 @@ pub(crate) fn diffuse_to_size(
     let tolerance = parameters.tolerance.unwrap_or(default);
     let mut search = ThresholdSearch::new(diffusion.first_threshold(), size);
     while diffusion.tries < MAX_TRIES {
-        let thresholds = search.next_thresholds(diffusion.steps_per_pass());
-        let counts = diffusion.run(&thresholds)?;
-        let mut node = 0;
-        while let Some(&count) = counts.get(node) {
-            if count.abs_diff(size) <= tolerance {
-                return Ok(diffusion.points_of(node));
+        let tries = search.likely_tries(diffusion.thresholds_per_pass());
+        let counts = diffusion.run(&tries.thresholds)?;
+        let mut next = Some(0);
+        while let Some(i) = next {
+            if counts[i].abs_diff(size) <= tolerance {
+                return Ok(diffusion.points_of(i));
             }
             diffusion.tries += 1;
-            node = 2 * node + if search.learn(count) { 1 } else { 2 };
+            let too_many = search.learn(counts[i]);
+            next = tries.after(i, too_many).filter(|_| diffusion.tries < MAX_TRIES);
         }
+        search.note(&tries.thresholds, &counts);
     }
-    diffusion.run(&[search.nearest.0])?;
+    diffusion.run(&[search.nearest()])?;
     Ok(diffusion.points_of(0))
-}
-
-/// The search for the threshold that chooses a number of points: doubled or halved until the
-/// number changes sides, then bisected.
-struct ThresholdSearch {
-    size: usize,
-    bracket: Bracket,
-    /// The threshold with the number of points nearest to `size`, and the difference.
-    nearest: (f64, usize),
-}
-
-/// The threshold to try next, and what is known around it.
-#[derive(Clone, Copy)]
-struct Bracket {
-    threshold: f64,
-    /// Largest threshold known to choose too many points.
-    too_low: Option<f64>,
-    /// Smallest threshold known to choose too few.
-    too_high: Option<f64>,
-}
-
-impl ThresholdSearch {
-    fn new(threshold: f64, size: usize) -> Self {
-        let bracket = Bracket { threshold, too_low: None, too_high: None };
-        Self { size, bracket, nearest: (threshold, usize::MAX) }
-    }
-
-    /// The thresholds of the next few tries, whatever comes out of them: after try `i` follows
-    /// `2 i + 1` if it chose too many points, else `2 i + 2`.
-    fn next_thresholds(&self, steps: u32) -> Vec<f64> {
-        let count = (1 << steps) - 1;
-        let mut tries = vec![self.bracket; count];
-        for i in 0..count / 2 {
-            tries[2 * i + 1] = tries[i].after(true);
-            tries[2 * i + 2] = tries[i].after(false);
-        }
-        tries.iter().map(|bracket| bracket.threshold).collect()
-    }
-
-    /// Takes in how many points the threshold chose, moves on to the next one, and tells whether
-    /// they were too many.
-    fn learn(&mut self, count: usize) -> bool {
-        let difference = count.abs_diff(self.size);
-        if difference < self.nearest.1 {
-            self.nearest = (self.bracket.threshold, difference);
-        }
-        let too_many = count > self.size;
-        self.bracket = self.bracket.after(too_many);
-        too_many
-    }
-}
-
-impl Bracket {
-    /// What is known after the threshold chose too many points, or too few.
-    fn after(self, too_many: bool) -> Self {
-        let Self { threshold, mut too_low, mut too_high } = self;
-        if too_many {
-            too_low = Some(threshold);
-        } else {
-            too_high = Some(threshold);
-        }
-        let threshold = match (too_low, too_high) {
-            (Some(low), Some(high)) => 0.5 * (low + high),
-            (Some(low), None) => 2.0 * low,
-            (None, Some(high)) => 0.5 * high,
-            (None, None) => threshold,
-        };
-        Self { threshold, too_low, too_high }
-    }
 }
 
 /// What one pass shares with the next: the density, the options and the buffers.
@@ -221,10 +155,10 @@ impl<'a> Diffusion<'a> {
         Ok(row)
     }
 
-    /// How many steps of the search the thresholds of one pass cover: as many as their lanes are
-    /// computed in little more time than one.
-    fn steps_per_pass(&self) -> u32 {
-        if has_wide_vectors(self.level) { 4 } else { 3 }
+    /// How many thresholds one pass tries in little more time than one: a lane of the last vector
+    /// is left.
+    fn thresholds_per_pass(&self) -> usize {
+        if has_wide_vectors(self.level) { 15 } else { 7 }
     }
 
     /// One pass over every field for each threshold, fifteen at most; returns how many points each

@@ -236,7 +236,7 @@ fn sum_columns<T: Copy + Into<f64>>(
 
 /// The index of the sample that stands at `at` in an axis of `length` extended beyond its ends;
 /// `None` for zero.
-fn extended_index(at: isize, length: usize, boundary: Boundary) -> Option<usize> {
+pub(crate) fn extended_index(at: isize, length: usize, boundary: Boundary) -> Option<usize> {
     let last = length as isize - 1;
     if (0..=last).contains(&at) {
         return Some(at as usize);

@@ -65,11 +65,13 @@ mod rasterize;
 mod removal;
 mod removal_queue;
 mod sample_points;
+mod second_derivatives;
 mod significance;
 mod simplify;
 mod small_face;
 mod small_face_rows;
 mod star;
+mod threshold_search;
 mod tile_order;
 mod triangulation;
 
