@@ -69,6 +69,7 @@ mod second_derivatives;
 mod significance;
 mod simplify;
 mod small_face;
+mod small_face_plane;
 mod small_face_rows;
 mod star;
 mod threshold_search;

@@ -1,21 +1,15 @@
 //! The squared error of small faces of pictures of up to 8 bits, all components at once.
 //!
-//! As [`Interpolant`](crate::interpolant) computes it, but in 32-bit floating point, eight samples
-//! side by side in the lanes of a vector: eight lattice points of one component, four of two, two of
-//! three or four. Every number up to the quotient is a whole one below 2^24 and so exact: with
-//! vertices at most 63 columns and rows apart, twice the area `den` is at most `63^2`, the
-//! numerators `4 num + 1` of the face's points at most `4 * 255 * 63^2 + 1 < 2^22`, and their change
-//! over the face's extent in each direction at most `4 * 255 * 2 * 63 * 63 < 2^23`. The quotient by
-//! `4 den` is below 256, so two roundings leave an error below `255 * 2^-23`, less than half of
-//! `1 / (4 * 63^2)`, the least distance of a quotient from a tie. Sums of squares are exact below
-//! 2^24: they are taken out of the lanes before 257 points are in them. Lanes beyond the end of a
-//! row hold numbers that need not be exact and do not count.
+//! Eight samples lie side by side in the lanes of a vector: eight lattice points of one component,
+//! four of two, two of three or four; [`Plane`] says why 32 bits are exact. Sums of squares are exact
+//! below 2^24: they are taken out of the lanes before 257 points are in them.
 //!
 //! The vectors are those of the machine the program runs on, chosen as it runs; every lane does the
 //! same operations in the same order on all of them (see `PERFORMANCE.md`).
 
 use crate::image::Image;
 use crate::mesh::Point;
+use crate::small_face_plane::Plane;
 use crate::small_face_rows::{Edges, ROWS, Rows};
 use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u32x4};
 
@@ -30,9 +24,6 @@ const BYTES_READ: usize = 16;
 
 /// Points whose squared differences a lane can sum up exactly: `256 * 255^2 < 2^24`.
 const POINTS_PER_SUM: usize = 256;
-
-/// Adding this to a number below 2^22 rounds it to a whole number, taking it away leaves that.
-const ROUND_TO_NEAREST: f32 = 12_582_912.0; // 1.5 * 2^23
 
 /// A picture of up to four components and 8 bits, the samples of each point side by side, a byte
 /// each.
@@ -92,7 +83,12 @@ impl Pixels {
             return TOO_LARGE;
         }
         let mut sum = Sum {
-            plane: Plane::new::<STRIDE>(simd, self, corners),
+            plane: Plane::new(
+                simd,
+                corners,
+                corners.map(|p| self.repeat::<S, STRIDE>(simd, p)),
+                i32x8::simd_from(simd, std::array::from_fn(|lane| (lane / STRIDE) as i32)),
+            ),
             lanes: f32x8::splat(simd, 0.0),
             total: 0,
         };
@@ -131,42 +127,6 @@ impl Pixels {
 fn first_bytes<S: Simd>(bytes: u8x16<S>) -> f32x8<S> {
     let (first, second) = bytes.widen().0.widen();
     first.combine(second).to_float()
-}
-
-/// The planes of a face's components: the numerators of their interpolants.
-struct Plane<S: Simd> {
-    simd: S,
-    a: Point,
-    /// Numerators at the first vertex and the points after it.
-    at_a: f32x8<S>,
-    per_column: f32x8<S>,
-    per_row: f32x8<S>,
-    quarter_reciprocal: f32,
-    /// How many points after the first one each lane stands.
-    offsets: i32x8<S>,
-}
-
-impl<S: Simd> Plane<S> {
-    #[inline(always)]
-    fn new<const STRIDE: usize>(simd: S, pixels: &Pixels, corners: [Point; 3]) -> Self {
-        let [a, b, c] = corners;
-        let ((bx, by), (cx, cy)) = ((b.x - a.x, b.y - a.y), (c.x - a.x, c.y - a.y));
-        let double_area = (bx * cy - by * cx) as f32;
-        let [za, zb, zc] = corners.map(|p| pixels.repeat::<S, STRIDE>(simd, p));
-        let (to_b, to_c) = ((zb - za) * 4.0, (zc - za) * 4.0);
-        let per_column = to_b * cy as f32 - to_c * by as f32;
-        let per_row = to_c * bx as f32 - to_b * cx as f32;
-        let offsets = i32x8::simd_from(simd, std::array::from_fn(|lane| (lane / STRIDE) as i32));
-        let at_a = za * (4.0 * double_area) + 1.0 + per_column * offsets.to_float::<f32x8<S>>();
-        let quarter_reciprocal = 0.25 / double_area;
-        Self { simd, a, at_a, per_column, per_row, quarter_reciprocal, offsets }
-    }
-
-    /// The numerators in row `y` at and after the column of the first vertex.
-    #[inline(always)]
-    fn row(&self, y: i32) -> f32x8<S> {
-        self.at_a + self.per_row * (y - self.a.y) as f32
-    }
 }
 
 /// A sum of squared differences over the rows of a face.
@@ -213,8 +173,7 @@ impl<S: Simd> Sum<S> {
         let plane = &self.plane;
         let mut at = 0;
         loop {
-            let values =
-                numerators * plane.quarter_reciprocal + ROUND_TO_NEAREST - ROUND_TO_NEAREST;
+            let values = plane.rounded(numerators);
             let samples = first_bytes(u8x16::from_slice(plane.simd, &bytes[at..at + BYTES_READ]));
             let counts: mask32x8<S> = plane.offsets.simd_lt(points);
             let differences = counts.select(values - samples, f32x8::splat(plane.simd, 0.0));
