@@ -7,10 +7,11 @@
 //! The vectors are those of the machine the program runs on, chosen as it runs; every lane does the
 //! same operations in the same order on all of them (see `PERFORMANCE.md`).
 
+use crate::face_rows::for_each_row;
 use crate::image::Image;
 use crate::mesh::Point;
 use crate::small_face_plane::Plane;
-use crate::small_face_rows::{Edges, ROWS, Rows};
+use crate::small_face_rows::{Edges, LARGEST_EXTENT, ROWS, Rows};
 use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u32x4};
 
 /// Stands for the error of a face that is not small.
@@ -79,9 +80,6 @@ impl Pixels {
     #[inline(always)]
     fn squared_error<S: Simd, const STRIDE: usize>(&self, simd: S, corners: [Point; 3]) -> u64 {
         let Some(edges) = Edges::new(corners) else { return TOO_LARGE };
-        if edges.left == 0 || edges.bottom == 0 {
-            return TOO_LARGE;
-        }
         let mut sum = Sum {
             plane: Plane::new(
                 simd,
@@ -96,6 +94,9 @@ impl Pixels {
         // At least the rows of one vector: a row has 32 vectors at most.
         let rows_per_sum = POINTS_PER_SUM / vectors_per_row;
         let mut rows_summed = 0;
+        if edges.left == 0 || edges.bottom == 0 {
+            return sum.of_border_face::<STRIDE>(self, corners, rows_per_sum);
+        }
         for first_row in (0..edges.rows).step_by(ROWS) {
             let rows = edges.rows(simd, first_row);
             let count = ROWS.min((edges.rows - first_row) as usize);
@@ -138,6 +139,33 @@ struct Sum<S: Simd> {
 }
 
 impl<S: Simd> Sum<S> {
+    /// The sum over a face whose rows are to be walked one by one.
+    #[inline(always)]
+    fn of_border_face<const STRIDE: usize>(
+        mut self,
+        pixels: &Pixels,
+        corners: [Point; 3],
+        rows_per_sum: usize,
+    ) -> u64 {
+        let mut rows = [(0, 0, 0); LARGEST_EXTENT as usize + 1];
+        let mut count = 0;
+        for_each_row(corners, |y, first, end| {
+            rows[count] = (y, first, end);
+            count += 1;
+        });
+        for (i, &(y, first, end)) in rows[..count].iter().enumerate() {
+            if i % rows_per_sum == 0 {
+                self.empty();
+            }
+            let ahead = (first - self.plane.a.x) as f32;
+            let numerators = self.plane.row(y) + self.plane.per_column * ahead;
+            let at = (y as usize * pixels.width + first as usize) * STRIDE;
+            self.add_row::<STRIDE>(numerators, &pixels.bytes[at..], end - first);
+        }
+        self.empty();
+        self.total
+    }
+
     /// Adds the squared differences in some rows from row `y` on.
     #[inline(always)]
     fn add_rows<const STRIDE: usize>(
