@@ -5,8 +5,9 @@ use crate::document::DocumentOptions;
 use crate::options::MeshOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_meshing::{GenerateError, Image, Model, Removal, Stage, generate};
+use pixmesh_meshing::{GenerateError, Image, Model, OnThreads, Removal, Stage, generate};
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -38,6 +39,9 @@ pub struct MakeModel {
     /// Print vertices, faces, MSE, PSNR and the time of each stage on standard error
     #[arg(long, help_heading = FILES)]
     stats: bool,
+    /// Threads to work on; the model does not depend on it [default: one for each core]
+    #[arg(long, help_heading = FILES, value_name = "COUNT")]
+    threads: Option<NonZeroUsize>,
     #[command(flatten)]
     document: DocumentOptions,
 }
@@ -69,6 +73,12 @@ See also:
   Victoria.";
 
 impl MakeModel {
+    /// The threads to work on.
+    fn threads(&self) -> NonZeroUsize {
+        let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        self.threads.unwrap_or_else(cores)
+    }
+
     /// Runs the program.
     ///
     /// # Errors
@@ -82,7 +92,8 @@ impl MakeModel {
         let parameters = self.mesh.parameters(image.component_count());
         let parameters = parameters.map_err(GenerateError::from)?;
         let attendant = Attendant::new();
-        let model = generate(&image, &parameters, &attendant)?;
+        let control = OnThreads(&attendant, self.threads());
+        let model = generate(&image, &parameters, &control)?;
         let stages = attendant.finish();
         let encoding = self.write(&model)?;
         if self.stats {

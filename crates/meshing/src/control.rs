@@ -2,10 +2,11 @@
 //!
 //! The crate owns no clock, no thread and no logger: whoever calls a kernel passes a [`Control`],
 //! hears of each stage as it begins and advances, and may answer that the work is no longer
-//! wanted. Kernels poll at least every few thousand elementary steps, so that a cancelled call
+//! wanted. It also says how many threads they may use. Kernels poll at least every few thousand elementary steps, so that a cancelled call
 //! returns within milliseconds.
 
 use std::fmt;
+use std::num::NonZeroUsize;
 use thiserror::Error;
 
 /// The stages of a method, in the order in which they run.
@@ -71,6 +72,35 @@ pub trait Control: Sync {
     /// # Errors
     /// [`Cancelled`] makes the kernel stop and its caller get that error.
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled>;
+
+    /// How many threads the kernels may work on, the caller's among them. No result depends on it.
+    fn threads(&self) -> NonZeroUsize {
+        NonZeroUsize::MIN
+    }
+}
+
+/// Work on several threads under a control that knows nothing of them.
+#[derive(Clone, Copy, Debug)]
+pub struct OnThreads<C>(pub C, pub NonZeroUsize);
+
+impl<C: Control> Control for OnThreads<C> {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        self.0.poll(stage, done, total)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.1
+    }
+}
+
+impl<C: Control + ?Sized> Control for &C {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        (**self).poll(stage, done, total)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        (**self).threads()
+    }
 }
 
 /// A control that listens to nothing and never cancels.
@@ -86,5 +116,9 @@ impl Control for Unattended {
 impl<C: Control + Send + ?Sized> Control for std::sync::Arc<C> {
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
         (**self).poll(stage, done, total)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        (**self).threads()
     }
 }

@@ -5,6 +5,7 @@ use crate::control::{Cancelled, Control, Stage};
 use crate::filter::{Filter, Order};
 use crate::image::Image;
 use crate::luma::luma;
+use crate::parallel::in_row_bands;
 use crate::parameters::Parameters;
 use crate::second_derivatives::SecondDerivatives;
 use crate::significance::{Significance, poll_row, vector_gradient};
@@ -143,23 +144,32 @@ fn aggregate(
     let (width, height, count) = (image.width(), image.height(), image.component_count());
     let field_count = if matches!(aggregation, Aggregation::Apart) { count } else { 1 };
     let mut fields = vec![vec![0.0; image.pixel_count()]; field_count];
-    let mut values = vec![0.0; width];
     for (c, component) in image.components().iter().enumerate() {
         let field = &mut fields[c.min(field_count - 1)];
-        let mut use_row = |y: usize, values: &[f64]| {
-            poll_row(control, c * height + y, count * height)?;
-            merge(&mut field[y * width..][..width], values, aggregation);
-            Ok(())
-        };
-        if let Some(mut sweep) = SecondDerivatives::new(parameters, component, width) {
-            for y in 0..height {
-                sweep.evaluate(significance, y, &mut values);
-                use_row(y, &values)?;
-            }
+        let poll = |y: usize| poll_row(control, c * height + y, count * height);
+        if SecondDerivatives::new(parameters, component, width).is_some() {
+            let threads = control.threads();
+            in_row_bands(field, width, threads, |first_row, band, is_own| {
+                let sweep = SecondDerivatives::new(parameters, component, width);
+                let (Some(mut sweep), mut values) = (sweep, vec![0.0; width]) else {
+                    return Ok(());
+                };
+                for (y, row) in (first_row..).zip(band.chunks_exact_mut(width)) {
+                    if is_own {
+                        poll(y)?;
+                    }
+                    sweep.evaluate(significance, y, &mut values);
+                    merge(row, &values, aggregation);
+                }
+                Ok(())
+            })?;
         } else {
+            let mut values = vec![0.0; width];
             filter.for_each_row(component, width, Order::Second, |y, row| {
+                poll(y)?;
                 significance.evaluate(row, filter.divisor(), &mut values);
-                use_row(y, &values)
+                merge(&mut field[y * width..][..width], &values, aggregation);
+                Ok(())
             })?;
         }
     }

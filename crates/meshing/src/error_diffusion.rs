@@ -11,7 +11,7 @@
 //! the one that the steps take.
 
 use crate::choices::{Scan, Startup};
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, Unattended};
 use crate::density::Density;
 use crate::floyd_steinberg::{Lanes, Numbers, Weights};
 use crate::parameters::Parameters;
@@ -19,12 +19,18 @@ use crate::threshold_search::ThresholdSearch;
 use fearless_simd::{Level, Simd, dispatch};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::panic::resume_unwind;
+use std::thread;
 
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
 
 /// Rows diffused between two polls of the control.
 const ROWS_PER_POLL: usize = 32;
+
+/// Most groups of thresholds tried side by side: each takes two bytes for each lattice point, and
+/// the search has use for few.
+const MOST_GROUPS: usize = 2;
 
 /// How many points more or fewer than asked end the search, for one field and for several.
 const TOLERANCE_ONE_FIELD: usize = 10;
@@ -75,8 +81,9 @@ struct Diffusion<'a> {
     sums: Vec<f64>,
     /// Errors that row 0 of each field starts with.
     initial_errors: Vec<Vec<f64>>,
-    /// For each lattice point a bit for each threshold of the last pass that chose it.
-    chosen: Vec<u16>,
+    /// For each lattice point a bit for each threshold of the last pass that chose it, a field for
+    /// each of the groups of thresholds that threads try side by side.
+    chosen: Vec<Vec<u16>>,
     level: Level,
     control: &'a dyn Control,
     /// Thresholds tried before the one in work.
@@ -98,7 +105,7 @@ impl<'a> Diffusion<'a> {
             weights: Weights::new(parameters.leaky),
             sums: density.fields.iter().map(|field| field.iter().sum()).collect(),
             initial_errors: vec![vec![0.0; width]; density.fields.len()],
-            chosen: vec![0; width * density.height],
+            chosen: vec![vec![0; width * density.height]; control.threads().get().min(MOST_GROUPS)],
             level: Level::new(),
             control,
             tries: 0,
@@ -120,9 +127,9 @@ impl<'a> Diffusion<'a> {
     }
 
     /// Polls the control at the first of every few rows.
-    fn poll(&self, y: usize) -> Result<(), Cancelled> {
+    fn poll(&self, y: usize, control: &dyn Control) -> Result<(), Cancelled> {
         match y % ROWS_PER_POLL {
-            0 => self.control.poll(Stage::Diffuse, self.tries, MAX_TRIES),
+            0 => control.poll(Stage::Diffuse, self.tries, MAX_TRIES),
             _ => Ok(()),
         }
     }
@@ -144,7 +151,7 @@ impl<'a> Diffusion<'a> {
         let mut row = self.density.row(field, self.density.height - 1).to_vec();
         let (mut above, nothing) = (row.clone(), vec![0.0; self.density.width]);
         for y in (0..self.density.height - 1).rev() {
-            self.poll(y)?;
+            self.poll(y, self.control)?;
             let densities = if y == 0 { &nothing } else { self.density.row(field, y) };
             let weights = &self.weights;
             let marks = &mut ignored;
@@ -155,37 +162,73 @@ impl<'a> Diffusion<'a> {
         Ok(row)
     }
 
-    /// How many thresholds one pass tries in little more time than one: a lane of the last vector
+    /// How many thresholds one thread tries in little more time than one: a lane of the last vector
     /// is left.
-    fn thresholds_per_pass(&self) -> usize {
+    fn thresholds_per_group(&self) -> usize {
         if has_wide_vectors(self.level) { 15 } else { 7 }
     }
 
-    /// One pass over every field for each threshold, fifteen at most; returns how many points each
-    /// one chose.
+    /// How many thresholds one pass tries.
+    fn thresholds_per_pass(&self) -> usize {
+        self.chosen.len() * self.thresholds_per_group()
+    }
+
+    /// One pass over every field for each threshold; returns how many points each one chose.
     fn run(&mut self, thresholds: &[f64]) -> Result<Vec<usize>, Cancelled> {
+        let mut fields = std::mem::take(&mut self.chosen);
+        let per_group = self.thresholds_per_group();
+        let this = &*self;
+        let mut groups = thresholds.chunks(per_group).zip(&mut fields);
+        let own = groups.next();
+        let counts = thread::scope(|scope| {
+            let others: Vec<_> = groups
+                .map(|(group, chosen)| scope.spawn(|| this.run_group(group, chosen, &Unattended)))
+                .collect();
+            let own = own.map_or(Ok(Vec::new()), |(group, chosen)| {
+                this.run_group(group, chosen, this.control)
+            });
+            let mut counts = own?;
+            for other in others {
+                counts.extend(other.join().unwrap_or_else(|panic| resume_unwind(panic))?);
+            }
+            Ok(counts)
+        });
+        self.chosen = fields;
+        counts
+    }
+
+    /// One pass over every field for each threshold of a group, fifteen at most.
+    fn run_group(
+        &self,
+        thresholds: &[f64],
+        chosen: &mut [u16],
+        control: &dyn Control,
+    ) -> Result<Vec<usize>, Cancelled> {
         let mut lanes = [f64::INFINITY; 16];
         lanes[..thresholds.len()].copy_from_slice(thresholds);
         let [first, second] = [0, 8].map(|start| std::array::from_fn(|i| lanes[start + i]));
-        self.chosen.fill(0);
+        chosen.fill(0);
         for field in 0..self.density.fields.len() {
             let level = self.level;
             if thresholds.len() > 8 {
-                dispatch!(level, simd => self.run_field::<_, 2>(simd, field, [first, second]))?;
+                let both = [first, second];
+                dispatch!(level, simd => self.run_field::<_, 2>(simd, field, both, chosen, control))?;
             } else {
-                dispatch!(level, simd => self.run_field::<_, 1>(simd, field, [first]))?;
+                dispatch!(level, simd => self.run_field::<_, 1>(simd, field, [first], chosen, control))?;
             }
         }
-        Ok(counts_of_lanes(&self.chosen, thresholds.len()))
+        Ok(counts_of_lanes(chosen, thresholds.len()))
     }
 
     /// One pass over one field, adding its points to those chosen.
     #[inline(always)]
     fn run_field<S: Simd, const N: usize>(
-        &mut self,
+        &self,
         simd: S,
         field: usize,
         thresholds: [[f64; 8]; N],
+        chosen: &mut [u16],
+        control: &dyn Control,
     ) -> Result<(), Cancelled> {
         let (width, height) = (self.density.width, self.density.height);
         let thresholds = Lanes::load(simd, &thresholds);
@@ -193,9 +236,8 @@ impl<'a> Diffusion<'a> {
         let mut row: Vec<_> = starts.map(|(density, error)| [[density + error; 8]; N]).collect();
         let mut above = vec![[[0.0; 8]; N]; width];
         let mut rightwards = true;
-        for y in 0..height {
-            self.poll(y)?;
-            let chosen = &mut self.chosen[y * width..][..width];
+        for (y, chosen) in chosen.chunks_exact_mut(width).enumerate() {
+            self.poll(y, control)?;
             let weights = &self.weights;
             if y + 1 < height {
                 let next = self.density.row(field, y + 1);
@@ -211,7 +253,9 @@ impl<'a> Diffusion<'a> {
 
     /// 1 for each lattice point that a threshold of the last pass chose.
     fn points_of(self, threshold: usize) -> Vec<u8> {
-        self.chosen.iter().map(|bits| (bits >> threshold & 1) as u8).collect()
+        let per_group = self.thresholds_per_group();
+        let chosen = &self.chosen[threshold / per_group];
+        chosen.iter().map(|bits| (bits >> (threshold % per_group) & 1) as u8).collect()
     }
 }
 

@@ -7,6 +7,7 @@ use crate::image::Image;
 use crate::luma::luma;
 use crate::mesh::{Face, Mesh, Point, Shape};
 use crate::metrics::Fidelity;
+use crate::parallel::in_parallel;
 use crate::parameters::{ParameterError, Parameters, Plan};
 use crate::sample_points::sample_points;
 use crate::simplify::{Removal, Simplified, StopRule, simplify};
@@ -14,7 +15,7 @@ use crate::triangulation::Triangulation;
 use thiserror::Error;
 
 /// Faces measured between two polls of the control.
-const FACES_PER_POLL: usize = 256;
+const FACES_PER_POLL: usize = 8192;
 
 /// A mesh made of an image, with what is known of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,14 +122,18 @@ fn measure(
     control: &dyn Control,
 ) -> Result<u64, Cancelled> {
     let measure = Measure::for_few(image, ErrorMetric::MeanCompSe);
-    let (mut face_errors, mut some, mut errors) =
-        (FaceErrors::new(&measure), Vec::new(), Vec::new());
+    let mut errors = vec![0; faces.len().min(FACES_PER_POLL)];
     let mut sum = 0;
-    for (chunk, chunk_faces) in faces.chunks(FACES_PER_POLL).enumerate() {
+    for (chunk, some) in faces.chunks(FACES_PER_POLL).enumerate() {
         control.poll(Stage::Measure, chunk * FACES_PER_POLL, faces.len())?;
-        some.clear();
-        some.extend(chunk_faces.iter().map(|face| face.map(|v| points[v as usize])));
-        face_errors.errors(&some, &mut errors);
+        let errors = &mut errors[..some.len()];
+        in_parallel(some, errors, control.threads(), |faces, errors| {
+            let corners: Vec<[Point; 3]> =
+                faces.iter().map(|face| face.map(|v| points[v as usize])).collect();
+            let mut sums = Vec::with_capacity(faces.len());
+            FaceErrors::new(&measure).errors(&corners, &mut sums);
+            errors.copy_from_slice(&sums);
+        });
         sum += errors.iter().sum::<u64>();
     }
     Ok(sum)

@@ -50,6 +50,7 @@ mod face_rows;
 mod filter;
 mod flat_areas;
 mod floyd_steinberg;
+mod foresight;
 mod generate;
 mod hole;
 mod hole_memory;
@@ -59,6 +60,7 @@ mod luma;
 mod mesh;
 mod method;
 mod metrics;
+mod parallel;
 mod parameters;
 mod predicates;
 mod rasterize;
@@ -80,7 +82,7 @@ pub use choices::{
     Boundary, ErrorMetric, Generator, Meshed, Policy, PscTie, Scan, Smoothing, SmoothingDirection,
     Startup,
 };
-pub use control::{Cancelled, Control, Stage, Unattended};
+pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
 pub use density::Density;
 pub use generate::{GenerateError, Model, generate};
 pub use image::{Image, ImageError, MAX_SIDE};

@@ -1,6 +1,9 @@
 //! Vertices in the order of their removal: a heap of four children that knows where each vertex
 //! stands, so that a changed key moves its vertex and no stale entry remains.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 /// Not in the queue.
 const ABSENT: u32 = u32::MAX;
 
@@ -41,6 +44,20 @@ impl RemovalQueue {
     /// The vertex whose removal changes the error least.
     pub(crate) fn first(&self) -> Option<Entry> {
         self.heap.first().copied()
+    }
+
+    /// The first `count` entries in order, which stay in the queue.
+    pub(crate) fn least(&self, count: usize) -> Vec<Entry> {
+        let mut least = Vec::with_capacity(count);
+        // The next one is a child of one of those before it, or the first of all.
+        let mut open: BinaryHeap<Reverse<(Entry, usize)>> =
+            self.heap.first().map(|&entry| Reverse((entry, 0))).into_iter().collect();
+        while let (true, Some(Reverse((entry, place)))) = (least.len() < count, open.pop()) {
+            least.push(entry);
+            let children = ARITY * place + 1..(ARITY * place + 1 + ARITY).min(self.heap.len());
+            open.extend(children.map(|child| Reverse((self.heap[child], child))));
+        }
+        least
     }
 
     /// Takes out the first vertex.
@@ -123,6 +140,10 @@ mod tests {
             }
             let mut expected: Vec<Entry> = keys.iter().enumerate().map(entry).collect();
             expected.sort_unstable();
+            for count in [0, 1, 7, 100] {
+                let least = &expected[..count.min(expected.len())];
+                prop_assert_eq!(queue.least(count), least);
+            }
             for entry in expected {
                 prop_assert_eq!(queue.first(), Some(entry));
                 queue.remove_first();

@@ -9,9 +9,12 @@
 use crate::choices::ErrorMetric;
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::{FaceErrors, Measure};
+use crate::foresight::Foresight;
+use crate::hole_memory::HoleMemory;
 use crate::image::Image;
 use crate::mesh::{Face, Point};
 use crate::metrics::Fidelity;
+use crate::parallel::in_parallel;
 use crate::parameters::ErrorBound;
 use crate::removal::{Neighbour, Net, Remover};
 use crate::removal_queue::{Entry, RemovalQueue};
@@ -20,7 +23,7 @@ use crate::tile_order::tile_order;
 use crate::triangulation::Triangulation;
 
 /// Faces measured, and vertices evaluated for the first time, between two polls of the control.
-const STEPS_PER_POLL: usize = 256;
+const VERTICES_PER_ROUND: usize = 8192;
 
 /// Stands for a vertex that is gone.
 const GONE: u32 = u32::MAX;
@@ -72,15 +75,20 @@ pub(crate) fn simplify(
     let mut simplification =
         Simplification::new(image, &triangulation, &measure, surplus, control)?;
     drop(triangulation);
-    let mut queue = simplification.evaluate_all(surplus, control)?;
+    let mut queue = simplification.evaluate_all(&measure, surplus, control)?;
+    let mut foresight =
+        Foresight::new(&measure, simplification.net.points.len(), control.threads());
     let mut removals = Vec::with_capacity(surplus);
     while let Some(Entry { change, vertex, .. }) = queue.first() {
         control.poll(Stage::Simplify, removals.len().min(surplus), surplus)?;
         if simplification.must_stop(change, rule) {
             break;
         }
+        if let Some(foresight) = &mut foresight {
+            foresight.look_ahead(&simplification.net, &queue, simplification.remaining);
+        }
         queue.remove_first();
-        simplification.remove(vertex, &mut queue);
+        simplification.remove(vertex, foresight.as_mut(), &mut queue);
         removals.push(Removal { point: simplification.net.points[vertex as usize], change });
     }
     let (points, faces) = simplification.mesh();
@@ -136,19 +144,33 @@ impl<'a> Simplification<'a> {
     /// The queue of all vertices but the corners of the image.
     fn evaluate_all(
         &mut self,
+        measure: &Measure<'_>,
         surplus: usize,
         control: &dyn Control,
     ) -> Result<RemovalQueue, Cancelled> {
         let count = self.net.points.len();
         let mut entries = Vec::with_capacity(count);
-        for vertex in 0..count as u32 {
-            if (vertex as usize).is_multiple_of(STEPS_PER_POLL) {
-                control.poll(Stage::Simplify, 0, surplus)?;
-            }
-            if !self.net.is_corner(vertex) {
-                let (change, memory) = self.remover.evaluate(vertex, &self.net);
-                self.net.stars.remember(vertex, memory);
-                entries.push(Entry { change, rank: self.ranks[vertex as usize], vertex });
+        let mut evaluated = Vec::new();
+        for first in (0..count).step_by(VERTICES_PER_ROUND) {
+            control.poll(Stage::Simplify, 0, surplus)?;
+            let vertices: Vec<u32> =
+                (first as u32..count.min(first + VERTICES_PER_ROUND) as u32).collect();
+            evaluated.clear();
+            evaluated.resize(vertices.len(), (0, HoleMemory::NOTHING));
+            let net = &self.net;
+            in_parallel(&vertices, &mut evaluated, control.threads(), |vertices, evaluated| {
+                let mut remover = Remover::new(measure);
+                for (&vertex, evaluated) in vertices.iter().zip(evaluated) {
+                    if !net.is_corner(vertex) {
+                        *evaluated = remover.evaluate(vertex, net);
+                    }
+                }
+            });
+            for (vertex, &(change, memory)) in vertices.into_iter().zip(&evaluated) {
+                if !self.net.is_corner(vertex) {
+                    self.net.stars.remember(vertex, memory);
+                    entries.push(Entry { change, rank: self.ranks[vertex as usize], vertex });
+                }
             }
         }
         Ok(RemovalQueue::new(entries, count))
@@ -170,12 +192,29 @@ impl<'a> Simplification<'a> {
     }
 
     /// Takes a vertex out of the mesh, fills its hole and gives its neighbours their new keys.
-    fn remove(&mut self, vertex: u32, queue: &mut RemovalQueue) {
-        let neighbours = &mut self.neighbours;
-        let change =
-            self.remover.prepare(vertex, &self.net, |neighbour| neighbours.push(neighbour));
-        for Neighbour { vertex, star, change } in neighbours.drain(..) {
+    fn remove(
+        &mut self,
+        vertex: u32,
+        mut foresight: Option<&mut Foresight<'_>>,
+        queue: &mut RemovalQueue,
+    ) {
+        let foreseen = foresight.as_mut().and_then(|foresight| foresight.take(vertex, &self.net));
+        let change = match foreseen {
+            Some(prepared) => {
+                std::mem::swap(&mut self.neighbours, &mut prepared.neighbours);
+                prepared.change
+            }
+            None => {
+                let neighbours = &mut self.neighbours;
+                neighbours.clear();
+                self.remover.prepare(vertex, &self.net, |neighbour| neighbours.push(neighbour))
+            }
+        };
+        for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
             self.net.stars.write(vertex, star);
+            if let Some(foresight) = &mut foresight {
+                foresight.note_change(vertex);
+            }
             if let Some(change) = change {
                 queue.change(vertex, change);
             }
@@ -213,18 +252,19 @@ fn errors_of(
     surplus: usize,
     control: &dyn Control,
 ) -> Result<Vec<u64>, Cancelled> {
-    let mut errors = Vec::with_capacity(triangulation.origins.len() / 3);
-    let (mut face_errors, mut faces, mut some) = (FaceErrors::new(measure), Vec::new(), Vec::new());
-    for origins in triangulation.origins.chunks(3 * STEPS_PER_POLL) {
+    let mut errors = vec![0; triangulation.origins.len() / 3];
+    let origins = triangulation.origins.chunks(3 * VERTICES_PER_ROUND);
+    for (origins, errors) in origins.zip(errors.chunks_mut(VERTICES_PER_ROUND)) {
         control.poll(Stage::Simplify, 0, surplus)?;
-        faces.clear();
-        faces.extend(
-            origins
-                .chunks_exact(3)
-                .map(|corners| [0, 1, 2].map(|i| triangulation.points[corners[i] as usize])),
-        );
-        face_errors.errors(&faces, &mut some);
-        errors.extend_from_slice(&some);
+        let (faces, _) = origins.as_chunks::<3>();
+        in_parallel(faces, errors, control.threads(), |faces, errors| {
+            let place = |&v: &u32| triangulation.points[v as usize];
+            let faces: Vec<[Point; 3]> =
+                faces.iter().map(|[a, b, c]| [place(a), place(b), place(c)]).collect();
+            let mut some = Vec::with_capacity(faces.len());
+            FaceErrors::new(measure).errors(&faces, &mut some);
+            errors.copy_from_slice(&some);
+        });
     }
     Ok(errors)
 }
@@ -252,7 +292,6 @@ fn faces_at(vertex: u32, net: &Net, numbers: &[u32], faces: &mut Vec<Face>) {
 mod tests {
     use super::*;
     use crate::control::Unattended;
-    use crate::hole_memory::HoleMemory;
     use crate::star::Star;
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
@@ -326,11 +365,11 @@ mod tests {
             let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
             let mut simplification =
                 Simplification::new(&image, &triangulation, &measure, 1, &Unattended).unwrap();
-            let mut queue = simplification.evaluate_all(1, &Unattended).unwrap();
+            let mut queue = simplification.evaluate_all(&measure, 1, &Unattended).unwrap();
             while let Some(Entry { change, vertex, .. }) = queue.first() {
                 let before = simplification.total_error;
                 queue.remove_first();
-                simplification.remove(vertex, &mut queue);
+                simplification.remove(vertex, None, &mut queue);
                 prop_assert_eq!(simplification.total_error, before.wrapping_add_signed(change));
                 assert_errors_are_current(&simplification, &measure);
                 assert_triangulated_afresh(&simplification);

@@ -43,7 +43,7 @@ pub(crate) struct Star {
 pub(crate) struct Packed {
     record: Record,
     /// The star itself, where it does not fit.
-    listed: Option<Star>,
+    listed: Option<Box<Star>>,
 }
 
 /// The stars of all vertices.
@@ -125,7 +125,7 @@ impl Star {
         let mut record = Record { memory, degree: degree as u32, ..Record::GONE };
         if degree > ROOM || self.errors.iter().any(|&error| error > u32::MAX.into()) {
             record.degree = LISTED;
-            return Packed { record, listed: Some(self.clone()) };
+            return Packed { record, listed: Some(Box::new(self.clone())) };
         }
         record.neighbours[..degree].copy_from_slice(&self.neighbours);
         for (kept, &error) in record.errors.iter_mut().zip(&self.errors) {
@@ -276,8 +276,8 @@ impl Stars {
             let number = self.unused.pop().unwrap_or(self.lists.len() as u32);
             record.neighbours[0] = number;
             match self.lists.get_mut(number as usize) {
-                Some(list) => *list = star,
-                None => self.lists.push(star),
+                Some(list) => *list = *star,
+                None => self.lists.push(*star),
             }
         }
         self.records[vertex as usize] = record;
