@@ -133,7 +133,7 @@ impl<'m> Remover<'m> {
             self.fill_errors.push(error);
             triangle
         }));
-        Some(self.change_of_error())
+        Some(self.fill_errors.iter().sum::<u64>() as i64 - self.star.error() as i64)
     }
 
     /// The change of error of the star in work, and its fill.
@@ -144,24 +144,23 @@ impl<'m> Remover<'m> {
         self.fill_errors.clear();
         self.unknown.clear();
         self.faces.clear();
+        let mut sum = 0;
         for (i, &triangle) in self.filler.fill(&self.boundary).iter().enumerate() {
             let known = shift.before(triangle).and_then(|before| memory.error(before));
             if known.is_none() {
                 self.unknown.push(i);
                 self.faces.push(triangle.map(|place| self.boundary[place as usize]));
             }
-            self.fill_errors.push(known.unwrap_or_default());
+            let known = known.unwrap_or_default();
+            self.fill_errors.push(known);
+            sum += known;
         }
         self.errors.errors(&self.faces, &mut self.face_errors);
         for (&i, &error) in self.unknown.iter().zip(&self.face_errors) {
             self.fill_errors[i] = error;
+            sum += error;
         }
-        self.change_of_error()
-    }
-
-    /// By how much the last fill's error differs from that of the star in work.
-    fn change_of_error(&self) -> i64 {
-        self.fill_errors.iter().sum::<u64>() as i64 - self.star.error() as i64
+        sum as i64 - self.star.error() as i64
     }
 
     /// What to remember of the last fill.

@@ -91,16 +91,15 @@ impl Pixels {
             total: 0,
         };
         let vectors_per_row = edges.columns as usize * STRIDE / LANES + 1;
-        // At least the rows of one vector: a row has 32 vectors at most.
-        let rows_per_sum = POINTS_PER_SUM / vectors_per_row;
         let mut rows_summed = 0;
         if edges.left == 0 || edges.bottom == 0 {
-            return sum.of_border_face::<STRIDE>(self, corners, rows_per_sum);
+            return sum.of_border_face::<STRIDE>(self, corners, vectors_per_row);
         }
         for first_row in (0..edges.rows).step_by(ROWS) {
             let rows = edges.rows(simd, first_row);
             let count = ROWS.min((edges.rows - first_row) as usize);
-            if rows_summed + count > rows_per_sum {
+            // A row has 32 vectors at most, so there is room for eight rows at least.
+            if (rows_summed + count) * vectors_per_row > POINTS_PER_SUM {
                 sum.empty();
                 rows_summed = 0;
             }
@@ -115,6 +114,9 @@ impl Pixels {
     #[inline(always)]
     fn repeat<S: Simd, const STRIDE: usize>(&self, simd: S, point: Point) -> f32x8<S> {
         let at = (point.y as usize * self.width + point.x as usize) * STRIDE;
+        if STRIDE == 1 {
+            return f32x8::splat(simd, self.bytes[at].into());
+        }
         let mut bytes = [0; 4];
         bytes[..STRIDE].copy_from_slice(&self.bytes[at..at + STRIDE]);
         let repetitions = u32::MAX / (u32::MAX >> (32 - 8 * STRIDE));
@@ -145,7 +147,7 @@ impl<S: Simd> Sum<S> {
         mut self,
         pixels: &Pixels,
         corners: [Point; 3],
-        rows_per_sum: usize,
+        vectors_per_row: usize,
     ) -> u64 {
         let mut rows = [(0, 0, 0); LARGEST_EXTENT as usize + 1];
         let mut count = 0;
@@ -154,7 +156,7 @@ impl<S: Simd> Sum<S> {
             count += 1;
         });
         for (i, &(y, first, end)) in rows[..count].iter().enumerate() {
-            if i % rows_per_sum == 0 {
+            if i % (POINTS_PER_SUM / vectors_per_row) == 0 {
                 self.empty();
             }
             let ahead = (first - self.plane.a.x) as f32;
