@@ -30,15 +30,17 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! In reading order: [`Image`] states the coordinate convention; `filter`, `significance` and
-//! [`Density`] turn it into a density; `floyd_steinberg`, `error_diffusion` and [`sample_points`]
-//! choose points of it; `predicates` ([`orientation`], [`in_circle`]) and [`triangulate`] connect
-//! them. `simplify` removes points, in the order of `removal_queue`: it fills each `hole`,
-//! remembered in `hole_memory`, and asks `face_error` for the errors of the new faces, which
-//! `error_metric` defines and `face_rows`, `interpolant`, `small_face` and `flat_areas` compute.
-//! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as
-//! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
-//! [`Method`].
+//! In reading order: [`Image`] states the coordinate convention; `filter` and `significance`, for
+//! the thesis's own filter `second_derivatives`, give the [`Density`]; `threshold_search`,
+//! `floyd_steinberg` and `error_diffusion` choose [`sample_points`] of it; `predicates`
+//! ([`orientation`], [`in_circle`]) and [`triangulate`] connect them. `simplify` removes points, in
+//! the order of `removal_queue`, from the `star`s of all vertices, numbered in `tile_order`: for
+//! each one `removal` fills its `hole`, remembered in `hole_memory`, and asks `face_error` for the
+//! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
+//! `small_face` (with its rows and planes) and `flat_areas` compute. [`rasterize`] rebuilds the
+//! picture; [`generate`] is all of it in order, as [`Parameters`] say, whose values are in `choices`
+//! and whose named sets, the methods, in [`Method`]. Where the [`Control`] allows several threads,
+//! `parallel` shares out what is independent and `foresight` prepares removals ahead of their turn.
 
 mod choices;
 mod control;
