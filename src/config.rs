@@ -4,8 +4,10 @@
 //! variable. Zero is refused wherever it could be taken to mean "without limit", and a variable
 //! that begins with `PIXMESH_` but is no setting stops the start.
 
+mod access;
 mod quantity;
 
+pub use access::AccessSettings;
 pub use quantity::{ByteSize, Period};
 
 use clap::{Args, CommandFactory, Parser, ValueEnum};
@@ -48,6 +50,9 @@ pub struct Settings {
     /// What a client may send, and how slowly.
     #[command(flatten)]
     pub limits: Limits,
+    /// Who may use the service, and how much of it.
+    #[command(flatten)]
+    pub access: AccessSettings,
     /// Where and how jobs are kept.
     #[command(flatten)]
     pub jobs: JobSettings,
@@ -120,16 +125,19 @@ impl Settings {
     /// The settings, after the checks that need more than one of them.
     ///
     /// # Errors
-    /// When the public listener could be reached from elsewhere and nothing allows that.
+    /// When the public listener could be reached from elsewhere and nothing allows that, or the
+    /// file of keys is not good.
     pub fn checked(self) -> Result<Self, Box<dyn Error>> {
-        if !self.listen.ip().is_loopback() && !self.insecure_no_auth {
+        let is_open = self.access.keys_file.is_none() && !self.insecure_no_auth;
+        if !self.listen.ip().is_loopback() && is_open {
             return Err(format!(
                 "--listen {} can be reached from other hosts, and anyone could use the service: \
-                 listen on 127.0.0.1, or say --insecure-no-auth",
+                 listen on 127.0.0.1, name a --keys-file, or say --insecure-no-auth",
                 self.listen
             )
             .into());
         }
+        self.access.check()?;
         Ok(self)
     }
 
@@ -199,7 +207,7 @@ impl Limits {
 impl fmt::Display for Settings {
     /// One line `flag value` per setting in force.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { limits, .. } = self;
+        let Self { limits, access, .. } = self;
         let log_format = match self.log_format {
             LogFormat::Human => "human",
             LogFormat::Json => "json",
@@ -217,7 +225,13 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--max-side {}", limits.max_side)?;
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
-        writeln!(formatter, "--max-connections {}", limits.max_connections)
+        writeln!(formatter, "--max-connections {}", limits.max_connections)?;
+        let keys_file = access.keys_file.as_ref().map(|path| path.display().to_string());
+        writeln!(formatter, "--keys-file {}", keys_file.unwrap_or_default())?;
+        writeln!(formatter, "--key-requests-per-minute {}", access.key_requests_per_minute)?;
+        writeln!(formatter, "--key-running {}", access.running(self.worker_count()))?;
+        writeln!(formatter, "--key-queued {}", access.key_queued)?;
+        writeln!(formatter, "--cors-origin {}", access.cors_origins.join(","))
     }
 }
 

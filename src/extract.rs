@@ -1,6 +1,8 @@
 //! From a request to typed values, and the only places that read untrusted text.
 
 pub mod accept;
+pub mod auth;
+pub mod owner;
 pub mod params;
 pub mod request_id;
 pub mod upload;

@@ -9,6 +9,7 @@
 //! | [`server`] | the two listeners, their timeouts, and the graceful stop |
 //! | [`routes`] | the route table, the order of the layers, one module per resource |
 //! | [`extract`] | from a request to typed values: upload, parameters, accepted format |
+//! | [`access`] | keys, and how many requests each may send |
 //! | [`admission`] | what may run now, what waits, and what is turned away at once |
 //! | [`pool`] | one piece of work on a blocking thread, with its deadline |
 //! | [`pipeline`] | from an upload to the bytes of the answer |
@@ -20,6 +21,7 @@
 //! [`admission`] gives a ticket, and [`pool`] runs [`pipeline`] with it. What a client can get wrong
 //! is refused before admission, so that such an answer never waits for work.
 
+pub mod access;
 pub mod admission;
 pub mod config;
 pub mod extract;

@@ -1,6 +1,7 @@
-//! The program `pixmesh`: `serve`, `health`, `config` and `openapi`.
+//! The program `pixmesh`: `serve`, `health`, `config`, `key` and `openapi`.
 
 use clap::{Parser, Subcommand};
+use pixmesh::access::{NewKey, issue};
 use pixmesh::config::{self, HealthSettings, Settings};
 use pixmesh::{health, routes, server};
 use std::error::Error;
@@ -26,8 +27,17 @@ enum Command {
     Health(HealthSettings),
     /// Prints every setting in force, after the checks that `serve` makes.
     Config(Settings),
+    /// Makes keys for --keys-file.
+    #[command(subcommand)]
+    Key(KeyCommand),
     /// Prints the interface as an OpenAPI document.
     Openapi,
+}
+
+#[derive(Subcommand)]
+enum KeyCommand {
+    /// Prints a new key, and adds its line to a file.
+    New(NewKey),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +56,7 @@ fn run(command: Command) -> Result<(), Box<dyn Error>> {
         Command::Serve(settings) => server::run(&settings.checked()?)?,
         Command::Health(settings) => health::ask(&settings)?,
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
+        Command::Key(KeyCommand::New(order)) => issue(&order)?,
         Command::Openapi => write!(io::stdout(), "{}", routes::openapi::document_text())?,
     }
     Ok(())

@@ -61,6 +61,7 @@ problems! {
     DuplicatePart = BAD_REQUEST "duplicate-part" "A part of the form is given twice";
     ImageMissing = BAD_REQUEST "image-missing" "The form has no part 'image'";
     EmptyFile = BAD_REQUEST "empty-file" "The file is empty";
+    Unauthorized = UNAUTHORIZED "unauthorized" "The request needs a key";
     NotFound = NOT_FOUND "not-found" "There is no such resource";
     MethodNotAllowed = METHOD_NOT_ALLOWED "method-not-allowed" "The resource does not allow this method";
     NotAcceptable = NOT_ACCEPTABLE "not-acceptable" "No format offered is acceptable";
@@ -81,6 +82,7 @@ problems! {
     ImageDecodeFailed = UNPROCESSABLE_ENTITY "image-decode-failed" "The image cannot be decoded";
     FormatNotPossible = UNPROCESSABLE_ENTITY "format-not-possible" "The format cannot hold this result";
     WorkTooLarge = UNPROCESSABLE_ENTITY "work-too-large" "The work needs more memory than there is";
+    QuotaExceeded = TOO_MANY_REQUESTS "quota-exceeded" "The key's quota is used up";
     HeadersTooLarge = REQUEST_HEADER_FIELDS_TOO_LARGE "headers-too-large" "The request's header is too large";
     Internal = INTERNAL_SERVER_ERROR "internal" "The service failed";
     Overloaded = SERVICE_UNAVAILABLE "overloaded" "The service is busy";
@@ -181,7 +183,8 @@ impl Problem {
         self.member("retry_after_s", seconds)
     }
 
-    fn member(mut self, name: &'static str, value: impl Into<Value>) -> Self {
+    /// Adds a member of its own.
+    pub(crate) fn member(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.members.push((name, value.into()));
         self
     }

@@ -8,17 +8,20 @@ pub mod metrics;
 pub mod openapi;
 pub mod problems;
 
+mod cors;
 mod guard;
 mod observe;
 
+use crate::access::KeyRing;
 use crate::admission::Admission;
 use crate::config::Settings;
+use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
-use axum::middleware::from_fn;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use metrics_exporter_prometheus::PrometheusHandle;
@@ -36,6 +39,10 @@ pub struct Service {
     pub intake: Intake,
     /// What images may be like.
     pub pictures: pixmesh_codec::Limits,
+    /// The keys that requests need one of, if they do.
+    pub keys: Option<Arc<KeyRing>>,
+    /// The origins whose pages may use the service.
+    pub origins: Vec<String>,
     /// The gate that all work passes.
     pub admission: Admission,
     /// The longest time from the end of the upload to the answer.
@@ -54,10 +61,12 @@ pub struct Operations {
 }
 
 impl Service {
-    /// What the settings make of it.
+    /// What the settings make of it, with the keys that requests need one of.
     #[must_use]
-    pub fn new(settings: &Settings) -> Self {
+    pub fn new(settings: &Settings, keys: Option<Arc<KeyRing>>) -> Self {
         Self {
+            keys,
+            origins: settings.access.cors_origins.clone(),
             intake: Intake {
                 max_body: BodyLimit {
                     bytes: settings.longest_body().0,
@@ -80,6 +89,8 @@ impl Service {
 
 /// The public routes.
 pub fn public(service: Arc<Service>) -> Router {
+    let authenticate = from_fn_with_state(service.keys.clone(), authenticate);
+    let cors = cors::layer(&service.origins);
     let routes = Router::new()
         .route("/", get(index::show))
         .route("/v1/meshes", post(meshes::create))
@@ -92,9 +103,11 @@ pub fn public(service: Arc<Service>) -> Router {
         ServiceBuilder::new()
             .layer(from_fn(identify))
             .layer(from_fn(observe::observe))
+            .option_layer(cors)
             .layer(from_fn(problem::render))
             .layer(CatchPanicLayer::custom(panicked))
-            .layer(from_fn(guard::guard)),
+            .layer(from_fn(guard::guard))
+            .layer(authenticate),
     )
 }
 

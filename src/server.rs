@@ -13,6 +13,7 @@ mod stream;
 
 pub use framing::{Framing, HeadDefect};
 
+use crate::access::KeyRing;
 use crate::config::Settings;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
@@ -165,7 +166,11 @@ async fn serve(
     settings: &Settings,
     lifecycle: &Lifecycle,
 ) -> Result<(), Box<dyn Error>> {
-    let service = Arc::new(Service::new(settings));
+    let keys = KeyRing::of(&settings.access)?.map(Arc::new);
+    if let Some(keys) = &keys {
+        tokio::spawn(Arc::clone(keys).keep_up());
+    }
+    let service = Arc::new(Service::new(settings, keys));
     let connections = descriptors::public_connections(settings.limits.max_connections.get());
     let routes = routes::public(Arc::clone(&service));
     let listener = Listener::new(listener, routes, connections, timeouts(settings));

@@ -101,6 +101,8 @@ pub enum Shed {
     Memory,
     /// The work's deadline passed.
     Deadline,
+    /// The key's quota is used up.
+    Quota,
 }
 
 /// Counts a request turned away.
@@ -109,6 +111,7 @@ pub fn shed(reason: Shed) {
         Shed::QueueFull => "queue_full",
         Shed::Memory => "memory",
         Shed::Deadline => "deadline",
+        Shed::Quota => "quota",
     };
     counter!(REQUESTS_SHED, "reason" => reason).increment(1);
 }

@@ -3,8 +3,11 @@
 use crate::problem::{Kind, Problem};
 use crate::server::{Framing, HeadDefect};
 use axum::extract::Request;
-use axum::http::header::{CONNECTION, TRANSFER_ENCODING, X_CONTENT_TYPE_OPTIONS};
-use axum::http::{HeaderMap, HeaderValue, Uri};
+use axum::http::header::{
+    CONNECTION, CONTENT_SECURITY_POLICY, REFERRER_POLICY, TRANSFER_ENCODING,
+    X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -15,7 +18,18 @@ const MAX_HEADER: usize = 16 * 1024;
 /// The most lines of a request's header.
 const MAX_HEADER_LINES: usize = 100;
 
-/// The layer that refuses ambiguous and oversized requests, and forbids clients to guess types.
+/// What every answer says: no guessing of types, no other site's frames, no word to other sites
+/// about the page one came from.
+const ALWAYS: [(HeaderName, &str); 4] = [
+    (X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (X_FRAME_OPTIONS, "DENY"),
+    (REFERRER_POLICY, "no-referrer"),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+];
+/// What is said of an answer that is no page of ours: a browser that shows it runs nothing in it.
+const NO_CONTENT_LOADED: &str = "default-src 'none'; frame-ancestors 'none'";
+
+/// The layer that refuses ambiguous and oversized requests, and says what browsers may do with answers.
 ///
 /// A request with `Transfer-Encoding` is the last one of its connection, so that nothing that
 /// follows its body can be taken for a request (RFC 9112, section 6.1), and so is an ambiguous one.
@@ -26,7 +40,12 @@ pub(super) async fn guard(request: Request, next: Next) -> Response {
         None => next.run(request).await,
     };
     let headers = response.headers_mut();
-    headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    for (name, value) in ALWAYS {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    if !headers.contains_key(CONTENT_SECURITY_POLICY) {
+        headers.insert(CONTENT_SECURITY_POLICY, HeaderValue::from_static(NO_CONTENT_LOADED));
+    }
     if is_last {
         headers.insert(CONNECTION, HeaderValue::from_static("close"));
     }

@@ -7,12 +7,13 @@ use axum::http::Method;
 use axum::middleware::Next;
 use axum::response::Response;
 use std::time::Instant;
+use tracing::field::Empty;
 use tracing::{Instrument, info, info_span};
 
 /// The layer that logs and counts.
 pub(super) async fn observe(request: Request, next: Next) -> Response {
     let id = request.extensions().get::<RequestId>();
-    let span = info_span!("request", id = id.map_or("", RequestId::as_str));
+    let span = info_span!("request", id = id.map_or("", RequestId::as_str), key = Empty);
     let matched = request.extensions().get::<MatchedPath>().cloned();
     let route = matched.as_ref().map_or(telemetry::UNKNOWN_ROUTE, MatchedPath::as_str);
     let progress = Progress::begin(span.clone());

@@ -1,6 +1,7 @@
 //! Black-box tests: the real program, real sockets, pictures made here.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+mod access;
 mod client;
 mod contract;
 mod formats;

@@ -1,0 +1,134 @@
+//! Who may use the service, and how often: keys and their quotas.
+//!
+//! Without a file of keys everyone is [anonymous](Owner::anonymous), without a quota. With one,
+//! every request below `/v1/` needs a key. The file holds a digest of each key and never the key
+//! ([`file`]). It is read again when it changes, so that a key can be added before the old one of
+//! the same name is taken out, and a leaked one is refused within seconds; a file that cannot be
+//! read leaves the keys in force as they are.
+
+mod file;
+mod issue;
+mod key;
+mod quota;
+
+pub use file::{KeyLine, parse};
+pub use issue::{NewKey, issue};
+pub use key::{Digest, Key};
+pub use quota::{Quota, Standing};
+
+use crate::config::AccessSettings;
+use crate::extract::owner::Owner;
+use std::error::Error;
+use std::fs;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
+use tokio::task::spawn_blocking;
+
+/// How often the file of keys is looked at.
+const RELOAD_EVERY: Duration = Duration::from_secs(1);
+
+/// The keys in force.
+#[derive(Debug)]
+pub struct KeyRing {
+    path: PathBuf,
+    requests_per_minute: NonZeroU32,
+    entries: RwLock<Vec<Entry>>,
+}
+
+/// One key, and the quota that all keys of its name share.
+#[derive(Clone, Debug)]
+struct Entry {
+    owner: Owner,
+    digest: Digest,
+    quota: Arc<Quota>,
+}
+
+impl KeyRing {
+    /// The keys of the file that the settings name, if they name one.
+    ///
+    /// # Errors
+    /// When the file cannot be read, has a line that is none, or holds no key.
+    pub fn of(settings: &AccessSettings) -> Result<Option<Self>, Box<dyn Error>> {
+        let Some(path) = settings.keys_file.clone() else { return Ok(None) };
+        let ring = Self {
+            path,
+            requests_per_minute: settings.key_requests_per_minute,
+            entries: RwLock::default(),
+        };
+        let lines = read(&ring.path)?;
+        if lines.is_empty() {
+            let path = ring.path.display();
+            return Err(
+                format!("--keys-file {path} holds no key: `pixmesh key new` makes one").into()
+            );
+        }
+        ring.replace(&lines);
+        Ok(Some(ring))
+    }
+
+    /// Whom a key stands for, and the quota of its name. Every key is compared in full, so that the
+    /// time tells nothing of how much of one was guessed.
+    #[must_use]
+    pub fn find(&self, presented: &str) -> Option<(Owner, Arc<Quota>)> {
+        let digest = Digest::of(presented);
+        let entries = self.entries.read().unwrap_or_else(PoisonError::into_inner);
+        let mut found = None;
+        for entry in &*entries {
+            if entry.digest.matches(&digest) {
+                found = Some(entry);
+            }
+        }
+        found.map(|entry| (entry.owner.clone(), Arc::clone(&entry.quota)))
+    }
+
+    /// Reads the file again for ever, and puts in force what has changed.
+    pub async fn keep_up(self: Arc<Self>) {
+        let mut ticks = tokio::time::interval(RELOAD_EVERY);
+        let mut before = None;
+        loop {
+            ticks.tick().await;
+            let ring = Arc::clone(&self);
+            let now = spawn_blocking(move || read(&ring.path)).await;
+            let now = now.unwrap_or_else(|error| Err(error.to_string()));
+            if before.as_ref() != Some(&now) {
+                self.report_and_replace(&now, before.is_none());
+                before = Some(now);
+            }
+        }
+    }
+
+    fn report_and_replace(&self, lines: &Result<Vec<KeyLine>, String>, is_first: bool) {
+        match lines {
+            Ok(lines) => {
+                self.replace(lines);
+                if !is_first {
+                    tracing::info!(keys = lines.len(), "the file of keys was read again");
+                }
+            }
+            Err(error) => tracing::error!(error, "the keys stay as they are"),
+        }
+    }
+
+    /// Puts these keys in force; a name that stays keeps what is left of its quota.
+    fn replace(&self, lines: &[KeyLine]) {
+        let mut entries = self.entries.write().unwrap_or_else(PoisonError::into_inner);
+        let mut next: Vec<Entry> = Vec::with_capacity(lines.len());
+        for line in lines {
+            let rate = line.requests_per_minute.unwrap_or(self.requests_per_minute);
+            let mut known = next.iter().chain(entries.iter());
+            let same = known.find(|e| e.owner == line.owner && e.quota.per_minute() == rate);
+            let quota = same.map_or_else(|| Arc::new(Quota::new(rate)), |e| Arc::clone(&e.quota));
+            next.push(Entry { owner: line.owner.clone(), digest: line.digest.clone(), quota });
+        }
+        *entries = next;
+    }
+}
+
+/// The lines of a file of keys.
+fn read(path: &Path) -> Result<Vec<KeyLine>, String> {
+    let text = fs::read_to_string(path)
+        .map_err(|error| format!("--keys-file {} cannot be read: {error}", path.display()))?;
+    parse(&text).map_err(|error| format!("--keys-file {}: {error}", path.display()))
+}

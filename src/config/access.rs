@@ -1,0 +1,75 @@
+//! Settings of who may use the service, and how much of it.
+
+use crate::access::KeyRing;
+use clap::Args;
+use std::error::Error;
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::PathBuf;
+
+/// Who may use the service, and how much of it.
+#[derive(Args, Clone, Debug)]
+pub struct AccessSettings {
+    /// File of keys, which every request below /v1/ then needs one of; read again when it changes.
+    #[arg(long, env = "PIXMESH_KEYS_FILE")]
+    pub keys_file: Option<PathBuf>,
+    /// Requests per minute that a key's name may send, where the file gives no other number.
+    #[arg(long, env = "PIXMESH_KEY_REQUESTS_PER_MINUTE", default_value = "600")]
+    pub key_requests_per_minute: NonZeroU32,
+    /// Meshes made at the same time for one key's name [default: all workers but one].
+    #[arg(long, env = "PIXMESH_KEY_RUNNING", hide_env_values = true)]
+    pub key_running: Option<NonZeroUsize>,
+    /// Requests of one key's name that may wait for a worker.
+    #[arg(long, env = "PIXMESH_KEY_QUEUED", default_value = "32")]
+    pub key_queued: NonZeroUsize,
+    /// Origins whose pages may use the service, such as https://example.org; none by default.
+    #[arg(long = "cors-origin", env = "PIXMESH_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',', num_args = 1.., value_parser = origin)]
+    pub cors_origins: Vec<String>,
+}
+
+impl AccessSettings {
+    /// Meshes made at the same time for one key's name: all workers but one, so that another name
+    /// never waits for the end of what this one runs. One worker is everybody's.
+    #[must_use]
+    pub fn running(&self, workers: usize) -> usize {
+        self.key_running.map_or_else(|| workers.saturating_sub(1), NonZeroUsize::get).max(1)
+    }
+
+    /// Reads the file of keys, where there is one.
+    ///
+    /// # Errors
+    /// As [`KeyRing::of`].
+    pub fn check(&self) -> Result<(), Box<dyn Error>> {
+        KeyRing::of(self).map(|_| ())
+    }
+}
+
+/// An origin as browsers send it: scheme, host, and the port if it is not the scheme's own.
+fn origin(text: &str) -> Result<String, String> {
+    let host = ["http://", "https://"].iter().find_map(|scheme| text.strip_prefix(scheme));
+    let is_host = |host: &str| {
+        let allowed = |letter: u8| letter.is_ascii_lowercase() || letter.is_ascii_digit();
+        !host.is_empty() && host.bytes().all(|letter| allowed(letter) || b".-:[]".contains(&letter))
+    };
+    match host {
+        Some(host) if is_host(host) => Ok(text.to_owned()),
+        _ => Err(format!(
+            "'{text}' is no origin: write it as browsers do, https://example.org or \
+             http://localhost:3000, in lower case and without a path"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_origin_is_written_as_browsers_send_it() {
+        for text in ["https://example.org", "http://localhost:3000", "http://[::1]:8080"] {
+            assert_eq!(origin(text).as_deref(), Ok(text));
+        }
+        for text in ["*", "null", "example.org", "https://example.org/", "https://Example.org"] {
+            assert!(origin(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Who sends a request, as far as anything is kept apart by it.
+
+use std::fmt;
+use std::sync::Arc;
+
+/// The one whom a request's work and jobs belong to: the name of its key, or nobody in particular.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Owner(Arc<str>);
+
+impl Owner {
+    /// The owner of everything where no keys are asked for. No key has its name, which is empty.
+    #[must_use]
+    pub fn anonymous() -> Self {
+        Self("".into())
+    }
+
+    /// The owner that a key of this name stands for.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        Self(name.into())
+    }
+
+    /// The name; empty for [`Owner::anonymous`].
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether this is [`Owner::anonymous`].
+    #[must_use]
+    pub fn is_anonymous(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl fmt::Display for Owner {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(if self.is_anonymous() { "anonymous" } else { &self.0 })
+    }
+}
