@@ -2,8 +2,9 @@
 //!
 //! Work needs a worker's slot and memory for its [cost](Cost). What does not get both at once waits
 //! in a queue whose length is counted in seconds of work: each cost is turned into seconds by the
-//! moving averages of what work of its kind has taken so far. When more than the allowed seconds
-//! wait already, a request is refused without waiting, and told when the queue will have drained.
+//! moving averages of what work of its kind has taken so far. Owners share the queue: where several
+//! wait, each may fill its part of those seconds, and they take turns. When more than that wait
+//! already, a request is refused without waiting, and told when the queue will have drained.
 //! The seconds are estimates; what has really waited for twice as long is refused too. Slots and
 //! memory belong to a [`Ticket`], which the work itself holds: a handler that is dropped cannot
 //! free what its work still uses.
@@ -16,26 +17,41 @@ mod backlog;
 mod cost;
 mod effort;
 mod footprint;
+mod gate;
 mod memory;
 
 pub use cost::Cost;
 pub use memory::Memory;
 
+use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
 use backlog::Backlog;
+use gate::{Capacity, Gate, Slot};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::{AcquireError, OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout_at;
 
 /// The gate that all work passes.
 #[derive(Clone, Debug)]
 pub struct Admission {
-    slots: Arc<Semaphore>,
-    memory: Arc<Semaphore>,
-    memory_mib: usize,
+    gate: Arc<Gate>,
     backlog: Arc<Backlog>,
+}
+
+/// What admission gives out.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Pieces of work at a time.
+    pub workers: usize,
+    /// Memory for all of them and for answers that are not sent yet.
+    pub memory_bytes: u64,
+    /// Seconds of waiting work.
+    pub queue_s: f64,
+    /// Pieces of work at a time of one key's owner.
+    pub running_per_key: usize,
+    /// Requests of one key's owner that may wait.
+    pub queued_per_key: usize,
 }
 
 /// The right to work: one slot and memory, given back when dropped.
@@ -45,76 +61,74 @@ pub struct Ticket {
     pub waited: Duration,
     cost: Cost,
     started: Instant,
-    gate: Admission,
+    backlog: Arc<Backlog>,
     memory: Memory,
     /// Freed after `drop` has counted the end, so that what is counted never exceeds the slots.
-    _slot: OwnedSemaphorePermit,
+    _slot: Slot,
 }
 
 impl Admission {
-    /// A gate for `workers` at a time, `memory_bytes` for all of them, and `queue_s` seconds of
-    /// waiting work.
+    /// A gate with these limits.
     #[must_use]
-    pub fn new(workers: usize, memory_bytes: u64, queue_s: f64) -> Self {
-        let memory_mib = usize::try_from(memory_bytes >> 20).unwrap_or(usize::MAX);
-        let memory_mib = memory_mib.clamp(1, Semaphore::MAX_PERMITS);
+    pub fn new(limits: &Limits) -> Self {
+        let memory_mib = usize::try_from(limits.memory_bytes >> 20).unwrap_or(usize::MAX).max(1);
         telemetry::memory_total_mib(memory_mib);
-        Self {
-            slots: Arc::new(Semaphore::new(workers.min(Semaphore::MAX_PERMITS))),
-            memory: Arc::new(Semaphore::new(memory_mib)),
+        let capacity = Capacity {
+            slots: limits.workers,
             memory_mib,
-            backlog: Arc::new(Backlog::new(workers, queue_s)),
-        }
+            slots_per_key: limits.running_per_key.min(limits.workers),
+        };
+        Self { gate: Arc::new(Gate::new(capacity)), backlog: Arc::new(Backlog::new(limits)) }
     }
 
     /// Waits for a slot and memory.
     ///
     /// # Errors
     /// `work-too-large` when there is not that much memory at all, `overloaded` when the queue is
-    /// full or the wait outlasts what it should take, `deadline-exceeded` when the wait outlasts
-    /// `deadline`.
-    pub async fn admit(&self, cost: Cost, deadline: Instant) -> Result<Ticket, Problem> {
+    /// full or the wait outlasts what it should take, `quota-exceeded` when too much of the owner
+    /// waits, `deadline-exceeded` when the wait outlasts `deadline`.
+    pub async fn admit(
+        &self,
+        owner: &Owner,
+        cost: Cost,
+        deadline: Instant,
+    ) -> Result<Ticket, Problem> {
         self.refuse_too_large(cost)?;
         let arrived = Instant::now();
-        let place = self.backlog.enter(cost, self.slots.available_permits() > 0)?;
+        let place = self.backlog.enter(owner, cost, self.gate.has_slot_for(owner))?;
         let patience = arrived.checked_add(self.backlog.patience());
         let patience = patience.filter(|&end| end < deadline);
-        let permits = timeout_at(patience.unwrap_or(deadline).into(), self.permits(cost)).await;
+        let entered = self.gate.enter(owner, cost.mib());
+        let entered = timeout_at(patience.unwrap_or(deadline).into(), entered).await;
         drop(place);
-        let permits = permits.map_err(|_| match patience {
+        let entered = entered.map_err(|_| match patience {
             Some(_) => self.backlog.lose_patience(),
             None => self.waited_too_long(),
         })?;
-        let (slot, memory) = permits.map_err(stopped)?;
-        Ok(self.ticket(cost, arrived.elapsed(), slot, Memory::new(memory)))
+        let (slot, memory) = entered.ok_or_else(stopped)?;
+        Ok(self.ticket(cost, arrived.elapsed(), slot, memory))
     }
 
-    /// First a slot, so that only as many as there are slots hold or await memory.
-    async fn permits(
-        &self,
-        cost: Cost,
-    ) -> Result<(OwnedSemaphorePermit, OwnedSemaphorePermit), AcquireError> {
-        let slot = Arc::clone(&self.slots).acquire_owned().await?;
-        let memory = Arc::clone(&self.memory).acquire_many_owned(cost.mib()).await?;
-        Ok((slot, memory))
+    /// Refuses what [`Admission::admit`] would refuse of this owner whatever it costs: so that a long
+    /// body need not be received first.
+    ///
+    /// # Errors
+    /// `overloaded` and `quota-exceeded`.
+    pub fn refuse_crowd(&self, owner: &Owner) -> Result<(), Problem> {
+        self.backlog.refuse_crowd(owner, self.gate.has_slot_for(owner))
     }
 
-    fn ticket(
-        &self,
-        cost: Cost,
-        waited: Duration,
-        slot: OwnedSemaphorePermit,
-        memory: Memory,
-    ) -> Ticket {
+    fn ticket(&self, cost: Cost, waited: Duration, slot: Slot, memory: Memory) -> Ticket {
         self.backlog.start(cost);
         telemetry::queue_wait(waited);
         telemetry::jobs_in_progress(1.0);
-        let gate = self.clone();
-        Ticket { waited, cost, started: Instant::now(), gate, memory, _slot: slot }
+        let backlog = Arc::clone(&self.backlog);
+        Ticket { waited, cost, started: Instant::now(), backlog, memory, _slot: slot }
     }
 
     fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
-        if cost.mib() as usize <= self.memory_mib {
+        let memory_mib = self.gate.memory_mib();
+        if cost.mib() as usize <= memory_mib {
             return Ok(());
         }
         let detail = format!(
@@ -122,10 +136,10 @@ impl Admission {
              send a smaller image, or ask for fewer vertices or a method that starts with fewer \
              points",
             cost.mib(),
-            self.memory_mib
+            memory_mib
         );
         let problem = Problem::new(Kind::WorkTooLarge, detail).setting("--memory-budget");
-        Err(problem.limit(self.memory_mib, cost.mib()))
+        Err(problem.limit(memory_mib, cost.mib()))
     }
 
     fn waited_too_long(&self) -> Problem {
@@ -140,29 +154,30 @@ impl Admission {
 impl Ticket {
     /// Says that the work was done to its end, so that its time counts in the average.
     pub fn completed(&self) {
-        self.gate.backlog.learn(self.cost, self.started.elapsed());
+        self.backlog.learn(self.cost, self.started.elapsed());
     }
 
     /// Takes out the memory that an answer of so many bytes needs for as long as it is there.
-    pub fn keep(&mut self, bytes: usize) -> Option<Memory> {
+    #[must_use]
+    pub fn keep(&mut self, bytes: usize) -> Memory {
         self.memory.split(bytes)
     }
 
     /// Says that the work was stopped before its end.
     pub fn stopped(&self) {
-        self.gate.backlog.learn_at_least(self.cost, self.started.elapsed());
+        self.backlog.learn_at_least(self.cost, self.started.elapsed());
     }
 }
 
 impl Drop for Ticket {
     fn drop(&mut self) {
-        self.gate.backlog.end(self.cost);
+        self.backlog.end(self.cost);
         telemetry::jobs_in_progress(-1.0);
     }
 }
 
-/// The semaphores are never closed, but if they were, this is what it would mean.
-fn stopped(_: AcquireError) -> Problem {
+/// The gate is never closed, but if it were, this is what it would mean.
+fn stopped() -> Problem {
     Problem::new(Kind::ShuttingDown, "the service is stopping")
 }
 
@@ -171,28 +186,44 @@ mod tests {
     use super::effort::{Effort, WorkKind};
     use super::*;
 
+    fn gate(queue_s: f64) -> Admission {
+        Admission::new(&Limits {
+            workers: 1,
+            memory_bytes: 1 << 20,
+            queue_s,
+            running_per_key: 1,
+            queued_per_key: 1,
+        })
+    }
+
     #[tokio::test]
     async fn an_answer_keeps_its_memory_and_not_the_slot_until_it_is_gone() {
-        let gate = Admission::new(1, 1 << 20, 0.02);
+        let gate = gate(0.02);
         let cost = Cost::of_effort(Effort { kind: WorkKind::OneShot, units: 1.0 });
         let deadline = Instant::now() + Duration::from_secs(60);
-        let mut ticket = gate.admit(cost, deadline).await.unwrap();
+        let mut ticket = gate.admit(&Owner::anonymous(), cost, deadline).await.unwrap();
         let kept = ticket.keep(usize::MAX);
         drop(ticket);
-        assert_eq!(gate.slots.available_permits(), 1);
-        let problem = gate.admit(cost, deadline).await.unwrap_err();
+        assert!(gate.gate.has_slot_for(&Owner::anonymous()));
+        let problem = gate.admit(&Owner::anonymous(), cost, deadline).await.unwrap_err();
         assert_eq!(problem.kind(), Kind::Overloaded, "it waits no longer than the queue may take");
         drop(kept);
-        assert!(gate.admit(cost, deadline).await.is_ok());
+        assert!(gate.admit(&Owner::anonymous(), cost, deadline).await.is_ok());
     }
 
     #[tokio::test]
     async fn a_deadline_before_the_end_of_patience_is_what_is_exceeded() {
-        let gate = Admission::new(1, 1 << 20, 60.0);
+        let gate = gate(60.0);
         let cost = Cost::of_effort(Effort { kind: WorkKind::OneShot, units: 1.0 });
-        let ticket = gate.admit(cost, Instant::now() + Duration::from_secs(60)).await.unwrap();
+        let ticket = gate
+            .admit(&Owner::anonymous(), cost, Instant::now() + Duration::from_secs(60))
+            .await
+            .unwrap();
         let soon = Instant::now() + Duration::from_millis(20);
-        assert_eq!(gate.admit(cost, soon).await.unwrap_err().kind(), Kind::DeadlineExceeded);
+        assert_eq!(
+            gate.admit(&Owner::anonymous(), cost, soon).await.unwrap_err().kind(),
+            Kind::DeadlineExceeded
+        );
         drop(ticket);
     }
 }

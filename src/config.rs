@@ -10,6 +10,7 @@ mod quantity;
 pub use access::AccessSettings;
 pub use quantity::{ByteSize, Period};
 
+use crate::admission;
 use clap::{Args, CommandFactory, Parser, ValueEnum};
 use std::error::Error;
 use std::ffi::OsString;
@@ -172,6 +173,19 @@ impl Settings {
     #[must_use]
     pub fn work_budget(&self) -> ByteSize {
         ByteSize(self.memory_budget.0.saturating_sub(self.body_budget().0))
+    }
+
+    /// What work may take of this machine.
+    #[must_use]
+    pub fn of_admission(&self) -> admission::Limits {
+        let workers = self.worker_count();
+        admission::Limits {
+            workers,
+            memory_bytes: self.work_budget().0,
+            queue_s: self.queue_seconds,
+            running_per_key: self.access.running(workers),
+            queued_per_key: self.access.key_queued.get(),
+        }
     }
 
     /// The longest time from the end of the upload to the answer.

@@ -73,13 +73,24 @@ fn panicked(_: &JoinError) -> Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::admission::{Admission, Cost};
+    use crate::admission::{Admission, Cost, Limits};
     use crate::extract::accept::Format;
+    use crate::extract::owner::Owner;
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Method, Target};
     use std::time::Duration;
 
     const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
+
+    fn gate() -> Admission {
+        Admission::new(&Limits {
+            workers: 1,
+            memory_bytes: 1 << 20,
+            queue_s: 1.0,
+            running_per_key: 1,
+            queued_per_key: 1,
+        })
+    }
 
     fn cost() -> Cost {
         let header = probe(PICTURE, &pixmesh_codec::Limits::default()).unwrap();
@@ -90,10 +101,10 @@ mod tests {
 
     #[tokio::test]
     async fn a_panic_is_an_internal_failure_and_gives_the_ticket_back() {
-        let gate = Admission::new(1, 1 << 20, 1.0);
+        let gate = gate();
         let deadline = Instant::now() + Duration::from_secs(60);
         for _ in 0..3 {
-            let ticket = gate.admit(cost(), deadline).await.unwrap();
+            let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
             let result: Result<(), _> = run(ticket, deadline, |_, _| panic!("on purpose")).await;
             let problem = result.unwrap_err();
             assert_eq!(problem.kind(), Kind::Internal);
@@ -103,9 +114,9 @@ mod tests {
 
     #[tokio::test]
     async fn dropping_the_wait_stops_the_work_and_only_then_gives_the_ticket_back() {
-        let gate = Admission::new(1, 1 << 20, 1.0);
+        let gate = gate();
         let deadline = Instant::now() + Duration::from_secs(60);
-        let ticket = gate.admit(cost(), deadline).await.unwrap();
+        let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
         let work = run(ticket, deadline, |watch, _| -> Result<(), Problem> {
             while watch.check().is_ok() {
                 std::thread::sleep(Duration::from_millis(1));
@@ -115,7 +126,7 @@ mod tests {
         });
         assert!(tokio::time::timeout(Duration::from_millis(50), work).await.is_err());
         let left = Instant::now();
-        gate.admit(cost(), deadline).await.unwrap();
+        gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
         assert!(left.elapsed() >= Duration::from_millis(40), "{:?}", left.elapsed());
     }
 }

@@ -76,11 +76,7 @@ impl Service {
                 memory: BodyMemory::new(settings.body_budget().0),
             },
             pictures: settings.limits.of_pictures(),
-            admission: Admission::new(
-                settings.worker_count(),
-                settings.work_budget().0,
-                settings.queue_seconds,
-            ),
+            admission: Admission::new(&settings.of_admission()),
             deadline: settings.deadline(),
             cut: CancellationToken::new(),
         }

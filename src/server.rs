@@ -10,6 +10,7 @@ mod descriptors;
 mod framing;
 mod listener;
 mod stream;
+mod unreadable;
 
 pub use framing::{Framing, HeadDefect};
 

@@ -1,9 +1,11 @@
 //! The queue, counted in seconds of work.
 
-use super::Cost;
 use super::effort::{Effort, WorkKind};
+use super::{Cost, Limits};
+use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
+use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -23,53 +25,92 @@ const PATIENCE: f64 = 2.0;
 pub(super) struct Backlog {
     workers: f64,
     limit_s: f64,
+    queued_per_key: usize,
     state: Mutex<State>,
 }
 
+/// Units of work by its kind.
+type Units = [f64; WorkKind::ALL.len()];
+
+const NONE: Units = [0.0; WorkKind::ALL.len()];
+
 #[derive(Debug)]
 struct State {
-    waiting: usize,
-    /// By kind of work, as the two below.
-    waiting_units: [f64; WorkKind::ALL.len()],
-    running_units: [f64; WorkKind::ALL.len()],
-    s_per_unit: [f64; WorkKind::ALL.len()],
+    /// Of every owner of whom something waits.
+    waiting: HashMap<Owner, Waiting>,
+    running_units: Units,
+    s_per_unit: Units,
+}
+
+/// What waits of one owner.
+#[derive(Clone, Copy, Debug, Default)]
+struct Waiting {
+    count: usize,
+    units: Units,
 }
 
 /// A place in the queue, given up when dropped.
 #[derive(Debug)]
 pub(super) struct Place<'a> {
     backlog: &'a Backlog,
+    owner: Owner,
     effort: Effort,
 }
 
 impl Backlog {
-    pub(super) fn new(workers: usize, limit_s: f64) -> Self {
-        let none = [0.0; WorkKind::ALL.len()];
+    pub(super) fn new(limits: &Limits) -> Self {
         let state = State {
-            waiting: 0,
-            waiting_units: none,
-            running_units: none,
+            waiting: HashMap::new(),
+            running_units: NONE,
             s_per_unit: WorkKind::ALL.map(WorkKind::first_guess_s),
         };
-        Self { workers: workers as f64, limit_s, state: Mutex::new(state) }
+        Self {
+            workers: limits.workers as f64,
+            limit_s: limits.queue_s,
+            queued_per_key: limits.queued_per_key,
+            state: Mutex::new(state),
+        }
     }
 
-    /// Takes a place, unless more than the allowed seconds of work wait already.
+    /// Takes a place, unless more than the owner's part of the allowed seconds waits already.
     ///
     /// # Errors
-    /// `overloaded`, with the seconds until the queue will have drained.
-    pub(super) fn enter(&self, cost: Cost, slot_is_free: bool) -> Result<Place<'_>, Problem> {
-        let mut state = self.state();
-        let waiting_s = self.seconds(&state.waiting_units, &state);
-        if waiting_s > self.limit_s && !slot_is_free {
-            drop(state);
-            return Err(self.full(waiting_s));
-        }
+    /// `overloaded`, with the seconds until the queue will have drained, and `quota-exceeded` when
+    /// as many requests of a key wait as may.
+    pub(super) fn enter(
+        &self,
+        owner: &Owner,
+        cost: Cost,
+        slot_is_free: bool,
+    ) -> Result<Place<'_>, Problem> {
+        self.refuse_crowd(owner, slot_is_free)?;
         let effort = cost.effort();
-        state.waiting += 1;
-        state.waiting_units[effort.kind as usize] += effort.units;
-        telemetry::queue_depth(state.waiting);
-        Ok(Place { backlog: self, effort })
+        let mut state = self.state();
+        let waiting = state.waiting.entry(owner.clone()).or_default();
+        waiting.count += 1;
+        waiting.units[effort.kind as usize] += effort.units;
+        telemetry::queue_depth(state.depth());
+        Ok(Place { backlog: self, owner: owner.clone(), effort })
+    }
+
+    /// Refuses one more request of an owner of whom too much waits already.
+    ///
+    /// # Errors
+    /// As [`Backlog::enter`].
+    pub(super) fn refuse_crowd(&self, owner: &Owner, slot_is_free: bool) -> Result<(), Problem> {
+        let state = self.state();
+        let waiting = state.waiting.get(owner).copied().unwrap_or_default();
+        let others = state.waiting.len() - usize::from(waiting.count > 0);
+        let waiting_s = self.seconds(&waiting.units, &state);
+        drop(state);
+        if !owner.is_anonymous() && waiting.count >= self.queued_per_key {
+            return Err(self.too_many_of_key(waiting.count));
+        }
+        let share_s = self.limit_s / (others + 1) as f64;
+        if waiting_s > share_s && !slot_is_free {
+            return Err(self.full(waiting_s, share_s));
+        }
+        Ok(())
     }
 
     /// Work of this cost begins.
@@ -105,8 +146,9 @@ impl Backlog {
     /// Whole seconds until everything that waits or runs will be done, 1 or more.
     pub(super) fn drain_s(&self) -> u64 {
         let state = self.state();
-        let [waiting_s, running_s] =
-            [&state.waiting_units, &state.running_units].map(|units| self.seconds(units, &state));
+        let waiting = state.waiting.values().map(|waiting| self.seconds(&waiting.units, &state));
+        let waiting_s: f64 = waiting.sum();
+        let running_s = self.seconds(&state.running_units, &state);
         (waiting_s + running_s).ceil().clamp(1.0, MAX_RETRY_AFTER_S) as u64
     }
 
@@ -129,19 +171,27 @@ impl Backlog {
             .retry_after_s(self.drain_s())
     }
 
-    fn seconds(&self, units: &[f64; WorkKind::ALL.len()], state: &State) -> f64 {
+    fn seconds(&self, units: &Units, state: &State) -> f64 {
         let by_kind = units.iter().zip(&state.s_per_unit);
         by_kind.map(|(units, s_per_unit)| units * s_per_unit).sum::<f64>() / self.workers
     }
 
-    fn full(&self, waiting_s: f64) -> Problem {
+    fn full(&self, waiting_s: f64, share_s: f64) -> Problem {
         telemetry::shed(Shed::QueueFull);
-        let Self { limit_s, .. } = self;
-        let detail =
-            format!("{waiting_s:.3} s of work wait already, more than the limit of {limit_s} s");
+        let detail = format!("{waiting_s:.3} s of work wait already, more than {share_s:.3} s");
         Problem::new(Kind::Overloaded, detail)
             .setting("--queue-seconds")
-            .limit(*limit_s, waiting_s)
+            .limit(share_s, waiting_s)
+            .retry_after_s(self.drain_s())
+    }
+
+    fn too_many_of_key(&self, count: usize) -> Problem {
+        telemetry::shed(Shed::Quota);
+        let limit = self.queued_per_key;
+        let detail = format!("{count} requests of this key wait already, and {limit} may");
+        Problem::new(Kind::QuotaExceeded, detail)
+            .setting("--key-queued")
+            .limit(limit, count)
             .retry_after_s(self.drain_s())
     }
 
@@ -150,13 +200,25 @@ impl Backlog {
     }
 }
 
+impl State {
+    /// How many wait in all.
+    fn depth(&self) -> usize {
+        self.waiting.values().map(|waiting| waiting.count).sum()
+    }
+}
+
 impl Drop for Place<'_> {
     fn drop(&mut self) {
         let Effort { kind, units } = self.effort;
         let mut state = self.backlog.state();
-        state.waiting -= 1;
-        state.waiting_units[kind as usize] -= units;
-        telemetry::queue_depth(state.waiting);
+        if let Some(waiting) = state.waiting.get_mut(&self.owner) {
+            waiting.count -= 1;
+            waiting.units[kind as usize] -= units;
+            if waiting.count == 0 {
+                state.waiting.remove(&self.owner);
+            }
+        }
+        telemetry::queue_depth(state.depth());
     }
 }
 
@@ -169,23 +231,51 @@ mod tests {
         Cost::of_effort(Effort { kind, units: seconds / kind.first_guess_s() })
     }
 
+    fn backlog(workers: usize) -> Backlog {
+        Backlog::new(&Limits {
+            workers,
+            memory_bytes: 1 << 20,
+            queue_s: 1.0,
+            running_per_key: 1,
+            queued_per_key: 3,
+        })
+    }
+
+    #[test]
+    fn owners_share_the_seconds_of_the_queue() {
+        let backlog = backlog(1);
+        let [a, b] = ["a", "b"].map(Owner::named);
+        let cost = guessed(WorkKind::OneShot, 0.4);
+        let filled: Vec<_> = (0..3).map(|_| backlog.enter(&a, cost, false)).collect();
+        assert!(filled.iter().all(Result::is_ok), "1.2 s, alone");
+        let other: Vec<_> = (0..3).map(|_| backlog.enter(&b, cost, false)).collect();
+        let admitted: Vec<_> = other.iter().map(Result::is_ok).collect();
+        assert_eq!(admitted, [true, true, false], "half a second is the part of each");
+        let problem = backlog.enter(&a, cost, false).unwrap_err();
+        assert_eq!(problem.kind(), Kind::QuotaExceeded, "three of a key may wait");
+        assert!(backlog.enter(&Owner::anonymous(), cost, false).is_ok());
+    }
+
     #[test]
     fn the_queue_is_full_when_the_seconds_that_wait_exceed_the_limit() {
-        let backlog = Backlog::new(1, 1.0);
+        let backlog = backlog(1);
         let [one_shot, simplifying] = WorkKind::ALL.map(|kind| guessed(kind, 0.55));
         let costs = [one_shot, simplifying, one_shot];
-        let places = costs.map(|cost| backlog.enter(cost, false));
+        let places = costs.map(|cost| backlog.enter(&Owner::anonymous(), cost, false));
         assert!(places[0].is_ok() && places[1].is_ok());
         assert_eq!(places[2].as_ref().unwrap_err().kind(), Kind::Overloaded);
         assert_eq!(backlog.drain_s(), 2, "twice 0.55 s");
-        assert!(backlog.enter(one_shot, true).is_ok(), "an idle worker never refuses");
+        assert!(
+            backlog.enter(&Owner::anonymous(), one_shot, true).is_ok(),
+            "an idle worker never refuses"
+        );
         drop(places);
-        assert!(backlog.enter(one_shot, false).is_ok());
+        assert!(backlog.enter(&Owner::anonymous(), one_shot, false).is_ok());
     }
 
     #[test]
     fn stopped_work_counts_only_when_it_took_longer_than_expected() {
-        let backlog = Backlog::new(1, 1.0);
+        let backlog = backlog(1);
         let cost = guessed(WorkKind::Simplifying, 5.0);
         backlog.start(cost);
         backlog.learn_at_least(cost, Duration::from_secs(1));
@@ -198,9 +288,9 @@ mod tests {
 
     #[test]
     fn long_quick_work_makes_room_for_more() {
-        let backlog = Backlog::new(2, 1.0);
+        let backlog = backlog(2);
         let cost = guessed(WorkKind::OneShot, 100.0);
-        assert!(backlog.enter(cost, false).is_ok());
+        assert!(backlog.enter(&Owner::anonymous(), cost, false).is_ok());
         for _ in 0..20 {
             backlog.learn(cost, Duration::from_secs(1));
         }
@@ -210,7 +300,7 @@ mod tests {
 
     #[test]
     fn neither_tiny_work_nor_another_kind_changes_what_large_work_is_expected_to_take() {
-        let backlog = Backlog::new(1, 1.0);
+        let backlog = backlog(1);
         let large = guessed(WorkKind::Simplifying, 20.0);
         backlog.start(large);
         for _ in 0..200 {

@@ -1,30 +1,39 @@
 //! Memory of the budget that somebody holds.
 
+use super::gate::Gate;
+use crate::extract::owner::Owner;
 use crate::telemetry;
-use tokio::sync::OwnedSemaphorePermit;
+use std::sync::Arc;
 
 /// Whole MiB of the budget for work, given back when dropped.
 ///
 /// Work holds what it needs at its peak. What it leaves behind, its answer, goes on holding a
 /// [part](Memory::split) for as long as there are bytes of it.
 #[derive(Debug)]
-pub struct Memory(OwnedSemaphorePermit);
+pub struct Memory {
+    gate: Arc<Gate>,
+    owner: Owner,
+    mib: usize,
+}
 
 impl Memory {
-    /// Memory of a permit, which has one unit for each MiB.
-    pub(super) fn new(permit: OwnedSemaphorePermit) -> Self {
-        telemetry::memory_used_mib(permit.num_permits() as f64);
-        Self(permit)
+    /// Memory that the gate has given out.
+    pub(super) fn new(gate: Arc<Gate>, owner: Owner, mib: usize) -> Self {
+        telemetry::memory_used_mib(mib as f64);
+        Self { gate, owner, mib }
     }
 
     /// Takes the part that `bytes` need, or all there is when they need more.
-    pub(super) fn split(&mut self, bytes: usize) -> Option<Self> {
-        self.0.split(bytes.div_ceil(1 << 20).min(self.0.num_permits())).map(Self)
+    pub(super) fn split(&mut self, bytes: usize) -> Self {
+        let mib = bytes.div_ceil(1 << 20).min(self.mib);
+        self.mib -= mib;
+        Self { gate: Arc::clone(&self.gate), owner: self.owner.clone(), mib }
     }
 }
 
 impl Drop for Memory {
     fn drop(&mut self) {
-        telemetry::memory_used_mib(-(self.0.num_permits() as f64));
+        telemetry::memory_used_mib(-(self.mib as f64));
+        self.gate.free(&self.owner, self.mib);
     }
 }

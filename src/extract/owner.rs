@@ -1,5 +1,6 @@
 //! Who sends a request, as far as anything is kept apart by it.
 
+use axum::http::Extensions;
 use std::fmt;
 use std::sync::Arc;
 
@@ -18,6 +19,12 @@ impl Owner {
     #[must_use]
     pub fn named(name: &str) -> Self {
         Self(name.into())
+    }
+
+    /// Whom a request is from, as [`super::auth`] has found out.
+    #[must_use]
+    pub fn of(extensions: &Extensions) -> Self {
+        extensions.get().cloned().unwrap_or_else(Self::anonymous)
     }
 
     /// The name; empty for [`Owner::anonymous`].

@@ -20,11 +20,13 @@ impl RequestId {
         let mut given = request.headers().get_all(&REQUEST_ID).iter();
         match (given.next(), given.next()) {
             (Some(id), None) if is_harmless(id.as_bytes()) => Self(id.clone()),
-            _ => Self::new(),
+            _ => Self::random(),
         }
     }
 
-    fn new() -> Self {
+    /// A new id.
+    #[must_use]
+    pub fn random() -> Self {
         let id = Uuid::now_v7().to_string();
         Self(HeaderValue::try_from(id).unwrap_or(HeaderValue::from_static("unknown")))
     }

@@ -11,6 +11,7 @@ mod pace;
 
 pub use meter::{BodyLimit, BodyMemory, Charge};
 
+use super::owner::Owner;
 use super::params::ParameterSet;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
@@ -50,6 +51,7 @@ impl Intake {
     /// `overloaded` when bodies take all of their memory, and whatever is wrong with a form.
     pub async fn receive(
         &self,
+        owner: &Owner,
         headers: &HeaderMap,
         body: Body,
         parameters: &mut ParameterSet,
@@ -57,23 +59,11 @@ impl Intake {
         refuse_encoded(headers)?;
         let label = Label::of(headers)?;
         self.refuse_announced(headers)?;
-        let receiving = self.receive_labelled(&label, headers, body, parameters);
-        tokio::time::timeout(self.timeout, receiving).await.map_err(|_| self.too_slow())?
-    }
-
-    async fn receive_labelled(
-        &self,
-        label: &Label,
-        headers: &HeaderMap,
-        body: Body,
-        parameters: &mut ParameterSet,
-    ) -> Result<Upload, Problem> {
-        let charge = Arc::new(self.memory.charge());
+        let charge = Arc::new(self.memory.charge(owner));
         let body = Metered::new(body, self.max_body, Arc::clone(&charge));
-        let image = match label {
-            Label::Image => collect(body).await?,
-            Label::Form => form::receive(headers, body, parameters).await?,
-        };
+        let receiving = receive_labelled(&label, headers, body, parameters);
+        let received = tokio::time::timeout(self.timeout, receiving).await;
+        let image = received.map_err(|_| self.too_slow())??;
         Ok(Upload { image, charge })
     }
 
@@ -89,6 +79,19 @@ impl Intake {
     fn too_slow(&self) -> Problem {
         let detail = format!("the body did not arrive within {} s", self.timeout.as_secs_f64());
         Problem::new(Kind::RequestTimeout, detail).setting("--body-timeout")
+    }
+}
+
+/// The bytes of the image in a body.
+async fn receive_labelled(
+    label: &Label,
+    headers: &HeaderMap,
+    body: Metered,
+    parameters: &mut ParameterSet,
+) -> Result<Vec<u8>, Problem> {
+    match label {
+        Label::Image => collect(body).await,
+        Label::Form => form::receive(headers, body, parameters).await,
     }
 }
 

@@ -3,6 +3,7 @@
 use super::Service;
 use crate::admission::{Cost, Memory};
 use crate::extract::accept::{self, Representation};
+use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::upload::Upload;
 use crate::pipeline::{self, Answer};
@@ -10,12 +11,16 @@ use crate::pool;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE, ETAG, VARY};
+use axum::http::header::{CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_TYPE, ETAG, VARY};
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Bytes of a body that is received even when its request will be refused, so that the connection
+/// stays open.
+const LONG_BODY: u64 = 256 << 10;
 
 /// Answers with the mesh, or says at once what is wrong.
 ///
@@ -34,29 +39,40 @@ pub async fn create(
 
 async fn make(service: &Service, request: Request) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
+    let owner = Owner::of(&head.extensions);
     let mut parameters = ParameterSet::of_query(head.uri.query())?;
-    let upload = service.intake.receive(&head.headers, body, &mut parameters).await?;
+    if is_long(&head.headers) {
+        service.admission.refuse_crowd(&owner)?;
+    }
+    let upload = service.intake.receive(&owner, &head.headers, body, &mut parameters).await?;
     let order = parameters.finish()?;
     let representation = accept::choose(order.format, &head.headers)?;
     let ran = order.query();
-    let (answer, memory) = run(service, upload, order, representation).await?;
+    let (answer, memory) = run(service, &owner, upload, order, representation).await?;
     respond(answer, memory, representation, &ran)
+}
+
+/// Whether a body is so long, or may be, that it is worth the connection to refuse it unread.
+fn is_long(headers: &HeaderMap) -> bool {
+    let length = headers.get(CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse().ok());
+    length.is_none_or(|length: u64| length > LONG_BODY)
 }
 
 /// Checks the order against the image's header, waits for a ticket, and does the work; the answer
 /// comes with the memory that it holds.
 async fn run(
     service: &Service,
+    owner: &Owner,
     upload: Upload,
     order: Order,
     representation: Representation,
-) -> Result<(Answer, Option<Memory>), Problem> {
+) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
     let header = pixmesh_codec::probe(&upload.image, &limits)?;
     let plan = order.plan(&header)?;
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format);
     let deadline = Instant::now() + service.deadline;
-    let ticket = service.admission.admit(cost, deadline).await?;
+    let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, ticket| {
         let answer = pipeline::mesh(upload, &order, representation, &limits, watch)?;
         let memory = ticket.keep(answer.bytes.len());
@@ -68,7 +84,7 @@ async fn run(
 /// The bytes of an answer, which hold their memory until the client has taken them or gone.
 struct Held {
     bytes: Vec<u8>,
-    _memory: Option<Memory>,
+    _memory: Memory,
 }
 
 impl AsRef<[u8]> for Held {
@@ -80,7 +96,7 @@ impl AsRef<[u8]> for Held {
 /// The answer with its headers.
 fn respond(
     answer: Answer,
-    memory: Option<Memory>,
+    memory: Memory,
     representation: Representation,
     ran: &str,
 ) -> Result<Response, Problem> {

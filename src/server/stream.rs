@@ -11,6 +11,7 @@
 //! time that an answer takes in all.
 
 use super::framing::Framing;
+use super::unreadable;
 use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
@@ -32,8 +33,18 @@ pub(super) struct Stream {
     framing: Framing,
     stall_timeout: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
+    /// What is being sent in place of bytes of the HTTP library.
+    replaced: Option<Replaced>,
     /// The connection's place among those open, kept until it is closed.
     place: Option<OwnedSemaphorePermit>,
+}
+
+/// Bytes that are sent in place of others.
+struct Replaced {
+    bytes: Vec<u8>,
+    sent: usize,
+    /// The number of those others.
+    original: usize,
 }
 
 impl Stream {
@@ -44,11 +55,38 @@ impl Stream {
         place: OwnedSemaphorePermit,
     ) -> Self {
         let place = Some(place);
-        Self { socket: Some(socket), framing, stall_timeout, stalled: None, place }
+        Self { socket: Some(socket), framing, stall_timeout, stalled: None, replaced: None, place }
     }
 
     fn socket(&mut self) -> io::Result<Pin<&mut TcpStream>> {
         self.socket.as_mut().map(Pin::new).ok_or_else(|| ErrorKind::NotConnected.into())
+    }
+
+    /// Sends what is to be sent in place of `bytes`; `None` when these are sent themselves.
+    fn poll_replaced(
+        &mut self,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Option<Poll<io::Result<usize>>> {
+        let mut replaced = self.replaced.take().or_else(|| {
+            let original = bytes.len();
+            unreadable::in_place_of(bytes).map(|bytes| Replaced { bytes, sent: 0, original })
+        })?;
+        while replaced.sent < replaced.bytes.len() {
+            let socket = match self.socket() {
+                Ok(socket) => socket,
+                Err(error) => return Some(Poll::Ready(Err(error))),
+            };
+            match socket.poll_write(context, &replaced.bytes[replaced.sent..]) {
+                Poll::Ready(Ok(count)) => replaced.sent += count,
+                Poll::Ready(Err(error)) => return Some(Poll::Ready(Err(error))),
+                Poll::Pending => {
+                    self.replaced = Some(replaced);
+                    return Some(Poll::Pending);
+                }
+            }
+        }
+        Some(Poll::Ready(Ok(replaced.original)))
     }
 
     /// Passes on what became of writing, and an error when nothing could be written for too long.
@@ -87,7 +125,10 @@ impl AsyncWrite for Stream {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        let written = self.socket()?.poll_write(context, bytes);
+        let written = match self.poll_replaced(context, bytes) {
+            Some(written) => written,
+            None => self.socket()?.poll_write(context, bytes),
+        };
         self.unless_stalled(written, context)
     }
 
@@ -105,7 +146,11 @@ impl AsyncWrite for Stream {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        let written = self.socket()?.poll_write_vectored(context, slices);
+        let only = if let [only] = slices { only } else { &io::IoSlice::new(&[]) };
+        let written = match self.poll_replaced(context, only) {
+            Some(written) => written,
+            None => self.socket()?.poll_write_vectored(context, slices),
+        };
         self.unless_stalled(written, context)
     }
 

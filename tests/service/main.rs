@@ -5,6 +5,7 @@ mod access;
 mod client;
 mod contract;
 mod formats;
+mod keys;
 mod lifecycle;
 mod load;
 mod parameters;

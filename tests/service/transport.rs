@@ -109,13 +109,26 @@ fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
         assert_eq!(problem["limit"], 16 * 1024);
     }
     let huge = "a".repeat(400_000);
-    assert_eq!(send(server.public, "GET", "/", &[("X-Long", &huge)], &[]).status, 431);
+    let answer = send(server.public, "GET", "/", &[("X-Long", &huge)], &[]);
+    answer.problem(431, "headers-too-large");
     let headers: Vec<_> = (0..1000).map(|i| (format!("X-{i}"), "y")).collect();
     let headers: Vec<_> = headers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-    assert_eq!(send(server.public, "GET", "/", &headers, &[]).status, 431);
-    for request in ["nonsense\r\n\r\n", "GET / HTTP/1.1\r\nA b: c\r\n\r\n"] {
-        assert_eq!(exchange(server.public, request.as_bytes()).status, 400, "{request}");
+    send(server.public, "GET", "/", &headers, &[]).problem(431, "headers-too-large");
+    for request in [
+        "nonsense\r\n\r\n",
+        "GET / HTTP/1.1\r\nA b: c\r\n\r\n",
+        "GET / HTTP/9.9\r\nHost: a\r\n\r\n",
+        "GET http://[ HTTP/1.1\r\nHost: a\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: a\r\nContent-Length: 1, 2\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: x\r\n\r\n",
+        "\u{16}\u{3}\u{1} a TLS greeting \r\n\r\n",
+    ] {
+        let answer = exchange(server.public, request.as_bytes());
+        answer.problem(400, "bad-request");
+        assert_eq!(answer.header("connection"), "close", "{request}");
     }
+    let target = format!("GET /{} HTTP/1.1\r\nHost: a\r\n\r\n", "a".repeat(70_000));
+    exchange(server.public, target.as_bytes()).problem(414, "uri-too-long");
     for target in ["CONNECT test:80", "OPTIONS *", "GET *"] {
         let request = format!("{target} HTTP/1.1\r\nHost: test\r\n\r\n");
         let answer = exchange(server.public, request.as_bytes());

@@ -1,17 +1,18 @@
 //! Counts a body as it arrives: against the limit of one, and against the memory for all of them.
 
+use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
 use axum::body::Body;
 use bytes::Bytes;
 use http_body::{Frame, SizeHint};
+use std::collections::HashMap;
 use std::error::Error;
 use std::fmt;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
-use tokio::sync::Semaphore;
 
 /// Seconds after which a client may try again when bodies take all of their memory.
 const RETRY_AFTER_S: u64 = 2;
@@ -38,27 +39,66 @@ impl BodyLimit {
 }
 
 /// The memory that all bodies share, in KiB.
+///
+/// The owner of a key may fill it to where as much is left to others as it takes itself, so that
+/// the uploads of one never keep those of another out; a single body may take all of it.
 #[derive(Clone, Debug)]
-pub struct BodyMemory(Arc<Semaphore>);
+pub struct BodyMemory(Arc<Mutex<Shared>>);
+
+#[derive(Debug)]
+struct Shared {
+    free_kib: usize,
+    held_kib: HashMap<Owner, usize>,
+}
 
 impl BodyMemory {
     /// Memory for `bytes` of bodies at a time.
     #[must_use]
     pub fn new(bytes: u64) -> Self {
-        let kib = usize::try_from(bytes / 1024).unwrap_or(usize::MAX);
-        Self(Arc::new(Semaphore::new(kib.clamp(1, Semaphore::MAX_PERMITS))))
+        let free_kib = usize::try_from(bytes / 1024).unwrap_or(usize::MAX).max(1);
+        Self(Arc::new(Mutex::new(Shared { free_kib, held_kib: HashMap::new() })))
     }
 
     /// A charge of nothing so far.
-    pub(super) fn charge(&self) -> Charge {
-        Charge { memory: Arc::clone(&self.0), held_kib: AtomicUsize::new(0) }
+    pub(super) fn charge(&self, owner: &Owner) -> Charge {
+        Charge { memory: self.clone(), owner: owner.clone(), held_kib: AtomicUsize::new(0) }
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Shared {
+    /// Gives `kib` more to the owner of a body that has `body_kib` already, if they may be its.
+    fn take(&mut self, owner: &Owner, body_kib: usize, kib: usize) -> bool {
+        let held_kib = self.held_kib.get(owner).copied().unwrap_or_default();
+        let Some(left_kib) = self.free_kib.checked_sub(kib) else { return false };
+        let is_only_body = held_kib == body_kib;
+        if !owner.is_anonymous() && !is_only_body && held_kib + kib > left_kib {
+            return false;
+        }
+        self.free_kib = left_kib;
+        *self.held_kib.entry(owner.clone()).or_default() += kib;
+        true
+    }
+
+    fn give_back(&mut self, owner: &Owner, kib: usize) {
+        self.free_kib += kib;
+        if let Some(held_kib) = self.held_kib.get_mut(owner) {
+            *held_kib -= kib;
+            if *held_kib == 0 {
+                self.held_kib.remove(owner);
+            }
+        }
     }
 }
 
 /// The memory that one body takes; freed when dropped.
 #[derive(Debug)]
 pub struct Charge {
-    memory: Arc<Semaphore>,
+    memory: BodyMemory,
+    owner: Owner,
     held_kib: AtomicUsize,
 }
 
@@ -66,22 +106,21 @@ impl Charge {
     /// Charges for `bytes` in all, and says whether there was memory for them.
     fn grow_to(&self, bytes: u64) -> bool {
         let needed_kib = usize::try_from(bytes.div_ceil(1024)).unwrap_or(usize::MAX);
-        let missing_kib = needed_kib.saturating_sub(self.held_kib.load(Ordering::Relaxed));
-        let missing = u32::try_from(missing_kib).unwrap_or(u32::MAX);
-        match self.memory.try_acquire_many(missing) {
-            Ok(permit) => {
-                permit.forget();
-                self.held_kib.fetch_add(missing_kib, Ordering::Relaxed);
-                true
-            }
-            Err(_) => false,
+        let held_kib = self.held_kib.load(Ordering::Relaxed);
+        let missing_kib = needed_kib.saturating_sub(held_kib);
+        let taken =
+            missing_kib == 0 || self.memory.shared().take(&self.owner, held_kib, missing_kib);
+        if taken {
+            self.held_kib.fetch_add(missing_kib, Ordering::Relaxed);
         }
+        taken
     }
 }
 
 impl Drop for Charge {
     fn drop(&mut self) {
-        self.memory.add_permits(self.held_kib.load(Ordering::Relaxed));
+        let held_kib = self.held_kib.load(Ordering::Relaxed);
+        self.memory.shared().give_back(&self.owner, held_kib);
     }
 }
 
@@ -149,4 +188,26 @@ fn no_memory() -> Problem {
     Problem::new(Kind::Overloaded, "the bodies being received take all memory meant for them")
         .setting("--memory-budget")
         .retry_after_s(RETRY_AFTER_S)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bodies_of_one_key_leave_as_much_to_others_and_a_single_one_may_take_all() {
+        let memory = BodyMemory::new(100 << 10);
+        let [a, b] = ["a", "b"].map(Owner::named);
+        let bodies: Vec<_> = (0..10).map(|_| memory.charge(&a)).collect();
+        let received = bodies.iter().filter(|body| body.grow_to(10 << 10)).count();
+        assert_eq!(received, 5);
+        assert!(memory.charge(&b).grow_to(10 << 10), "there is room for others");
+        drop(bodies);
+        assert!(memory.charge(&a).grow_to(100 << 10));
+        let anonymous: Vec<_> = (0..10).map(|_| memory.charge(&Owner::anonymous())).collect();
+        assert!(anonymous.iter().all(|body| body.grow_to(10 << 10)));
+        drop(anonymous);
+        assert_eq!(memory.shared().free_kib, 100);
+        assert!(memory.shared().held_kib.is_empty());
+    }
 }

@@ -1,0 +1,370 @@
+//! Slots and memory, given out in turns.
+//!
+//! Work waits in one lane for each owner, first come, first served. Owners take turns: whenever
+//! there is room, the first lane in the order of turns whose first piece fits gets it, and goes to
+//! the end of that order. A piece that finds no memory may be overtaken by other owners' for
+//! [`MAX_OVERTAKEN`] times, after which all wait until there is room for it; not, though, where its
+//! own owner's unread answers are what takes the room. The owner of a key has so many slots at most.
+
+use super::Memory;
+use crate::extract::owner::Owner;
+use std::collections::{HashMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::oneshot;
+
+/// How often a piece of work that finds no memory may be overtaken by others' smaller ones.
+const MAX_OVERTAKEN: u32 = 32;
+
+/// What there is to give out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Capacity {
+    /// Pieces of work at a time.
+    pub(super) slots: usize,
+    /// Memory for all of them.
+    pub(super) memory_mib: usize,
+    /// Pieces of work at a time of one key's owner.
+    pub(super) slots_per_key: usize,
+}
+
+/// Gives out slots and memory.
+#[derive(Debug)]
+pub(super) struct Gate {
+    capacity: Capacity,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    free_slots: usize,
+    free_mib: usize,
+    held: HashMap<Owner, Held>,
+    /// One for each owner of whom something waits, in the order of their turns.
+    lanes: VecDeque<Lane>,
+    next_id: u64,
+}
+
+/// What the work and the answers of one owner hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Held {
+    slots: usize,
+    mib: usize,
+}
+
+#[derive(Debug)]
+struct Lane {
+    owner: Owner,
+    waiting: VecDeque<Waiter>,
+    /// How often others got memory that the first of this lane did not.
+    overtaken: u32,
+}
+
+#[derive(Debug)]
+struct Waiter {
+    id: u64,
+    mib: usize,
+    /// Told when slot and memory are its own.
+    grant: oneshot::Sender<()>,
+}
+
+/// A slot of a worker, given back when dropped.
+#[derive(Debug)]
+pub(super) struct Slot {
+    gate: Arc<Gate>,
+    owner: Owner,
+}
+
+/// A place in a lane; what was granted in it and not taken is given back when it is dropped.
+struct Place {
+    gate: Arc<Gate>,
+    owner: Owner,
+    id: u64,
+    mib: usize,
+    is_taken: bool,
+}
+
+impl Gate {
+    pub(super) fn new(capacity: Capacity) -> Self {
+        let state = State {
+            free_slots: capacity.slots,
+            free_mib: capacity.memory_mib,
+            held: HashMap::new(),
+            lanes: VecDeque::new(),
+            next_id: 0,
+        };
+        Self { capacity, state: Mutex::new(state) }
+    }
+
+    /// Memory there is in all.
+    pub(super) fn memory_mib(&self) -> usize {
+        self.capacity.memory_mib
+    }
+
+    /// Whether there is a slot that this owner may have.
+    pub(super) fn has_slot_for(&self, owner: &Owner) -> bool {
+        let state = self.state();
+        state.free_slots > 0 && state.held(owner).slots < self.slots_of(owner)
+    }
+
+    /// Waits for a slot and so many MiB; `None` when there will never be any.
+    pub(super) async fn enter(self: &Arc<Self>, owner: &Owner, mib: u32) -> Option<(Slot, Memory)> {
+        let (place, granted) = self.wait_in_lane(owner, mib as usize);
+        granted.await.ok()?;
+        Some(place.take())
+    }
+
+    fn wait_in_lane(self: &Arc<Self>, owner: &Owner, mib: usize) -> (Place, oneshot::Receiver<()>) {
+        let (grant, granted) = oneshot::channel();
+        let mut state = self.state();
+        let id = state.next_id;
+        state.next_id += 1;
+        state.lane_of(owner).waiting.push_back(Waiter { id, mib, grant });
+        self.give_out(&mut state);
+        drop(state);
+        let (gate, owner) = (Arc::clone(self), owner.clone());
+        (Place { gate, owner, id, mib, is_taken: false }, granted)
+    }
+
+    /// Gives what is free to those whose turn it is.
+    fn give_out(&self, state: &mut State) {
+        while let Some(index) = self.next_lane(state) {
+            for lane in state.lanes.range_mut(..index) {
+                lane.overtaken += 1;
+            }
+            let Some(mut lane) = state.lanes.remove(index) else { return };
+            if let Some(waiter) = lane.waiting.pop_front() {
+                state.take(&lane.owner, waiter.mib);
+                lane.overtaken = 0;
+                // One that has gone gives it back when its place is dropped.
+                let _ = waiter.grant.send(());
+            }
+            if !lane.waiting.is_empty() {
+                state.lanes.push_back(lane);
+            }
+        }
+    }
+
+    /// The lane whose turn it is, of those whose first piece there is room for.
+    fn next_lane(&self, state: &State) -> Option<usize> {
+        if state.free_slots == 0 {
+            return None;
+        }
+        for (index, lane) in state.lanes.iter().enumerate() {
+            let held = state.held(&lane.owner);
+            let Some(first) = lane.waiting.front() else { continue };
+            if held.slots >= self.slots_of(&lane.owner) {
+                continue;
+            }
+            if first.mib <= state.free_mib {
+                return Some(index);
+            }
+            let fits_beside_own = first.mib + held.mib <= self.capacity.memory_mib;
+            if lane.overtaken >= MAX_OVERTAKEN && fits_beside_own {
+                return None;
+            }
+        }
+        None
+    }
+
+    fn slots_of(&self, owner: &Owner) -> usize {
+        if owner.is_anonymous() { self.capacity.slots } else { self.capacity.slots_per_key }
+    }
+
+    /// Gives back so much of an owner's, and gives it out again.
+    fn give_back(&self, owner: &Owner, slots: usize, mib: usize) {
+        let mut state = self.state();
+        state.give_back(owner, slots, mib);
+        self.give_out(&mut state);
+    }
+
+    /// Gives back memory.
+    pub(super) fn free(&self, owner: &Owner, mib: usize) {
+        self.give_back(owner, 0, mib);
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn held(&self, owner: &Owner) -> Held {
+        self.held.get(owner).copied().unwrap_or_default()
+    }
+
+    /// The lane of an owner, at the end of the order of turns when it is new.
+    fn lane_of(&mut self, owner: &Owner) -> &mut Lane {
+        let known = self.lanes.iter().position(|lane| lane.owner == *owner);
+        let index = known.unwrap_or_else(|| {
+            let waiting = VecDeque::new();
+            self.lanes.push_back(Lane { owner: owner.clone(), waiting, overtaken: 0 });
+            self.lanes.len() - 1
+        });
+        &mut self.lanes[index]
+    }
+
+    fn take(&mut self, owner: &Owner, mib: usize) {
+        self.free_slots -= 1;
+        self.free_mib -= mib;
+        let held = self.held.entry(owner.clone()).or_default();
+        held.slots += 1;
+        held.mib += mib;
+    }
+
+    fn give_back(&mut self, owner: &Owner, slots: usize, mib: usize) {
+        self.free_slots += slots;
+        self.free_mib += mib;
+        if let Some(held) = self.held.get_mut(owner) {
+            held.slots -= slots;
+            held.mib -= mib;
+            if *held == Held::default() {
+                self.held.remove(owner);
+            }
+        }
+    }
+
+    /// Takes a waiter out of its lane, and says whether it was still there.
+    fn leave(&mut self, owner: &Owner, id: u64) -> bool {
+        let Some(index) = self.lanes.iter().position(|lane| lane.owner == *owner) else {
+            return false;
+        };
+        let waiting = &mut self.lanes[index].waiting;
+        let before = waiting.len();
+        waiting.retain(|waiter| waiter.id != id);
+        let was_there = waiting.len() < before;
+        if waiting.is_empty() {
+            self.lanes.remove(index);
+        }
+        was_there
+    }
+}
+
+impl Place {
+    /// Takes what was granted.
+    fn take(mut self) -> (Slot, Memory) {
+        self.is_taken = true;
+        let slot = Slot { gate: Arc::clone(&self.gate), owner: self.owner.clone() };
+        (slot, Memory::new(Arc::clone(&self.gate), self.owner.clone(), self.mib))
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        if self.is_taken {
+            return;
+        }
+        let mut state = self.gate.state();
+        if !state.leave(&self.owner, self.id) {
+            state.give_back(&self.owner, 1, self.mib);
+        }
+        // The next in the lane may need less.
+        self.gate.give_out(&mut state);
+    }
+}
+
+impl Drop for Slot {
+    fn drop(&mut self) {
+        self.gate.give_back(&self.owner, 1, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::pin::pin;
+    use tokio::time::{Duration, timeout};
+
+    fn gate(slots: usize, memory_mib: usize, slots_per_key: usize) -> Arc<Gate> {
+        Arc::new(Gate::new(Capacity { slots, memory_mib, slots_per_key }))
+    }
+
+    fn owner(name: &str) -> Owner {
+        Owner::named(name)
+    }
+
+    /// What is granted at once, or `None` while it waits.
+    async fn at_once<T>(future: impl Future<Output = Option<T>>) -> Option<T> {
+        timeout(Duration::from_millis(1), future).await.ok().flatten()
+    }
+
+    #[tokio::test]
+    async fn owners_take_turns_whoever_has_more_waiting() {
+        let gate = gate(1, 10, 1);
+        let first = gate.enter(&owner("a"), 1).await.unwrap();
+        let (turns, mut order) = tokio::sync::mpsc::unbounded_channel();
+        for name in ["a", "a", "a", "b", "b", "c"] {
+            let (gate, turns) = (Arc::clone(&gate), turns.clone());
+            tokio::spawn(async move {
+                let granted = gate.enter(&owner(name), 1).await;
+                turns.send(name).unwrap();
+                drop(granted);
+            });
+            tokio::task::yield_now().await;
+        }
+        drop((first, turns));
+        let mut names = Vec::new();
+        while let Some(name) = order.recv().await {
+            names.push(name);
+        }
+        assert_eq!(names, ["a", "b", "c", "a", "b", "a"]);
+    }
+
+    #[tokio::test]
+    async fn a_key_has_its_slots_and_nobody_in_particular_has_all() {
+        let gate = gate(3, 10, 2);
+        let held = [gate.enter(&owner("a"), 1).await, gate.enter(&owner("a"), 1).await];
+        assert!(!gate.has_slot_for(&owner("a")) && gate.has_slot_for(&owner("b")));
+        assert!(at_once(gate.enter(&owner("a"), 1)).await.is_none());
+        assert!(at_once(gate.enter(&owner("b"), 1)).await.is_some());
+        drop(held);
+        let mut all = Vec::new();
+        for _ in 0..3 {
+            all.push(at_once(gate.enter(&Owner::anonymous(), 1)).await.unwrap());
+        }
+    }
+
+    #[tokio::test]
+    async fn who_leaves_while_waiting_or_when_granted_takes_nothing_along() {
+        let gate = gate(1, 10, 1);
+        let first = gate.enter(&owner("a"), 10).await;
+        assert!(at_once(gate.enter(&owner("b"), 1)).await.is_none(), "it leaves the lane");
+        assert!(gate.state().lanes.is_empty());
+        let (place, granted) = gate.wait_in_lane(&owner("b"), 10);
+        drop(first);
+        assert!(granted.await.is_ok(), "granted, and never taken");
+        drop(place);
+        let state = gate.state();
+        assert_eq!((state.free_slots, state.free_mib, state.held.len()), (1, 10, 0));
+    }
+
+    #[tokio::test]
+    async fn small_work_overtakes_what_finds_no_memory_but_not_for_ever() {
+        let gate = gate(3, 10, 2);
+        let [a, b] = ["a", "b"].map(owner);
+        let other = gate.enter(&owner("c"), 5).await.unwrap();
+        let mut large = pin!(gate.enter(&a, 8));
+        assert!(at_once(large.as_mut()).await.is_none());
+        for _ in 0..MAX_OVERTAKEN {
+            assert!(at_once(gate.enter(&b, 5)).await.is_some());
+        }
+        let mut small = pin!(gate.enter(&b, 5));
+        assert!(at_once(small.as_mut()).await.is_none(), "it waits for the large one now");
+        drop(other);
+        drop(at_once(large).await.unwrap());
+        assert!(at_once(small).await.is_some());
+    }
+
+    #[tokio::test]
+    async fn who_is_in_the_way_of_nobody_but_itself_holds_up_nobody_else() {
+        let gate = gate(3, 10, 2);
+        let [a, b] = ["a", "b"].map(owner);
+        let (slot, unread_answer) = gate.enter(&a, 5).await.unwrap();
+        drop(slot);
+        let mut large = pin!(gate.enter(&a, 8));
+        assert!(at_once(large.as_mut()).await.is_none());
+        for _ in 0..2 * MAX_OVERTAKEN {
+            assert!(at_once(gate.enter(&b, 5)).await.is_some());
+        }
+        drop(unread_answer);
+        assert!(at_once(large).await.is_some());
+    }
+}
