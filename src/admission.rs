@@ -27,7 +27,7 @@ use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
 use backlog::Backlog;
-use gate::{Capacity, Gate, Slot};
+use gate::{Capacity, Gate};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::timeout_at;
@@ -54,6 +54,13 @@ pub struct Limits {
     pub queued_per_key: usize,
 }
 
+/// A worker's slot, without the memory to work.
+#[derive(Debug)]
+pub struct Slot {
+    slot: gate::Slot,
+    waited: Duration,
+}
+
 /// The right to work: one slot and memory, given back when dropped.
 #[derive(Debug)]
 pub struct Ticket {
@@ -64,7 +71,7 @@ pub struct Ticket {
     backlog: Arc<Backlog>,
     memory: Memory,
     /// Freed after `drop` has counted the end, so that what is counted never exceeds the slots.
-    _slot: Slot,
+    _slot: gate::Slot,
 }
 
 impl Admission {
@@ -118,7 +125,39 @@ impl Admission {
         self.backlog.refuse_crowd(owner, self.gate.has_slot_for(owner))
     }
 
-    fn ticket(&self, cost: Cost, waited: Duration, slot: Slot, memory: Memory) -> Ticket {
+    /// Waits for a slot, in turn with all else that waits for one, for work that is kept elsewhere
+    /// meanwhile; `None` when there will be none.
+    pub async fn slot(&self) -> Option<Slot> {
+        let asked = Instant::now();
+        let (slot, _) = self.gate.enter(&Owner::jobs(), 0).await?;
+        Some(Slot { slot, waited: asked.elapsed() })
+    }
+
+    /// Waits for the memory that is missing to a slot.
+    ///
+    /// # Errors
+    /// `work-too-large` when there is not that much memory at all, `deadline-exceeded` when the
+    /// wait outlasts `deadline`.
+    pub async fn admit_to(
+        &self,
+        slot: Slot,
+        cost: Cost,
+        deadline: Instant,
+    ) -> Result<Ticket, Problem> {
+        self.refuse_too_large(cost)?;
+        let asked = Instant::now();
+        let memory = timeout_at(deadline.into(), self.gate.memory(&slot.slot, cost.mib())).await;
+        let memory = memory.map_err(|_| self.waited_too_long())?.ok_or_else(stopped)?;
+        Ok(self.ticket(cost, slot.waited + asked.elapsed(), slot.slot, memory))
+    }
+
+    /// Whole seconds until what waits and runs now will be done, 1 or more.
+    #[must_use]
+    pub fn drain_s(&self) -> u64 {
+        self.backlog.drain_s()
+    }
+
+    fn ticket(&self, cost: Cost, waited: Duration, slot: gate::Slot, memory: Memory) -> Ticket {
         self.backlog.start(cost);
         telemetry::queue_wait(waited);
         telemetry::jobs_in_progress(1.0);
@@ -126,7 +165,11 @@ impl Admission {
         Ticket { waited, cost, started: Instant::now(), backlog, memory, _slot: slot }
     }
 
-    fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
+    /// Refuses what could never run.
+    ///
+    /// # Errors
+    /// `work-too-large` when there is not that much memory at all.
+    pub fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
         let memory_mib = self.gate.memory_mib();
         if cost.mib() as usize <= memory_mib {
             return Ok(());

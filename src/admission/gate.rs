@@ -61,7 +61,7 @@ struct Lane {
 #[derive(Debug)]
 struct Waiter {
     id: u64,
-    mib: usize,
+    wants: Held,
     /// Told when slot and memory are its own.
     grant: oneshot::Sender<()>,
 }
@@ -78,7 +78,7 @@ struct Place {
     gate: Arc<Gate>,
     owner: Owner,
     id: u64,
-    mib: usize,
+    wants: Held,
     is_taken: bool,
 }
 
@@ -107,21 +107,36 @@ impl Gate {
 
     /// Waits for a slot and so many MiB; `None` when there will never be any.
     pub(super) async fn enter(self: &Arc<Self>, owner: &Owner, mib: u32) -> Option<(Slot, Memory)> {
-        let (place, granted) = self.wait_in_lane(owner, mib as usize);
+        let wants = Held { slots: 1, mib: mib as usize };
+        let (place, granted) = self.wait_in_lane(owner, wants);
+        granted.await.ok()?;
+        let memory = place.take();
+        let slot = Slot { gate: Arc::clone(self), owner: owner.clone() };
+        Some((slot, memory))
+    }
+
+    /// Waits for so many MiB beside a slot that is there already.
+    pub(super) async fn memory(self: &Arc<Self>, slot: &Slot, mib: u32) -> Option<Memory> {
+        let wants = Held { slots: 0, mib: mib as usize };
+        let (place, granted) = self.wait_in_lane(&slot.owner, wants);
         granted.await.ok()?;
         Some(place.take())
     }
 
-    fn wait_in_lane(self: &Arc<Self>, owner: &Owner, mib: usize) -> (Place, oneshot::Receiver<()>) {
+    fn wait_in_lane(
+        self: &Arc<Self>,
+        owner: &Owner,
+        wants: Held,
+    ) -> (Place, oneshot::Receiver<()>) {
         let (grant, granted) = oneshot::channel();
         let mut state = self.state();
         let id = state.next_id;
         state.next_id += 1;
-        state.lane_of(owner).waiting.push_back(Waiter { id, mib, grant });
+        state.lane_of(owner).waiting.push_back(Waiter { id, wants, grant });
         self.give_out(&mut state);
         drop(state);
         let (gate, owner) = (Arc::clone(self), owner.clone());
-        (Place { gate, owner, id, mib, is_taken: false }, granted)
+        (Place { gate, owner, id, wants, is_taken: false }, granted)
     }
 
     /// Gives what is free to those whose turn it is.
@@ -132,7 +147,7 @@ impl Gate {
             }
             let Some(mut lane) = state.lanes.remove(index) else { return };
             if let Some(waiter) = lane.waiting.pop_front() {
-                state.take(&lane.owner, waiter.mib);
+                state.take(&lane.owner, waiter.wants);
                 lane.overtaken = 0;
                 // One that has gone gives it back when its place is dropped.
                 let _ = waiter.grant.send(());
@@ -145,19 +160,17 @@ impl Gate {
 
     /// The lane whose turn it is, of those whose first piece there is room for.
     fn next_lane(&self, state: &State) -> Option<usize> {
-        if state.free_slots == 0 {
-            return None;
-        }
         for (index, lane) in state.lanes.iter().enumerate() {
             let held = state.held(&lane.owner);
             let Some(first) = lane.waiting.front() else { continue };
-            if held.slots >= self.slots_of(&lane.owner) {
+            let Held { slots, mib } = first.wants;
+            if slots > state.free_slots || held.slots + slots > self.slots_of(&lane.owner) {
                 continue;
             }
-            if first.mib <= state.free_mib {
+            if mib <= state.free_mib {
                 return Some(index);
             }
-            let fits_beside_own = first.mib + held.mib <= self.capacity.memory_mib;
+            let fits_beside_own = mib + held.mib <= self.capacity.memory_mib;
             if lane.overtaken >= MAX_OVERTAKEN && fits_beside_own {
                 return None;
             }
@@ -166,19 +179,23 @@ impl Gate {
     }
 
     fn slots_of(&self, owner: &Owner) -> usize {
-        if owner.is_anonymous() { self.capacity.slots } else { self.capacity.slots_per_key }
+        if owner.is_anonymous() || *owner == Owner::jobs() {
+            self.capacity.slots
+        } else {
+            self.capacity.slots_per_key
+        }
     }
 
     /// Gives back so much of an owner's, and gives it out again.
-    fn give_back(&self, owner: &Owner, slots: usize, mib: usize) {
+    fn give_back(&self, owner: &Owner, what: Held) {
         let mut state = self.state();
-        state.give_back(owner, slots, mib);
+        state.give_back(owner, what);
         self.give_out(&mut state);
     }
 
     /// Gives back memory.
     pub(super) fn free(&self, owner: &Owner, mib: usize) {
-        self.give_back(owner, 0, mib);
+        self.give_back(owner, Held { slots: 0, mib });
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -202,20 +219,20 @@ impl State {
         &mut self.lanes[index]
     }
 
-    fn take(&mut self, owner: &Owner, mib: usize) {
-        self.free_slots -= 1;
-        self.free_mib -= mib;
+    fn take(&mut self, owner: &Owner, what: Held) {
+        self.free_slots -= what.slots;
+        self.free_mib -= what.mib;
         let held = self.held.entry(owner.clone()).or_default();
-        held.slots += 1;
-        held.mib += mib;
+        held.slots += what.slots;
+        held.mib += what.mib;
     }
 
-    fn give_back(&mut self, owner: &Owner, slots: usize, mib: usize) {
-        self.free_slots += slots;
-        self.free_mib += mib;
+    fn give_back(&mut self, owner: &Owner, what: Held) {
+        self.free_slots += what.slots;
+        self.free_mib += what.mib;
         if let Some(held) = self.held.get_mut(owner) {
-            held.slots -= slots;
-            held.mib -= mib;
+            held.slots -= what.slots;
+            held.mib -= what.mib;
             if *held == Held::default() {
                 self.held.remove(owner);
             }
@@ -240,10 +257,9 @@ impl State {
 
 impl Place {
     /// Takes what was granted.
-    fn take(mut self) -> (Slot, Memory) {
+    fn take(mut self) -> Memory {
         self.is_taken = true;
-        let slot = Slot { gate: Arc::clone(&self.gate), owner: self.owner.clone() };
-        (slot, Memory::new(Arc::clone(&self.gate), self.owner.clone(), self.mib))
+        Memory::new(Arc::clone(&self.gate), self.owner.clone(), self.wants.mib)
     }
 }
 
@@ -254,7 +270,7 @@ impl Drop for Place {
         }
         let mut state = self.gate.state();
         if !state.leave(&self.owner, self.id) {
-            state.give_back(&self.owner, 1, self.mib);
+            state.give_back(&self.owner, self.wants);
         }
         // The next in the lane may need less.
         self.gate.give_out(&mut state);
@@ -263,7 +279,7 @@ impl Drop for Place {
 
 impl Drop for Slot {
     fn drop(&mut self) {
-        self.gate.give_back(&self.owner, 1, 0);
+        self.gate.give_back(&self.owner, Held { slots: 1, mib: 0 });
     }
 }
 
@@ -328,12 +344,24 @@ mod tests {
         let first = gate.enter(&owner("a"), 10).await;
         assert!(at_once(gate.enter(&owner("b"), 1)).await.is_none(), "it leaves the lane");
         assert!(gate.state().lanes.is_empty());
-        let (place, granted) = gate.wait_in_lane(&owner("b"), 10);
+        let (place, granted) = gate.wait_in_lane(&owner("b"), Held { slots: 1, mib: 10 });
         drop(first);
         assert!(granted.await.is_ok(), "granted, and never taken");
         drop(place);
         let state = gate.state();
         assert_eq!((state.free_slots, state.free_mib, state.held.len()), (1, 10, 0));
+    }
+
+    #[tokio::test]
+    async fn memory_may_come_after_the_slot() {
+        let gate = gate(1, 10, 1);
+        let (slot, none) = gate.enter(&Owner::jobs(), 0).await.unwrap();
+        let memory = gate.memory(&slot, 10).await.unwrap();
+        assert!(at_once(gate.memory(&slot, 1)).await.is_none());
+        drop((none, memory));
+        assert!(at_once(gate.memory(&slot, 1)).await.is_some());
+        drop(slot);
+        assert_eq!(gate.state().held.len(), 0);
     }
 
     #[tokio::test]

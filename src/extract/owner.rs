@@ -15,6 +15,13 @@ impl Owner {
         Self("".into())
     }
 
+    /// Who waits for workers on behalf of all jobs, whose own queue keeps their owners apart. No key
+    /// has this name.
+    #[must_use]
+    pub fn jobs() -> Self {
+        Self("(jobs)".into())
+    }
+
     /// The owner that a key of this name stands for.
     #[must_use]
     pub fn named(name: &str) -> Self {

@@ -10,6 +10,7 @@ mod client;
 mod fairness;
 #[path = "../service/keys.rs"]
 mod keys;
+mod memory;
 #[path = "../service/pictures.rs"]
 mod pictures;
 #[path = "../service/server.rs"]

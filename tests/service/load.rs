@@ -13,10 +13,15 @@ const SLOW: &str = "method=mgpr&density=1";
 
 /// Sends slow work, and does not wait for its answer.
 fn begin_slow_work(server: &Server, image: &[u8]) -> TcpStream {
+    begin_work(server, SLOW, image)
+}
+
+/// Sends work, and does not wait for its answer.
+fn begin_work(server: &Server, query: &str, image: &[u8]) -> TcpStream {
     let mut stream = connect(server.public);
     let length = image.len();
     let head =
-        format!("POST /v1/meshes?{SLOW} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
+        format!("POST /v1/meshes?{query} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
     stream.write_all(&[head.as_bytes(), image].concat()).unwrap();
     stream
 }
@@ -43,6 +48,30 @@ fn a_client_that_leaves_frees_its_worker_its_memory_and_its_place() {
     assert!(began.elapsed() < Duration::from_secs(2), "stopped after {:?}", began.elapsed());
     assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
     assert!(server.log().contains("the client went away"));
+}
+
+#[test]
+fn work_whose_client_has_left_stops_within_a_tenth_of_a_second() {
+    let server = Server::start(&["--workers", "1"]);
+    // At any moment of the work: in the filters, the triangulation, the removal.
+    let image = noise(1024);
+    let mut stopped_after: Vec<Duration> = [5, 30, 60, 100, 200, 300, 400]
+        .map(|delay_ms| {
+            let client = begin_work(&server, "density=4", &image);
+            wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
+            thread::sleep(Duration::from_millis(delay_ms));
+            drop(client);
+            let left = Instant::now();
+            while server.metric("pixmesh_jobs_in_progress") > 0.0 {
+                assert!(left.elapsed() < Duration::from_secs(10));
+            }
+            left.elapsed()
+        })
+        .into();
+    stopped_after.sort();
+    // Other tests take the machine for moments; the kernels ask far more often than that.
+    assert!(stopped_after[4] < Duration::from_millis(100), "{stopped_after:?}");
+    assert!(stopped_after[6] < Duration::from_millis(1000), "{stopped_after:?}");
 }
 
 #[test]

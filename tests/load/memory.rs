@@ -1,0 +1,53 @@
+//! The memory model of admission, against what the process really takes.
+
+use crate::pictures::{flat, noise};
+use crate::server::Server;
+use pixmesh::admission::Cost;
+use pixmesh::extract::accept::Format;
+use pixmesh::extract::params::ParameterSet;
+
+/// A query, the format it asks for, and the picture.
+type Work = (&'static str, Format, Vec<u8>);
+
+/// What the allocator and the runtime may take besides, in MiB.
+const APART_MIB: u64 = 24;
+
+#[test]
+fn no_work_takes_more_memory_than_it_was_admitted_for() {
+    let works: [Work; 6] = [
+        ("method=med&density=2&format=model", Format::Model, noise(1500)),
+        ("method=med&density=10&format=glb", Format::Glb, flat(1500, 1500)),
+        ("method=med&density=1&format=png", Format::Png, flat(2500, 2500)),
+        ("method=mgprfs&density=1&format=model", Format::Model, noise(1200)),
+        ("method=mgpr&density=1&format=model", Format::Model, noise(700)),
+        ("method=med&density=1&policy=pse_d&format=pnm", Format::Pnm, flat(2000, 2000)),
+    ];
+    for (query, format, picture) in works {
+        let (admitted_mib, taken_mib) =
+            (admitted_mib(query, format, &picture), taken_mib(query, &picture));
+        println!("{query}: {taken_mib} MiB of {admitted_mib} MiB");
+        assert!(taken_mib <= admitted_mib + APART_MIB, "{query}: {taken_mib} > {admitted_mib} MiB");
+        assert!(
+            admitted_mib <= 4 * taken_mib + APART_MIB,
+            "{query}: {taken_mib} << {admitted_mib} MiB"
+        );
+    }
+}
+
+/// What the model says, with the body beside it.
+fn admitted_mib(query: &str, format: Format, picture: &[u8]) -> u64 {
+    let order = ParameterSet::of_query(Some(query)).unwrap().finish().unwrap();
+    let header = pixmesh_codec::probe(picture, &pixmesh_codec::Limits::default()).unwrap();
+    let plan = order.plan(&header).unwrap();
+    let cost = Cost::of_mesh(&header, &plan, &order.parameters, format);
+    u64::from(cost.mib()) + (picture.len() as u64 >> 20)
+}
+
+/// By how much the resident memory of a new process rises at most while it does the work.
+fn taken_mib(query: &str, picture: &[u8]) -> u64 {
+    let server = Server::start(&["--workers", "1", "--sync-deadline", "120s"]);
+    let before = server.memory_kib("VmRSS");
+    let answer = server.mesh(query, &[], picture);
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    (server.memory_kib("VmHWM") - before) >> 10
+}
