@@ -6,9 +6,11 @@
 
 mod access;
 mod quantity;
+mod trace;
 
 pub use access::AccessSettings;
 pub use quantity::{ByteSize, Period};
+pub use trace::{Secret, TraceSettings};
 
 use crate::admission;
 use clap::{Args, CommandFactory, Parser, ValueEnum};
@@ -48,6 +50,9 @@ pub struct Settings {
     /// How the log is written.
     #[arg(long, env = "PIXMESH_LOG_FORMAT", default_value = "human")]
     pub log_format: LogFormat,
+    /// Where traces go.
+    #[command(flatten)]
+    pub traces: TraceSettings,
     /// What a client may send, and how slowly.
     #[command(flatten)]
     pub limits: Limits,
@@ -221,7 +226,7 @@ impl Limits {
 impl fmt::Display for Settings {
     /// One line `flag value` per setting in force.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { limits, access, .. } = self;
+        let Self { limits, access, traces, .. } = self;
         let log_format = match self.log_format {
             LogFormat::Human => "human",
             LogFormat::Json => "json",
@@ -245,7 +250,12 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--key-requests-per-minute {}", access.key_requests_per_minute)?;
         writeln!(formatter, "--key-running {}", access.running(self.worker_count()))?;
         writeln!(formatter, "--key-queued {}", access.key_queued)?;
-        writeln!(formatter, "--cors-origin {}", access.cors_origins.join(","))
+        writeln!(formatter, "--cors-origin {}", access.cors_origins.join(","))?;
+        writeln!(formatter, "--otlp-endpoint {}", traces.otlp_endpoint.as_deref().unwrap_or(""))?;
+        match &traces.otlp_headers {
+            Some(secret) => writeln!(formatter, "--otlp-headers {secret}"),
+            None => writeln!(formatter, "--otlp-headers "),
+        }
     }
 }
 

@@ -15,6 +15,7 @@
 //! | [`pipeline`] | from an upload to the bytes of the answer |
 //! | [`problem`] | every refusal, as RFC 9457 has it |
 //! | [`telemetry`] | the log and the metrics |
+//! | [`doctor`] | whether the service would work here |
 //! | [`health`] | asks a running service whether it is ready |
 //!
 //! A request flows one way: `extract::upload` receives it, the codec probes the picture's header,
@@ -24,6 +25,7 @@
 pub mod access;
 pub mod admission;
 pub mod config;
+pub mod doctor;
 pub mod extract;
 pub mod health;
 pub mod pipeline;

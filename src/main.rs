@@ -1,9 +1,9 @@
-//! The program `pixmesh`: `serve`, `health`, `config`, `key` and `openapi`.
+//! The program `pixmesh`: `serve`, `health`, `doctor`, `config`, `key` and `openapi`.
 
 use clap::{Parser, Subcommand};
 use pixmesh::access::{NewKey, issue};
 use pixmesh::config::{self, HealthSettings, Settings};
-use pixmesh::{health, routes, server};
+use pixmesh::{doctor, health, routes, server};
 use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -27,6 +27,9 @@ enum Command {
     Health(HealthSettings),
     /// Prints every setting in force, after the checks that `serve` makes.
     Config(Settings),
+    /// Checks whether the service would work here with these settings: a self-test of the meshes, the
+    /// data folder, memory and addresses. Exit status 1 when something is wrong.
+    Doctor(Settings),
     /// Makes keys for --keys-file.
     #[command(subcommand)]
     Key(KeyCommand),
@@ -56,6 +59,7 @@ fn run(command: Command) -> Result<(), Box<dyn Error>> {
         Command::Serve(settings) => server::run(&settings.checked()?)?,
         Command::Health(settings) => health::ask(&settings)?,
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
+        Command::Doctor(settings) => doctor::examine(&settings)?,
         Command::Key(KeyCommand::New(order)) => issue(&order)?,
         Command::Openapi => write!(io::stdout(), "{}", routes::openapi::document_text())?,
     }

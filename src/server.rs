@@ -77,7 +77,7 @@ impl Lifecycle {
 /// # Errors
 /// When an address cannot be listened on, or a runtime cannot be started.
 pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
-    telemetry::start_log(settings.log_format);
+    let _log = telemetry::start_log(settings.log_format, &settings.traces)?;
     warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
     let lifecycle = Lifecycle::default();

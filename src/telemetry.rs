@@ -3,12 +3,15 @@
 //! Metrics are in base units, and their names begin with `pixmesh_`, but for the usual `process_`. A label never holds what a
 //! client sent: a route is one of the route table or `UNKNOWN`, a method one of HTTP's or `OTHER`.
 
-use crate::config::LogFormat;
+mod log;
+#[cfg(feature = "otlp")]
+mod otlp;
+
+pub use log::{Log, adopt, start_log};
+
 use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
-use std::io;
 use std::time::Duration;
-use tracing::level_filters::LevelFilter;
 
 /// The route label of a request that matches none.
 pub const UNKNOWN_ROUTE: &str = "UNKNOWN";
@@ -27,22 +30,13 @@ const INPUT_PIXELS: &str = "pixmesh_input_pixels";
 const MESH_VERTICES: &str = "pixmesh_mesh_vertices";
 const PANICS: &str = "pixmesh_panics_total";
 const PROCESS_RESIDENT: &str = "process_resident_memory_bytes";
+const PROCESS_CPU: &str = "process_cpu_seconds_total";
 const PROCESS_FDS: &str = "process_open_fds";
 const BUILD_INFO: &str = "pixmesh_build_info";
 
 const DURATION_BUCKETS_S: [f64; 13] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
 const SIZE_BUCKETS: [f64; 7] = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
-
-/// Sends the log to standard error.
-pub fn start_log(format: LogFormat) {
-    let log = tracing_subscriber::fmt().with_writer(io::stderr).with_max_level(LevelFilter::INFO);
-    match format {
-        LogFormat::Human => log.init(),
-        LogFormat::Json => log.json().flatten_event(true).init(),
-    }
-    log_panics();
-}
 
 /// Sends panics to the log, and counts them.
 fn log_panics() {
@@ -65,7 +59,8 @@ pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
     describe();
     counter!(PANICS).absolute(0);
     gauge!(WORKERS).set(workers as f64);
-    gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+    let commit = option_env!("PIXMESH_COMMIT").unwrap_or("unknown");
+    gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION"), "commit" => commit).set(1.0);
     requests_in_progress(0.0);
     jobs_in_progress(0.0);
     queue_depth(0);
@@ -89,7 +84,8 @@ fn describe() {
     describe_counter!(PANICS, "Panics, each a defect");
     describe_gauge!(PROCESS_RESIDENT, "Resident memory of the process in bytes");
     describe_gauge!(PROCESS_FDS, "Files and connections the process has open");
-    describe_gauge!(BUILD_INFO, "Version of the service");
+    describe_gauge!(PROCESS_CPU, "Seconds of processor time, of all threads");
+    describe_gauge!(BUILD_INFO, "Version of the service, and the commit it was built from");
 }
 
 /// Why a request was turned away.
@@ -154,7 +150,7 @@ pub fn queue_depth(depth: usize) {
     gauge!(QUEUE_DEPTH).set(depth as f64);
 }
 
-/// What the system knows of this process: resident memory and open files.
+/// What the system knows of this process: resident memory, processor time and open files.
 pub fn process() {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
@@ -162,6 +158,8 @@ pub fn process() {
     if let Some(kib) = resident_kib.and_then(|kib| kib.trim().parse::<f64>().ok()) {
         gauge!(PROCESS_RESIDENT).set(kib * 1024.0);
     }
+    let cpu = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    gauge!(PROCESS_CPU).set(cpu.tv_sec as f64 + cpu.tv_nsec as f64 / 1e9);
     if let Ok(open) = std::fs::read_dir("/proc/self/fd") {
         gauge!(PROCESS_FDS).set(open.count() as f64);
     }

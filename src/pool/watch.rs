@@ -5,6 +5,7 @@ use pixmesh_meshing::{Cancelled, Control, Stage};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tracing::Span;
 
 /// The watch over one piece of work.
 #[derive(Debug)]
@@ -14,11 +15,12 @@ pub struct Watch {
     stages: Mutex<Stages>,
 }
 
-/// The time that each stage took, in the order in which they began, and the one that runs.
+/// The time that each stage took, in the order in which they began, and the one that runs, with its
+/// span in the trace.
 #[derive(Debug, Default)]
 struct Stages {
     past: Vec<(&'static str, Duration)>,
-    present: Option<(&'static str, Instant)>,
+    present: Option<(&'static str, Instant, Span)>,
 }
 
 impl Watch {
@@ -47,9 +49,10 @@ impl Watch {
     /// Begins a stage, and ends the one before it.
     pub fn begin(&self, name: &'static str) {
         let mut stages = self.stages();
-        if stages.present.is_none_or(|(present, _)| present != name) {
+        if stages.present.as_ref().is_none_or(|(present, ..)| *present != name) {
             stages.end_present();
-            stages.present = Some((name, Instant::now()));
+            let span = tracing::info_span!("stage", otel.name = name);
+            stages.present = Some((name, Instant::now(), span));
         }
     }
 
@@ -76,7 +79,7 @@ impl Watch {
 
 impl Stages {
     fn end_present(&mut self) {
-        if let Some((name, began)) = self.present.take() {
+        if let Some((name, began, _)) = self.present.take() {
             self.add(name, began.elapsed());
         }
     }

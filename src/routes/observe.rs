@@ -18,6 +18,7 @@ pub(super) async fn observe(request: Request, next: Next) -> Response {
     let route = matched.as_ref().map_or(telemetry::UNKNOWN_ROUTE, MatchedPath::as_str);
     let progress = Progress::begin(span.clone());
     let method = label(request.method());
+    telemetry::adopt(&span, method, route, request.headers());
     let response = next.run(request).instrument(span.clone()).await;
     let took = progress.end();
     let code = response.status().as_u16();

@@ -8,6 +8,7 @@ mod formats;
 mod keys;
 mod lifecycle;
 mod load;
+mod operators;
 mod parameters;
 mod pictures;
 mod readme;

@@ -1,0 +1,57 @@
+//! Settings of where traces go.
+
+use clap::Args;
+use std::convert::Infallible;
+use std::fmt;
+use std::str::FromStr;
+
+/// Where traces go.
+#[derive(Args, Clone, Debug)]
+pub struct TraceSettings {
+    /// Collector of traces, by OTLP over HTTP, such as http://127.0.0.1:4318; none by default.
+    #[arg(long, env = "PIXMESH_OTLP_ENDPOINT", value_parser = endpoint)]
+    pub otlp_endpoint: Option<String>,
+    /// Headers for the collector, as NAME=VALUE,NAME=VALUE; never shown.
+    #[arg(long, env = "PIXMESH_OTLP_HEADERS", hide_env_values = true)]
+    pub otlp_headers: Option<Secret>,
+}
+
+/// A setting that nothing shows.
+#[derive(Clone)]
+pub struct Secret(String);
+
+impl Secret {
+    /// Its text.
+    #[must_use]
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+}
+
+impl FromStr for Secret {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl fmt::Display for Secret {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("(hidden)")
+    }
+}
+
+impl fmt::Debug for Secret {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, formatter)
+    }
+}
+
+/// The address of a collector: plain HTTP, and no name or password in it, which would be shown.
+fn endpoint(text: &str) -> Result<String, String> {
+    match text.strip_prefix("http://") {
+        Some(host) if !host.is_empty() && !host.contains(['@', ' ']) => Ok(text.to_owned()),
+        _ => Err("it is written http://HOST:PORT, without a name or password".into()),
+    }
+}

@@ -1,0 +1,52 @@
+//! `pixmesh doctor`: whether the service would work here, with these settings.
+//!
+//! It meshes a picture made in code, and has the mesh checked by another library's triangulation
+//! ([`delaunay`]); and it looks at the machine: folder, memory, processors, addresses ([`machine`]).
+//! Every finding is printed; a bad one makes the exit status 1.
+
+mod delaunay;
+mod machine;
+mod meshing;
+
+use crate::config::Settings;
+use std::error::Error;
+use std::io::{self, Write};
+
+/// What one check found: what is so, or what is wrong.
+type Finding = Result<String, String>;
+/// One check of the settings or of what they count on.
+type Check = fn(&Settings) -> Finding;
+
+/// Checks everything, and prints what it finds.
+///
+/// # Errors
+/// When a finding is bad.
+pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
+    let checks: [(&str, Check); 8] = [
+        ("settings", |settings| {
+            let checked = settings.clone().checked().map_err(|error| error.to_string())?;
+            Ok(format!("{} workers", checked.worker_count()))
+        }),
+        ("meshing", |_| meshing::check()),
+        ("codec", |_| meshing::check_codec()),
+        ("data folder", machine::check_data_folder),
+        ("memory", machine::check_memory),
+        ("processors", machine::check_processors),
+        ("public address", |settings| machine::check_address(settings.listen)),
+        ("operations address", |settings| machine::check_address(settings.ops_listen)),
+    ];
+    let mut bad = 0;
+    for (name, check) in checks {
+        match check(settings) {
+            Ok(fact) => writeln!(io::stdout(), "ok    {name}: {fact}")?,
+            Err(defect) => {
+                bad += 1;
+                writeln!(io::stdout(), "BAD   {name}: {defect}")?;
+            }
+        }
+    }
+    if bad > 0 {
+        return Err(format!("{bad} of {} checks failed", checks.len()).into());
+    }
+    Ok(())
+}

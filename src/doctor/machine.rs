@@ -1,0 +1,83 @@
+//! Whether the machine gives what the settings count on.
+
+use super::Finding;
+use crate::config::{ByteSize, Settings};
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::net::{SocketAddr, TcpListener};
+use std::thread::available_parallelism;
+
+/// What the process takes beside the budget.
+const BESIDE_BUDGET: u64 = 80 << 20;
+/// Where a control group says how much memory it may have, in both versions.
+const CGROUP_LIMITS: [&str; 2] =
+    ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+
+/// Writes and syncs a file where jobs are to be kept.
+pub(super) fn check_data_folder(settings: &Settings) -> Finding {
+    let Some(folder) = &settings.jobs.data_dir else {
+        return Ok("no jobs are kept".into());
+    };
+    let path = folder.join(format!("doctor-{}", std::process::id()));
+    let write = || {
+        fs::create_dir_all(folder)?;
+        let mut file = File::create(&path)?;
+        file.write_all(b"well\n")?;
+        file.sync_all()?;
+        fs::remove_file(&path)
+    };
+    write()
+        .map(|()| format!("{} can be written to", folder.display()))
+        .map_err(|error| format!("--data-dir {}: {error}", folder.display()))
+}
+
+/// Compares the budget with what the container and the machine have.
+pub(super) fn check_memory(settings: &Settings) -> Finding {
+    let budget = settings.memory_budget;
+    let needed = ByteSize(budget.0.saturating_add(BESIDE_BUDGET));
+    let available = [cgroup_limit(), machine_memory()].into_iter().flatten().min();
+    match available.map(ByteSize) {
+        Some(available) if available < needed => Err(format!(
+            "--memory-budget {budget} needs {needed} with what the process takes besides, but \
+             there are {} MiB",
+            available.0 >> 20
+        )),
+        Some(available) => Ok(format!("{budget} of {} MiB", available.0 >> 20)),
+        None => Ok(format!("{budget}; how much there is, is not known")),
+    }
+}
+
+fn cgroup_limit() -> Option<u64> {
+    let read = |path: &&str| fs::read_to_string(path).ok()?.trim().parse().ok();
+    CGROUP_LIMITS.iter().find_map(read)
+}
+
+fn machine_memory() -> Option<u64> {
+    let text = fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024)
+}
+
+/// Compares the workers with the processors.
+pub(super) fn check_processors(settings: &Settings) -> Finding {
+    let workers = settings.worker_count();
+    match available_parallelism() {
+        Ok(cores) if workers > cores.get() => {
+            Err(format!("--workers {workers}, but there are {cores} processors"))
+        }
+        Ok(cores) => Ok(format!("{workers} of {cores}")),
+        Err(error) => Ok(format!("{workers}; how many there are, is not known: {error}")),
+    }
+}
+
+/// Tries whether an address can be listened on.
+pub(super) fn check_address(address: SocketAddr) -> Finding {
+    match TcpListener::bind(address) {
+        Ok(_) => Ok(format!("{address} is free")),
+        Err(error) if error.kind() == ErrorKind::AddrInUse => {
+            Err(format!("{address} is in use: does the service run already?"))
+        }
+        Err(error) => Err(format!("{address} cannot be listened on: {error}")),
+    }
+}
