@@ -1,5 +1,6 @@
 //! The route table, and the order of the layers around it.
 
+pub mod docs;
 pub mod health;
 pub mod index;
 pub mod meshes;
@@ -93,6 +94,9 @@ pub fn public(service: Arc<Service>) -> Router {
         .route("/v1/methods", get(methods::list))
         .route("/problems/{slug}", get(problems::show))
         .route("/openapi.json", get(openapi::show))
+        .route("/docs", get(docs::show))
+        .route("/docs/", get(docs::show))
+        .route("/docs/{asset}", get(docs::asset))
         .fallback(not_found)
         .with_state(service);
     routes.layer(

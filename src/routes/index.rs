@@ -12,6 +12,7 @@ pub async fn show() -> Json<Value> {
             "meshes": "/v1/meshes",
             "methods": "/v1/methods",
             "openapi": "/openapi.json",
+            "docs": "/docs",
         },
     }))
 }

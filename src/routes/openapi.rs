@@ -3,14 +3,18 @@
 //! Parameters, formats and refusals come from the same tables that the service works by, so that
 //! the document cannot say anything else. A copy is checked in as `openapi/openapi.json`.
 
+mod examples;
+
 use crate::extract::accept::OFFERED;
 use crate::extract::params::{Parameter as Row, TABLE, Takes};
 use crate::problem::Kind;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
+use serde_json::Value;
 #[cfg(test)]
-use serde_json::{Value, json};
+use serde_json::json;
 use utoipa::openapi::content::{Content, ContentBuilder};
+use utoipa::openapi::example::ExampleBuilder;
 use utoipa::openapi::header::{Header, HeaderBuilder};
 use utoipa::openapi::path::{
     HttpMethod, Operation, OperationBuilder, Parameter, ParameterBuilder, ParameterIn, PathItem,
@@ -18,12 +22,20 @@ use utoipa::openapi::path::{
 };
 use utoipa::openapi::request_body::{RequestBody, RequestBodyBuilder};
 use utoipa::openapi::schema::{
-    KnownFormat, Object, ObjectBuilder, Ref, Schema, SchemaFormat, Type,
+    ArrayBuilder, KnownFormat, Object, ObjectBuilder, Ref, Schema, SchemaFormat, SchemaType, Type,
 };
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{
     ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr, Required,
     Response, ResponseBuilder,
 };
+
+/// The name of the scheme by which a request shows its key.
+const KEY: &str = "key";
+const ABOUT: &str = "Pictures to triangle meshes. Every refusal is a problem document (RFC 9457) \
+                     whose type is a reference below /problems/. Every answer has the id of its \
+                     request in X-Request-ID: the one that was sent, when it is 1 to 64 letters, \
+                     digits, - and _.";
 
 /// Answers with the document.
 pub async fn show() -> impl IntoResponse {
@@ -43,16 +55,25 @@ fn document() -> OpenApi {
     let info = InfoBuilder::new()
         .title("pixmesh")
         .version(env!("CARGO_PKG_VERSION"))
-        .description(Some("Pictures to triangle meshes."))
+        .description(Some(ABOUT))
         .license(Some(license))
         .build();
     let paths = PathsBuilder::new()
         .path("/", get("index", "What there is", object()))
         .path("/v1/meshes", PathItem::new(HttpMethod::Post, create_mesh()))
-        .path("/v1/methods", get("methods", "Every method, policy, parameter and format", object()))
+        .path("/v1/methods", list_methods())
         .path("/problems/{slug}", problem_type())
-        .path("/openapi.json", get("openapi", "This document", object()));
-    let components = ComponentsBuilder::new().schema("Problem", problem()).build();
+        .path("/openapi.json", get("openapi", "This document", object()))
+        .path("/docs", docs());
+    let key = HttpBuilder::new()
+        .scheme(HttpAuthScheme::Bearer)
+        .description(Some("A key that the operator has given out. Where none are, none is needed."))
+        .build();
+    let components = ComponentsBuilder::new()
+        .schema("Problem", problem())
+        .schema("Methods", methods())
+        .security_scheme(KEY, SecurityScheme::Http(key))
+        .build();
     OpenApiBuilder::new().info(info).paths(paths.build()).components(Some(components)).build()
 }
 
@@ -68,6 +89,36 @@ fn get(id: &str, summary: &str, answer: ObjectBuilder) -> PathItem {
         .response("200", response)
         .build();
     PathItem::new(HttpMethod::Get, operation)
+}
+
+fn list_methods() -> PathItem {
+    let summary = "Every method, policy, parameter and format";
+    let answer = ContentBuilder::new().schema(Some(Ref::from_schema_name("Methods"))).build();
+    let response =
+        ResponseBuilder::new().description(summary).content("application/json", answer).build();
+    let mut operation =
+        OperationBuilder::new().operation_id(Some("methods")).summary(Some(summary));
+    for status in [401, 429] {
+        operation = operation.response(status.to_string(), refusal(status));
+    }
+    let operation = operation.response("200", response).securities(Some(with_or_without_key()));
+    PathItem::new(HttpMethod::Get, operation.build())
+}
+
+/// A request below /v1/ needs a key where there are any.
+fn with_or_without_key() -> [SecurityRequirement; 2] {
+    [SecurityRequirement::default(), SecurityRequirement::new(KEY, [""; 0])]
+}
+
+fn docs() -> PathItem {
+    let summary = "A page for this document";
+    let response =
+        ResponseBuilder::new().description(summary).content("text/html", content(text())).build();
+    let operation = OperationBuilder::new()
+        .operation_id(Some("docs"))
+        .summary(Some(summary))
+        .response("200", response);
+    PathItem::new(HttpMethod::Get, operation.build())
 }
 
 fn problem_type() -> PathItem {
@@ -101,10 +152,10 @@ fn create_mesh() -> Operation {
     for row in &TABLE {
         operation = operation.parameter(query_parameter(row));
     }
-    for status in [400, 406, 408, 413, 414, 415, 422, 500, 503] {
+    for status in [400, 401, 406, 408, 413, 414, 415, 422, 429, 431, 500, 503] {
         operation = operation.response(status.to_string(), refusal(status));
     }
-    operation.build()
+    operation.securities(Some(with_or_without_key())).build()
 }
 
 fn query_parameter(row: &Row) -> Parameter {
@@ -114,6 +165,7 @@ fn query_parameter(row: &Row) -> Parameter {
         .required(Required::False)
         .description(Some(row.about))
         .schema(Some(values(row)))
+        .example(examples::value(row))
         .build()
 }
 
@@ -140,7 +192,7 @@ fn image_or_form() -> RequestBody {
     RequestBodyBuilder::new()
         .description(Some("A PNG, JPEG or PNM image, or a form with one."))
         .required(Some(Required::True))
-        .content("image/*", content(bytes()))
+        .content("image/*", example(bytes(), examples::PICTURE))
         .content("application/octet-stream", content(bytes()))
         .content("multipart/form-data", content(form()))
         .build()
@@ -166,8 +218,12 @@ fn mesh() -> Response {
         .header("Server-Timing", header(Type::String, "Milliseconds of each stage"))
         .header("ETag", header(Type::String, "SHA-256 of the body: same request, same tag"));
     for offer in OFFERED {
-        let schema = if offer.media_type.starts_with("text/") { text() } else { bytes() };
-        response = response.content(offer.media_type, content(schema));
+        let content = match offer.media_type {
+            "text/plain" => example(text(), examples::model()),
+            other if other.starts_with("text/") => content(text()),
+            _ => content(bytes()),
+        };
+        response = response.content(offer.media_type, content);
     }
     response.build()
 }
@@ -175,12 +231,30 @@ fn mesh() -> Response {
 /// A refusal with this status, and the types of problem that it may be.
 fn refusal(status: u16) -> Response {
     let kinds = Kind::ALL.iter().filter(|kind| kind.status().as_u16() == status);
-    let slugs: Vec<_> = kinds.map(|kind| kind.slug()).collect();
-    let problem = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
-    ResponseBuilder::new()
+    let slugs: Vec<_> = kinds.clone().map(|kind| kind.slug()).collect();
+    let examples = kinds.map(|&kind| {
+        let example = ExampleBuilder::new().summary(kind.title());
+        (kind.slug(), example.value(Some(examples::problem(kind))).build())
+    });
+    let problem = ContentBuilder::new()
+        .schema(Some(Ref::from_schema_name("Problem")))
+        .examples_from_iter(examples)
+        .build();
+    let mut response = ResponseBuilder::new()
         .description(format!("Refused: {}", slugs.join(", ")))
-        .content("application/problem+json", problem)
-        .build()
+        .content("application/problem+json", problem);
+    if [429, 503].contains(&status) {
+        response = response.header("Retry-After", header(Type::Integer, "Seconds to wait"));
+    }
+    if status == 401 {
+        response = response.header("WWW-Authenticate", header(Type::String, "Bearer"));
+    }
+    if status == 429 {
+        response = response
+            .header("RateLimit-Policy", header(Type::String, "Requests (q) per window (w, s)"))
+            .header("RateLimit", header(Type::String, "Requests left (r), until more (t, s)"));
+    }
+    response.build()
 }
 
 /// The schema of every problem document (RFC 9457).
@@ -188,7 +262,7 @@ fn problem() -> Schema {
     let number_or_text = || ObjectBuilder::new().schema_type(Type::String);
     let types = Kind::ALL.iter().map(|kind| kind.reference());
     let kind = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(types));
-    let strings = utoipa::openapi::schema::ArrayBuilder::new().items(text());
+    let strings = ArrayBuilder::new().items(text());
     let status = ObjectBuilder::new().schema_type(Type::Integer);
     let described = |about: &str| any().description(Some(about)).build();
     ObjectBuilder::new()
@@ -217,6 +291,48 @@ fn problem() -> Schema {
         .into()
 }
 
+/// The schema of what `GET /v1/methods` answers.
+fn methods() -> Schema {
+    let list = |items: ObjectBuilder| ArrayBuilder::new().items(items);
+    let named = || object().property("name", text()).required("name");
+    let components = || {
+        let whole_or_null = SchemaType::from_iter([Type::Integer, Type::Null]);
+        ObjectBuilder::new()
+            .schema_type(whole_or_null)
+            .description(Some("The components that an image must have; null for any"))
+    };
+    let method = named()
+        .property("components", components())
+        .property("defaults", object().description(Some("What it sets each parameter to")))
+        .required("defaults");
+    let parameter = named()
+        .property("about", text())
+        .required("about")
+        .property("type", text())
+        .required("type")
+        .property("minimum", ObjectBuilder::new().schema_type(Type::Number))
+        .property("maximum", ObjectBuilder::new().schema_type(Type::Number))
+        .property("allowed", ArrayBuilder::new().items(text()));
+    let format = object()
+        .property("format", text())
+        .required("format")
+        .property("media_type", text())
+        .required("media_type");
+    object()
+        .property("default", text())
+        .property("methods", list(method))
+        .property("policies", list(named().property("components", components())))
+        .property("parameters", list(parameter))
+        .property("formats", list(format))
+        .required("default")
+        .required("methods")
+        .required("policies")
+        .required("parameters")
+        .required("formats")
+        .build()
+        .into()
+}
+
 fn header(kind: Type, about: &str) -> Header {
     let schema = ObjectBuilder::new().schema_type(kind).build();
     HeaderBuilder::new().schema(Some(schema)).description(Some(about)).build()
@@ -226,12 +342,16 @@ fn content(schema: Object) -> Content {
     ContentBuilder::new().schema(Some(schema)).build()
 }
 
+fn example(schema: Object, example: impl Into<Value>) -> Content {
+    ContentBuilder::new().schema(Some(schema)).example(Some(example.into())).build()
+}
+
 fn object() -> ObjectBuilder {
     ObjectBuilder::new().schema_type(Type::Object)
 }
 
 fn any() -> ObjectBuilder {
-    ObjectBuilder::new().schema_type(utoipa::openapi::schema::SchemaType::AnyValue)
+    ObjectBuilder::new().schema_type(SchemaType::AnyValue)
 }
 
 fn text() -> Object {
