@@ -1,0 +1,53 @@
+// A mesh of a picture: paths, parameters, their values and refusals are checked by the compiler
+// against the service's OpenAPI document.
+
+import { readFile } from "node:fs/promises";
+import createClient from "openapi-fetch";
+import type { components, operations, paths } from "./schema.js";
+
+type Parameters = NonNullable<operations["createMesh"]["parameters"]["query"]>;
+type Problem = components["schemas"]["Problem"];
+type Made = { model: string; vertices: number; faces: number; psnr: number };
+
+const key = process.env["PIXMESH_KEY"];
+const client = createClient<paths>({
+  baseUrl: process.env["PIXMESH_URL"] ?? "http://127.0.0.1:8080",
+  headers: key === undefined ? {} : { authorization: `Bearer ${key}` },
+});
+
+async function mesh(picture: Uint8Array, query: Parameters): Promise<Made | Problem> {
+  const { data, error, response } = await client.POST("/v1/meshes", {
+    params: { query },
+    // The document calls bytes a string; they go as they are.
+    body: picture as unknown as string,
+    bodySerializer: (body) => body,
+    headers: { "content-type": "application/octet-stream" },
+    parseAs: "text",
+  });
+  if (error !== undefined) return error;
+  const figure = (name: string) => Number(response.headers.get(name)?.replace("inf", "Infinity"));
+  return {
+    model: data,
+    vertices: figure("mesh-vertices"),
+    faces: figure("mesh-faces"),
+    psnr: figure("mesh-psnr"),
+  };
+}
+
+const [path] = process.argv.slice(2);
+if (path === undefined) throw new Error("give a picture");
+const picture = await readFile(path);
+
+const { data: offered } = await client.GET("/v1/methods");
+console.log(`methods: ${offered?.methods.map((method) => method.name).join(", ")}`);
+
+const made = await mesh(picture, { method: "mgprfs", density: 2, policy: "psd_max_d" });
+if ("model" in made) {
+  console.log(`${made.vertices} vertices, ${made.faces} faces, ${made.psnr.toFixed(2)} dB, ${made.model.length} bytes`);
+} else {
+  console.error(`${made.title}: ${made.detail}`);
+  process.exitCode = 1;
+}
+
+const refused = await mesh(picture, { density: 2, size: 1000 });
+if ("type" in refused) console.log(`refused: ${refused.type}, ${refused.param}`);
