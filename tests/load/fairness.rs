@@ -89,6 +89,7 @@ impl Shared {
 
 #[test]
 fn a_hundred_large_uploads_of_one_key_do_not_hold_up_another() {
+    let _alone = crate::alone();
     let shared = Shared::start();
     let (small, large) = (disc(316, 316, 3), noise(1448));
     shared.latency();

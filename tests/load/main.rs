@@ -10,8 +10,18 @@ mod client;
 mod fairness;
 #[path = "../service/keys.rs"]
 mod keys;
+mod levels;
 mod memory;
 #[path = "../service/pictures.rs"]
 mod pictures;
+mod saturation;
 #[path = "../service/server.rs"]
 mod server;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Keeps the tests of this program from disturbing each other.
+fn alone() -> MutexGuard<'static, ()> {
+    static MACHINE: Mutex<()> = Mutex::new(());
+    MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -14,6 +14,7 @@ const APART_MIB: u64 = 24;
 
 #[test]
 fn no_work_takes_more_memory_than_it_was_admitted_for() {
+    let _alone = crate::alone();
     let works: [Work; 6] = [
         ("method=med&density=2&format=model", Format::Model, noise(1500)),
         ("method=med&density=10&format=glb", Format::Glb, flat(1500, 1500)),

@@ -1,0 +1,46 @@
+//! The levels that the service keeps, in short; `cargo bench --bench service` measures at length.
+
+use crate::saturation::{Overload, kernel_rate, overload, service_rate, start};
+use std::time::Duration;
+
+/// Measurements, of which one must reach the level: what else the machine does disturbs them.
+const ATTEMPTS: usize = 5;
+const PERIOD: Duration = Duration::from_secs(3);
+
+#[test]
+fn the_service_meshes_nine_tenths_of_what_its_kernels_do_alone() {
+    let _alone = crate::alone();
+    let server = start();
+    service_rate(&server, PERIOD / 3);
+    let mut seen = Vec::new();
+    let reached = (0..ATTEMPTS).any(|_| {
+        // Before and after, so that a machine that grows busier or idler is not mistaken for it.
+        let before = kernel_rate(PERIOD / 2);
+        let service = service_rate(&server, PERIOD);
+        let after = kernel_rate(PERIOD / 2);
+        seen.push((service, before, after));
+        service >= 0.9 * before.midpoint(after)
+    });
+    println!("service, kernels before and after, per second: {seen:?}");
+    assert!(reached, "{seen:?}");
+}
+
+#[test]
+fn health_and_refusals_are_quick_while_ten_times_too_much_is_asked_for() {
+    let _alone = crate::alone();
+    let server = start();
+    let capacity = service_rate(&server, PERIOD / 3);
+    let mut seen: Vec<Overload> = Vec::new();
+    let reached = (0..ATTEMPTS).any(|_| {
+        let level = overload(&server, capacity, PERIOD);
+        let quick = [level.refusal, level.shed].iter().all(|p99| *p99 < Duration::from_millis(20));
+        let healthy =
+            [level.health, level.metrics].iter().all(|p99| *p99 < Duration::from_millis(50));
+        let steady = level.served >= 0.75 * capacity;
+        seen.push(level);
+        quick && healthy && steady
+    });
+    println!("capacity {capacity}: {seen:?}");
+    assert!(reached, "capacity {capacity}: {seen:?}");
+    server.wait_until_idle();
+}
