@@ -3,6 +3,8 @@
 use crate::client::{field, form, send};
 use crate::pictures::disc;
 use crate::server::Server;
+use pixmesh::extract::params::TABLE;
+use serde_json::Value;
 
 /// A query, and the refusal it gets.
 const REFUSALS: [(&str, u16, &str); 68] = [
@@ -106,6 +108,57 @@ fn fields_are_refused_like_the_query() {
             form(&[(&field(name), value.as_bytes()), (&field("image"), &image)]);
         let headers = [("Content-Type", content_type.as_str())];
         send(server.public, "POST", "/v1/meshes", &headers, &body).problem(status, slug);
+    }
+}
+
+#[test]
+fn json_is_refused_like_the_query() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let mut tried = 0;
+    for (query, status, slug) in REFUSALS {
+        if query.contains('%') {
+            continue;
+        }
+        let pairs = query.split('&').map(|pair| pair.split_once('=').unwrap_or((pair, "")));
+        let members: Vec<String> =
+            pairs.map(|(name, value)| format!("{name:?}:{value:?}")).collect();
+        let json = format!("{{{}}}", members.join(","));
+        let params = field("params");
+        let (content_type, body) = form(&[(&params, json.as_bytes()), (&field("image"), &image)]);
+        let headers = [("Content-Type", content_type.as_str())];
+        send(server.public, "POST", "/v1/meshes", &headers, &body).problem(status, slug);
+        tried += 1;
+    }
+    assert!(tried > 50, "{tried}");
+}
+
+#[test]
+fn the_list_of_methods_has_every_parameter_of_the_parser() {
+    let server = Server::start(&[]);
+    let list = server.get("/v1/methods").json();
+    let image = disc(20, 20, 3);
+    let parameters = list["parameters"].as_array().unwrap();
+    let table: Vec<_> = TABLE.iter().map(|row| row.name).collect();
+    let listed: Vec<_> = parameters.iter().map(|row| row["name"].as_str().unwrap()).collect();
+    assert_eq!(listed, table);
+    for row in parameters {
+        let name = row["name"].as_str().unwrap();
+        // A value beyond each bound is refused with that bound; so is a word that is not listed.
+        let (value, slug) = match (&row["maximum"], &row["type"]) {
+            (Value::Number(most), _) if most.as_u64() == Some(u64::MAX) => {
+                ("18446744073709551616".to_owned(), "parameter-out-of-range")
+            }
+            (Value::Number(most), _) => {
+                (format!("{}", most.as_f64().unwrap() + 1.0), "parameter-out-of-range")
+            }
+            _ => ("nonsense".to_owned(), "unknown-value"),
+        };
+        let problem = server.mesh(&format!("{name}={value}"), &[], &image).problem(422, slug);
+        assert_eq!(problem["param"], name);
+        if let Value::Array(allowed) = &row["allowed"] {
+            assert_eq!(problem["allowed"].as_array().unwrap(), allowed);
+        }
     }
 }
 

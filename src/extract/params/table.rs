@@ -69,7 +69,9 @@ impl Parameter {
                 put(choices, in_range.ok_or_else(|| out_of_range(self.name, text, least, most))?);
             }
             (Reader::Flag(put), _) => put(choices, flag(self.name, text)?),
-            (Reader::Word(put), _) => put(choices, text)?,
+            (Reader::Word(put), _) => {
+                put(choices, text).map_err(|error| called(error, self.name))?;
+            }
             _ => return Err(malformed(self.name, "a value")),
         }
         Ok(())
@@ -80,6 +82,14 @@ impl Parameter {
     pub fn show(&self, order: &Order) -> Option<String> {
         (self.show)(order)
     }
+}
+
+/// The error under the parameter's own name: two of them may take values of one type.
+fn called(mut error: ParameterError, name: &'static str) -> ParameterError {
+    if let ParameterError::UnknownValue { parameter, .. } = &mut error {
+        *parameter = name;
+    }
+    error
 }
 
 /// A decimal parameter.
