@@ -6,7 +6,9 @@
 FROM rust:1.95-bookworm AS build
 WORKDIR /pixmesh
 COPY . .
-RUN cargo build --release --locked --bin pixmesh
+# The commit that /metrics names: --build-arg COMMIT=$(git rev-parse --short HEAD)
+ARG COMMIT=unknown
+RUN PIXMESH_COMMIT=$COMMIT cargo build --release --locked --bin pixmesh
 
 FROM debian:bookworm-slim
 COPY --from=build /pixmesh/target/release/pixmesh /usr/local/bin/pixmesh
