@@ -132,7 +132,7 @@ impl Gate {
         let mut state = self.state();
         let id = state.next_id;
         state.next_id += 1;
-        state.lane_of(owner).waiting.push_back(Waiter { id, wants, grant });
+        state.lane_of(owner).insert(Waiter { id, wants, grant });
         self.give_out(&mut state);
         drop(state);
         let (gate, owner) = (Arc::clone(self), owner.clone());
@@ -255,6 +255,16 @@ impl State {
     }
 }
 
+impl Lane {
+    /// Adds a piece at the end; one that has its slot goes before those that wait for slots, one of
+    /// which may be its own.
+    fn insert(&mut self, waiter: Waiter) {
+        let has_slot = waiter.wants.slots == 0;
+        let before = self.waiting.iter().position(|other| has_slot && other.wants.slots > 0);
+        self.waiting.insert(before.unwrap_or(self.waiting.len()), waiter);
+    }
+}
+
 impl Place {
     /// Takes what was granted.
     fn take(mut self) -> Memory {
@@ -360,7 +370,12 @@ mod tests {
         assert!(at_once(gate.memory(&slot, 1)).await.is_none());
         drop((none, memory));
         assert!(at_once(gate.memory(&slot, 1)).await.is_some());
+        let jobs = Owner::jobs();
+        let mut next = pin!(gate.enter(&jobs, 0));
+        assert!(at_once(next.as_mut()).await.is_none());
+        assert!(at_once(gate.memory(&slot, 1)).await.is_some(), "it waits for no slot");
         drop(slot);
+        drop(at_once(next).await.unwrap());
         assert_eq!(gate.state().held.len(), 0);
     }
 
