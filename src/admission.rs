@@ -18,7 +18,7 @@ mod effort;
 mod footprint;
 mod memory;
 
-pub use cost::Cost;
+pub use cost::{Compared, Cost};
 pub use memory::Memory;
 
 use crate::problem::{Kind, Problem};
@@ -36,6 +36,13 @@ pub struct Admission {
     memory: Arc<Semaphore>,
     memory_mib: usize,
     backlog: Arc<Backlog>,
+}
+
+/// A worker's slot, without the memory to work.
+#[derive(Debug)]
+pub struct Slot {
+    permit: OwnedSemaphorePermit,
+    asked: Instant,
 }
 
 /// The right to work: one slot and memory, given back when dropped.
@@ -89,6 +96,37 @@ impl Admission {
         Ok(self.ticket(cost, arrived.elapsed(), slot, Memory::new(memory)))
     }
 
+    /// Waits for a slot, in turn with all else that waits for one, for work that is kept elsewhere
+    /// meanwhile; `None` when there will be none.
+    pub async fn slot(&self) -> Option<Slot> {
+        let permit = Arc::clone(&self.slots).acquire_owned().await.ok()?;
+        Some(Slot { permit, asked: Instant::now() })
+    }
+
+    /// Waits for the memory that is missing to a slot.
+    ///
+    /// # Errors
+    /// `work-too-large` when there is not that much memory at all, `deadline-exceeded` when the
+    /// wait outlasts `deadline`.
+    pub async fn admit_to(
+        &self,
+        slot: Slot,
+        cost: Cost,
+        deadline: Instant,
+    ) -> Result<Ticket, Problem> {
+        self.refuse_too_large(cost)?;
+        let permits = Arc::clone(&self.memory).acquire_many_owned(cost.mib());
+        let memory = timeout_at(deadline.into(), permits).await;
+        let memory = memory.map_err(|_| self.waited_too_long())?.map_err(stopped)?;
+        Ok(self.ticket(cost, slot.asked.elapsed(), slot.permit, Memory::new(memory)))
+    }
+
+    /// Whole seconds until what waits and runs now will be done, 1 or more.
+    #[must_use]
+    pub fn drain_s(&self) -> u64 {
+        self.backlog.drain_s()
+    }
+
     /// First a slot, so that only as many as there are slots hold or await memory.
     async fn permits(
         &self,
@@ -113,7 +151,11 @@ impl Admission {
         Ticket { waited, cost, started: Instant::now(), gate, memory, _slot: slot }
     }
 
-    fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
+    /// Refuses what could never run.
+    ///
+    /// # Errors
+    /// `work-too-large` when there is not that much memory at all.
+    pub fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
         if cost.mib() as usize <= self.memory_mib {
             return Ok(());
         }

@@ -1,7 +1,11 @@
 //! From a request to typed values, and the only places that read untrusted text.
 
 pub mod accept;
+pub mod fields;
+pub mod idempotency;
+pub mod owner;
 pub mod params;
+pub mod prefer;
 pub mod request_id;
 pub mod upload;
 

@@ -25,11 +25,23 @@ use tracing::Span;
 /// # Errors
 /// The work's own refusal, `deadline-exceeded`, or `internal` when it panicked.
 pub async fn run<T: Send + 'static>(
-    mut ticket: Ticket,
+    ticket: Ticket,
     deadline: Instant,
     work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
-    let watch = Arc::new(Watch::new(deadline));
+    run_watched(ticket, Arc::new(Watch::new(deadline)), deadline, work).await
+}
+
+/// The same under a watch that others look at too.
+///
+/// # Errors
+/// As [`run`].
+pub async fn run_watched<T: Send + 'static>(
+    mut ticket: Ticket,
+    watch: Arc<Watch>,
+    deadline: Instant,
+    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
+) -> Result<T, Problem> {
     let _guard = CancelOnDrop(Arc::clone(&watch));
     let span = Span::current();
     let task = spawn_blocking(move || {

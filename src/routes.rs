@@ -1,13 +1,17 @@
 //! The route table, and the order of the layers around it.
 
+pub mod comparisons;
 pub mod health;
 pub mod index;
+pub mod jobs;
 pub mod meshes;
 pub mod methods;
 pub mod metrics;
 pub mod openapi;
 pub mod problems;
+pub mod reconstructions;
 
+mod answer;
 mod guard;
 mod observe;
 
@@ -15,6 +19,8 @@ use crate::admission::Admission;
 use crate::config::Settings;
 use crate::extract::request_id::identify;
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
+use crate::jobs::Jobs;
+use crate::jobs::queue::Queue;
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
@@ -40,6 +46,10 @@ pub struct Service {
     pub admission: Admission,
     /// The longest time from the end of the upload to the answer.
     pub deadline: Duration,
+    /// The jobs.
+    pub jobs: Jobs,
+    /// Raised when the service stops: who only waits shall come back later.
+    pub stop: CancellationToken,
     /// Raised when a stopping service can wait no longer for its work.
     pub cut: CancellationToken,
 }
@@ -49,6 +59,8 @@ pub struct Service {
 pub struct Operations {
     /// Whether the service is starting, ready or stopping.
     pub lifecycle: Lifecycle,
+    /// Whether jobs can be kept.
+    pub queue: Arc<dyn Queue>,
     /// Writes the metrics out.
     pub metrics: PrometheusHandle,
 }
@@ -56,7 +68,7 @@ pub struct Operations {
 impl Service {
     /// What the settings make of it.
     #[must_use]
-    pub fn new(settings: &Settings) -> Self {
+    pub fn new(settings: &Settings, jobs: Jobs) -> Self {
         Self {
             intake: Intake {
                 max_body: BodyLimit {
@@ -73,6 +85,8 @@ impl Service {
                 settings.queue_seconds,
             ),
             deadline: settings.deadline(),
+            jobs,
+            stop: CancellationToken::new(),
             cut: CancellationToken::new(),
         }
     }
@@ -83,6 +97,12 @@ pub fn public(service: Arc<Service>) -> Router {
     let routes = Router::new()
         .route("/", get(index::show))
         .route("/v1/meshes", post(meshes::create))
+        .route("/v1/jobs", get(jobs::list::list).post(jobs::create))
+        .route("/v1/jobs/{id}", get(jobs::show).delete(jobs::cancel))
+        .route("/v1/jobs/{id}/events", get(jobs::events::follow))
+        .route("/v1/jobs/{id}/mesh", get(jobs::mesh::show))
+        .route("/v1/reconstructions", post(reconstructions::create))
+        .route("/v1/comparisons", post(comparisons::create))
         .route("/v1/methods", get(methods::list))
         .route("/problems/{slug}", get(problems::show))
         .route("/openapi.json", get(openapi::show))

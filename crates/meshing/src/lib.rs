@@ -36,7 +36,8 @@
 //! them. `simplify` removes points, in the order of `removal_queue`: it fills each `hole`,
 //! remembered in `hole_memory`, and asks `face_error` for the errors of the new faces, which
 //! `error_metric` defines and `face_rows`, `interpolant`, `small_face` and `flat_areas` compute.
-//! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as
+//! [`rasterize`] rebuilds the picture, [`Fidelity`] and [`structural_similarity`] say how close it
+//! is; [`generate`] is all of it in order, as
 //! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
 //! [`Method`].
 
@@ -76,6 +77,7 @@ mod small_face_rows;
 mod star;
 mod threshold_search;
 mod tile_order;
+mod ssim;
 mod triangulation;
 
 pub use choices::{
@@ -97,4 +99,5 @@ pub use predicates::{in_circle, orientation};
 pub use rasterize::rasterize;
 pub use sample_points::sample_points;
 pub use simplify::Removal;
+pub use ssim::structural_similarity;
 pub use triangulation::triangulate;
