@@ -21,7 +21,7 @@ use pixmesh_codec::Limits;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
-use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio::time::{Instant as TokioInstant, MissedTickBehavior, interval_at, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
@@ -140,7 +140,7 @@ impl Worker {
     /// it must stop.
     async fn attend(&self, lease: Lease, watch: &Watch) -> Renewal {
         let renewing = async {
-            let mut ticks = interval(PROGRESS_PERIOD);
+            let mut ticks = interval_at(TokioInstant::now() + PROGRESS_PERIOD, PROGRESS_PERIOD);
             ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
             let (mut told, mut renewed) = (None, Instant::now());
             loop {

@@ -4,7 +4,7 @@ use super::{Kind, Problem};
 use crate::extract::request_id::RequestId;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::header::{CONNECTION, CONTENT_LENGTH, CONTENT_TYPE, RETRY_AFTER};
+use axum::http::header::{CONNECTION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -59,6 +59,9 @@ impl Problem {
         if let Some(seconds) = self.seconds_to_retry() {
             headers.insert(RETRY_AFTER, seconds.into());
         }
+        if let Some(length) = self.length_of_representation() {
+            headers.insert(CONTENT_RANGE, length);
+        }
         if self.ends_connection() {
             headers.insert(CONNECTION, HeaderValue::from_static("close"));
         }
@@ -104,6 +107,13 @@ impl Problem {
 
     fn seconds_to_retry(&self) -> Option<u64> {
         self.members.iter().find(|(name, _)| *name == "retry_after_s")?.1.as_u64()
+    }
+
+    /// Where a range was asked for that is not there: how long all of it is.
+    fn length_of_representation(&self) -> Option<HeaderValue> {
+        let (_, length) = self.members.iter().find(|(name, _)| *name == "limit")?;
+        let range = format!("bytes */{}", length.as_u64()?);
+        HeaderValue::try_from(range).ok().filter(|_| self.kind == Kind::RangeNotSatisfiable)
     }
 
     /// Whether what is left of the request cannot or shall not be read.

@@ -87,7 +87,10 @@ pub(super) fn is_known(request: &HeaderMap, tag: &str) -> bool {
 }
 
 /// The answer to a client that has the representation already.
-pub(super) fn not_modified(headers: HeaderMap) -> Response {
+pub(super) fn not_modified(mut headers: HeaderMap) -> Response {
+    for described in [CONTENT_TYPE, CONTENT_DISPOSITION] {
+        headers.remove(described);
+    }
     (StatusCode::NOT_MODIFIED, headers).into_response()
 }
 
@@ -117,7 +120,7 @@ pub(super) fn part(
     let range = satisfied.and_then(|bounds| within(bounds, length));
     range.map(Some).ok_or_else(|| {
         let detail = format!("the representation has {length} bytes");
-        Problem::new(Kind::RangeNotSatisfiable, detail).limit(length, 0)
+        Problem::new(Kind::RangeNotSatisfiable, detail).with("limit", length)
     })
 }
 

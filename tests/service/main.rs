@@ -2,8 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod client;
+mod comparisons;
 mod contract;
+mod durability;
+mod events;
 mod formats;
+mod jobs;
 mod lifecycle;
 mod load;
 mod parameters;

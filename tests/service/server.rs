@@ -1,6 +1,7 @@
 //! The program under test, on ports of its own; killed when dropped.
 
 use crate::client::{Answer, send};
+use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -113,6 +114,30 @@ impl Server {
         send(self.public, "POST", &format!("/v1/meshes?{query}"), headers, image)
     }
 
+    /// Submits a job with a query and headers.
+    pub(crate) fn submit(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
+        send(self.public, "POST", &format!("/v1/jobs?{query}"), headers, image)
+    }
+
+    /// Submits a job that is accepted, and returns where it is.
+    #[track_caller]
+    pub(crate) fn job(&self, query: &str, image: &[u8]) -> String {
+        let answer = self.submit(query, &[], image);
+        assert_eq!(answer.status, 202, "{}", answer.text());
+        answer.header("location").to_owned()
+    }
+
+    /// Waits until a job is in a state, and returns its document.
+    #[track_caller]
+    pub(crate) fn wait_for(&self, job: &str, state: &str) -> Value {
+        let mut document = Value::Null;
+        self.wait_until(&format!("{job} is {state}"), || {
+            document = self.get(job).json();
+            document["state"] == state
+        });
+        document
+    }
+
     pub(crate) fn get(&self, target: &str) -> Answer {
         send(self.public, "GET", target, &[], &[])
     }
@@ -160,6 +185,12 @@ impl Server {
 
     pub(crate) fn log(&self) -> String {
         self.log.lock().unwrap().clone()
+    }
+
+    /// Ends the process as if the machine had failed.
+    pub(crate) fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
     }
 
     /// Sends a signal by name, such as `TERM`.

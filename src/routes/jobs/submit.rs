@@ -63,18 +63,14 @@ pub(in crate::routes) async fn prefer(
     preference: Preference,
 ) -> Result<Response, Problem> {
     let submission = submit(service, owner.clone(), headers, upload, order).await?;
-    let wait = preference.wait.unwrap_or_default().min(service.deadline);
-    let record = wait_for_end(service, &owner, submission.record.clone(), wait).await?;
-    let mut response = match record.state {
-        JobState::Queued | JobState::Running => Submission { record, ..submission }.accepted(),
-        JobState::Failed => return Err(failure(&record)),
-        JobState::Completed | JobState::Cancelled => {
-            let mut response = mesh::of(service, &record, order.format, headers).await?;
-            let path = HeaderValue::try_from(format!("{}/mesh", document::path(record.id)));
-            let path = path.map_err(|error| internal("a path is not valid", &error))?;
-            response.headers_mut().insert(CONTENT_LOCATION, path);
-            response
+    let mut response = match preference.wait {
+        Some(wait) => {
+            let wait = wait.min(service.deadline);
+            let record = wait_for_end(service, &owner, submission.record.clone(), wait).await?;
+            let submission = Submission { record, ..submission };
+            submission.mesh_or_accepted(service, headers, order.format).await?
         }
+        None => submission.accepted(),
     };
     let headers = response.headers_mut();
     if let Ok(applied) = HeaderValue::try_from(preference.applied()) {
@@ -97,6 +93,27 @@ struct Submission {
 }
 
 impl Submission {
+    /// The mesh, or the problem, of a job that came to its end; else where the job is.
+    async fn mesh_or_accepted(
+        &self,
+        service: &Service,
+        headers: &HeaderMap,
+        format: Option<Format>,
+    ) -> Result<Response, Problem> {
+        match self.record.state {
+            JobState::Queued | JobState::Running => Ok(self.accepted()),
+            JobState::Failed => Err(failure(&self.record)),
+            JobState::Completed | JobState::Cancelled => {
+                let mut response = mesh::of(service, &self.record, format, headers).await?;
+                let path =
+                    HeaderValue::try_from(format!("{}/mesh", document::path(self.record.id)));
+                let path = path.map_err(|error| internal("a path is not valid", &error))?;
+                response.headers_mut().insert(CONTENT_LOCATION, path);
+                Ok(response)
+            }
+        }
+    }
+
     /// 202 and where the job is.
     fn accepted(&self) -> Response {
         let mut response = super::answer(StatusCode::ACCEPTED, &self.record);
