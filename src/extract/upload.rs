@@ -176,7 +176,7 @@ impl<const N: usize> Wanted<N> {
             Some(kind) => essence.starts_with(kind),
             None => essence == **accepted,
         };
-        if self.labels.iter().any(|accepted| is_accepted(accepted)) {
+        if self.labels.iter().any(is_accepted) {
             return Ok(());
         }
         Err(self.refuse_label(&essence, self.labels))
