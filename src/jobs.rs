@@ -40,7 +40,7 @@ pub mod retention;
 pub mod worker;
 
 use crate::config::Settings;
-use crate::problem::{Kind, Problem};
+use crate::problem::{Kind, Problem, internal};
 use blobs::Blobs;
 use bytes::Bytes;
 use embedded::Embedded;
@@ -80,14 +80,21 @@ impl Jobs {
         Ok(Self { queue, blobs })
     }
 
-    /// Puts a job and its image on stable storage: first the image, then the job.
+    /// Puts a job and its image on stable storage: first the image, then the job. What was begun is
+    /// ended, also when nobody waits for it any more.
     ///
     /// # Errors
     /// `storage-full` or `storage-unavailable`.
     pub async fn submit(&self, job: NewJob, image: Bytes) -> Result<Submitted, Problem> {
-        let hold = self.blobs.hold().await;
-        self.blobs.put(&hold, job.picture.digest, image).await?;
-        Ok(self.queue.submit(job).await?)
+        let jobs = self.clone();
+        let storing = tokio::spawn(async move {
+            let hold = jobs.blobs.hold().await;
+            jobs.blobs.put(&hold, job.picture.digest, image).await?;
+            jobs.queue.submit(job).await
+        });
+        let stored =
+            storing.await.map_err(|error| internal("a job could not be stored", &error))?;
+        Ok(stored?)
     }
 }
 

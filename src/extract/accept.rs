@@ -52,22 +52,28 @@ pub const OFFERED: [Representation; 5] = [
         content_type: "model/gltf-binary",
         file_name: "mesh.glb",
     },
-    Representation {
-        format: Format::Png,
-        media_type: "image/png",
-        content_type: "image/png",
-        file_name: "mesh.png",
-    },
-    Representation {
-        format: Format::Pnm,
-        media_type: "image/x-portable-anymap",
-        content_type: "image/x-portable-anymap",
-        file_name: "mesh.pnm",
-    },
+    PNG,
+    PNM,
 ];
 
+/// A picture rebuilt from a mesh, as PNG.
+const PNG: Representation = Representation {
+    format: Format::Png,
+    media_type: "image/png",
+    content_type: "image/png",
+    file_name: "mesh.png",
+};
+
+/// The same as PNM.
+const PNM: Representation = Representation {
+    format: Format::Pnm,
+    media_type: "image/x-portable-anymap",
+    content_type: "image/x-portable-anymap",
+    file_name: "mesh.pnm",
+};
+
 /// The representations that are pictures.
-pub const PICTURES: [Representation; 2] = [OFFERED[3], OFFERED[4]];
+pub const PICTURES: [Representation; 2] = [PNG, PNM];
 
 impl Format {
     /// Every format, in the order of [`Self::NAMES`].

@@ -14,7 +14,7 @@ mod pace;
 pub use meter::{BodyLimit, BodyMemory, Charge};
 
 use super::fields::Fields;
-use crate::problem::{Kind, Problem};
+use crate::problem::{Kind, Problem, internal};
 use axum::body::Body;
 use axum::http::HeaderMap;
 use axum::http::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
@@ -23,6 +23,7 @@ use meter::Metered;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::task::spawn_blocking;
 
 /// What bodies may be like, and the memory that they share.
 #[derive(Clone, Debug)]
@@ -119,7 +120,7 @@ impl Intake {
                 files
             }
             Label::Form => form::receive(wanted, headers, body, fields).await?,
-            Label::Json => json::read(wanted.files, &collect(body).await?, fields)?,
+            Label::Json => read_json(wanted.files, collect(body).await?, &charge, fields).await?,
         };
         wanted.uploads(found, &charge)
     }
@@ -137,6 +138,20 @@ impl Intake {
         let detail = format!("the body did not arrive within {} s", self.timeout.as_secs_f64());
         Problem::new(Kind::RequestTimeout, detail).setting("--body-timeout")
     }
+}
+
+/// Reads a JSON object: its files lie in memory beside its text, and its length takes its time.
+async fn read_json<const N: usize>(
+    files: [&'static str; N],
+    body: Vec<u8>,
+    charge: &Charge,
+    fields: &mut dyn Fields,
+) -> Result<[Option<Vec<u8>>; N], Problem> {
+    charge.grow_or_refuse(2 * body.len() as u64)?;
+    let read = spawn_blocking(move || json::read(files, &body)).await;
+    let (found, pairs) = read.map_err(|error| internal("a body could not be read", &error))??;
+    pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
+    Ok(found)
 }
 
 /// What a body says it is.

@@ -97,8 +97,8 @@ impl Blobs {
         Clearing { blobs: self, _none_held: self.holds.write().await }
     }
 
-    /// Every blob there is. Staged files that were never renamed are removed on the way: only a
-    /// process that starts may call this.
+    /// Every blob there is. Staged files that were never renamed are removed on the way: nobody may
+    /// be storing blobs, as nobody is during [`Self::clear`].
     ///
     /// # Errors
     /// When the folder cannot be read.

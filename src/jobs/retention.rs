@@ -17,9 +17,9 @@ const PERIOD: Duration = Duration::from_secs(5);
 /// # Errors
 /// When the blobs or the queue cannot be read.
 pub async fn clean_up(jobs: &Jobs) -> Result<(), Box<dyn Error + Send + Sync>> {
+    let clearing = jobs.blobs.clear().await;
     let blobs = jobs.blobs.clone();
     let stored = spawn_blocking(move || blobs.all()).await??;
-    let clearing = jobs.blobs.clear().await;
     let kept = jobs.queue.referenced(stored.clone()).await?;
     for digest in stored.into_iter().filter(|digest| !kept.contains(digest)) {
         clearing.delete(digest).await?;

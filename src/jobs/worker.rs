@@ -7,7 +7,7 @@
 
 use super::Jobs;
 use super::blobs::Hold;
-use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
+use super::queue::{Claim, Finish, Lease, Outcome, Renewal};
 use super::record::{MeshFigures, Progress};
 use crate::admission::{Admission, Cost, Slot};
 use crate::extract::accept::Format;
@@ -51,20 +51,30 @@ impl Worker {
     /// Does jobs until `stop`, then lets those that run end within `grace`, and hands back the rest.
     pub async fn run(self, stop: CancellationToken, grace: Duration) {
         let (hand_back, mut attempts) = (CancellationToken::new(), JoinSet::new());
-        while !stop.is_cancelled() {
-            let next = tokio::select! {
-                next = self.next() => next,
-                () = stop.cancelled() => break,
+        loop {
+            let slot = tokio::select! {
+                slot = self.admission.slot() => slot,
+                () = stop.cancelled() => None,
             };
-            match next {
-                Ok(Some((slot, claim))) => {
+            let Some(slot) = slot else { break };
+            // Not given up half-way: a job that was claimed and then forgotten would have lost an
+            // attempt.
+            match self.jobs.queue.claim().await {
+                Ok(Some(claim)) => {
                     let (worker, hand_back) = (self.clone(), hand_back.clone());
                     let span = tracing::info_span!("job", id = %claim.lease.job);
                     let attempt = async move { worker.attempt(slot, claim, &hand_back).await };
                     attempts.spawn(attempt.instrument(span));
                 }
-                Ok(None) => self.jobs.queue.work().await,
+                Ok(None) => {
+                    drop(slot);
+                    tokio::select! {
+                        () = self.jobs.queue.work() => {}
+                        () = stop.cancelled() => break,
+                    }
+                }
                 Err(error) => {
+                    drop(slot);
                     tracing::warn!(%error, "no job can be claimed");
                     tokio::time::sleep(PAUSE_AFTER_ERROR).await;
                 }
@@ -76,12 +86,6 @@ impl Worker {
             hand_back.cancel();
             let _ = timeout(HANDING_BACK, attempts.join_all()).await;
         }
-    }
-
-    /// A slot, and then the next job.
-    async fn next(&self) -> Result<Option<(Slot, Claim)>, QueueError> {
-        let Some(slot) = self.admission.slot().await else { return Ok(None) };
-        Ok(self.jobs.queue.claim().await?.map(|claim| (slot, claim)))
     }
 
     /// One attempt at a job, to whatever end.

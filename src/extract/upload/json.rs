@@ -1,6 +1,6 @@
 //! Reads a JSON object: the files in base64, and the parameters as an object `params`.
 
-use crate::extract::fields::{Fields, repeated, unknown};
+use crate::extract::fields::{repeated, unknown};
 use crate::extract::params::pairs_of_json;
 use crate::problem::{Kind, Problem};
 use base64::Engine;
@@ -10,33 +10,32 @@ use serde_json::value::RawValue;
 use std::borrow::Cow;
 use std::fmt;
 
-/// Reads the files of these names, and adds the parameters to `fields`.
+/// The files found, and the pairs of a name and a text among the parameters.
+pub(super) type Found<const N: usize> = ([Option<Vec<u8>>; N], Vec<(String, String)>);
+
+/// Reads the files of these names, and the parameters.
 pub(super) fn read<const N: usize>(
     files: [&'static str; N],
     body: &[u8],
-    fields: &mut dyn Fields,
-) -> Result<[Option<Vec<u8>>; N], Problem> {
+) -> Result<Found<N>, Problem> {
     let Members(members) = serde_json::from_slice(body).map_err(|error| malformed(&error))?;
-    let mut found = [const { None }; N];
+    let (mut found, mut pairs) = ([const { None }; N], Vec::new());
     let mut seen: Vec<&str> = Vec::new();
     for (name, value) in &members {
         if seen.contains(&&**name) {
             return Err(repeated(name));
         }
-        seen.push(name);
         match files.iter().position(|file| *file == &**name) {
             Some(index) => found[index] = Some(decoded(files[index], value)?),
-            None if name == "params" => {
-                let pairs = pairs_of_json(value.get().as_bytes())?;
-                pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
-            }
+            None if name == "params" => pairs = pairs_of_json(value.get().as_bytes())?,
             None => {
                 let known: Vec<&str> = files.into_iter().chain(["params"]).collect();
                 return Err(unknown(name, &known));
             }
         }
+        seen.push(name);
     }
-    Ok(found)
+    Ok((found, pairs))
 }
 
 /// The bytes of a file in base64, with its padding.
@@ -101,11 +100,10 @@ impl<'de> Deserialize<'de> for Members<'de> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::extract::params::ParameterSet;
 
     fn image(body: &[u8]) -> Result<Option<Vec<u8>>, Kind> {
-        let found = read(["image"], body, &mut ParameterSet::default());
-        found.map(|[image]| image).map_err(|problem| problem.kind())
+        let found = read(["image"], body);
+        found.map(|([image], _)| image).map_err(|problem| problem.kind())
     }
 
     #[test]
@@ -130,8 +128,6 @@ mod tests {
             (b"{\"image\": \"AQI\"}", Kind::ParameterMalformed),
             (b"{\"image\": \"AQ ID\"}", Kind::ParameterMalformed),
             (b"{\"params\": {\"size\": {}}}", Kind::JsonMalformed),
-            (b"{\"params\": {\"size\": -1}}", Kind::ParameterOutOfRange),
-            (b"{\"params\": {\"sise\": 9}}", Kind::UnknownParameter),
         ] {
             assert_eq!(image(body), Err(kind), "{}", String::from_utf8_lossy(body));
         }

@@ -40,13 +40,21 @@ pub async fn create(
     owner: Owner,
     request: Request,
 ) -> Result<Response, Problem> {
+    let cut = service.cut.clone();
+    tokio::select! {
+        answer = accept(&service, owner, request) => answer,
+        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
+    }
+}
+
+async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
     let mut parameters = ParameterSet::of_query(head.uri.query())?;
     let received =
         service.intake.receive(&IMAGE_OF_JOB, &head.headers, body, &mut parameters).await;
     let [upload] = received?;
     let order = parameters.finish()?;
-    let submission = submit(&service, owner, &head.headers, upload, &order).await?;
+    let submission = submit(service, owner, &head.headers, upload, &order).await?;
     Ok(submission.accepted())
 }
 
