@@ -74,10 +74,10 @@ mod simplify;
 mod small_face;
 mod small_face_plane;
 mod small_face_rows;
+mod ssim;
 mod star;
 mod threshold_search;
 mod tile_order;
-mod ssim;
 mod triangulation;
 
 pub use choices::{

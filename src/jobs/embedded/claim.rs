@@ -66,7 +66,8 @@ fn oldest(write: &Write<'_>, load: &OwnerLoad) -> Result<Waiting> {
     write
         .connection
         .prepare_cached(
-            "SELECT id, attempt FROM jobs WHERE state = 0 AND owner = ?1 ORDER BY id LIMIT 1",
+            "SELECT id, attempt FROM jobs WHERE state < 2 AND state = 0 AND owner = ?1
+             ORDER BY id LIMIT 1",
         )?
         .query_row([load.owner.as_str()], |row| {
             Ok(Waiting { id: row::id(row, "id")?, attempt: row.get("attempt")? })
@@ -74,7 +75,8 @@ fn oldest(write: &Write<'_>, load: &OwnerLoad) -> Result<Waiting> {
 }
 
 fn last_attempt_runs(write: &Write<'_>) -> Result<bool> {
-    let sql = "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 1 AND attempt >= ?1)";
+    let sql = "SELECT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND state = 1
+                                AND attempt >= ?1)";
     write.connection.prepare_cached(sql)?.query_row([MAX_ATTEMPTS], |row| row.get(0))
 }
 

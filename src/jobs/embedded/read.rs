@@ -111,7 +111,7 @@ pub(super) fn stats(connection: &Connection) -> Result<Stats> {
                WHERE state < 2";
     let (queued, running) =
         connection.prepare_cached(sql)?.query_row([], |row| Ok((row.get(0)?, row.get(1)?)))?;
-    let sql = "SELECT MIN(created_ms) FROM jobs WHERE state = 0";
+    let sql = "SELECT MIN(created_ms) FROM jobs WHERE state < 2 AND state = 0";
     let oldest: Option<i64> = connection.prepare_cached(sql)?.query_row([], |row| row.get(0))?;
     let waited_ms = oldest.map_or(0, |oldest| Moment::now().0.saturating_sub(oldest).max(0));
     Ok(Stats { queued, running, oldest_queued_s: waited_ms as f64 / 1e3 })

@@ -7,6 +7,9 @@ use std::time::Duration;
 /// The version of the tables below, which the database carries.
 const VERSION: i64 = 1;
 
+/// An index of some rows only serves a question that repeats its condition: who asks for jobs in
+/// state 0 or 1 must ask for states below 2, too.
+///
 /// State numbers are those of `State::ALL`: 0 waits, 1 runs, 2 and more are ends.
 const TABLES: &str = "
 CREATE TABLE jobs (

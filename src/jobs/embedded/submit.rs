@@ -52,10 +52,10 @@ fn full(write: &Write<'_>, job: &NewJob, terms: &Terms) -> Result<Option<Submitt
             .query_row(rusqlite::params_from_iter(owner), |row| row.get::<_, usize>(0))
     };
     let caps = terms.caps;
-    if count("SELECT COUNT(*) FROM jobs WHERE state = 0", None)? >= caps.queued {
+    if count("SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0", None)? >= caps.queued {
         return Ok(Some(Submitted::QueueFull { limit: caps.queued }));
     }
-    let owned = "SELECT COUNT(*) FROM jobs WHERE state = 0 AND owner = ?1";
+    let owned = "SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0 AND owner = ?1";
     if count(owned, Some(job.owner.as_str()))? >= caps.queued_per_owner {
         return Ok(Some(Submitted::OwnerFull { limit: caps.queued_per_owner }));
     }

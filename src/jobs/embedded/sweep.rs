@@ -54,7 +54,7 @@ pub(super) fn sweep(write: &mut Write<'_>, terms: &Terms, now_ms: i64) -> Result
 fn held(write: &Write<'_>, lease_end_ms: i64, limit: i64) -> Result<Vec<Held>> {
     let mut statement = write.connection.prepare_cached(
         "SELECT id, attempt, cancel_requested FROM jobs
-         WHERE state = 1 AND COALESCE(lease_end_ms, 0) <= ?1 LIMIT ?2",
+         WHERE state < 2 AND state = 1 AND COALESCE(lease_end_ms, 0) <= ?1 LIMIT ?2",
     )?;
     let held = |row: &Row<'_>| {
         Ok(Held {

@@ -128,3 +128,31 @@ async fn submissions_at_once_share_their_syncs() {
     // One at a time they take about 3 ms each where syncs are quick.
     assert!(took < Duration::from_secs(4), "{took:?}");
 }
+
+#[test]
+fn no_question_that_is_asked_often_looks_at_every_job() {
+    let engine = engine("plans");
+    drop(open(&engine.0, terms()));
+    let connection = Connection::open(engine.0.join(DATABASE)).unwrap();
+    for sql in [
+        "SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0",
+        "SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0 AND owner = 'a'",
+        "SELECT id FROM jobs WHERE state < 2 AND state = 0 AND owner = 'a' ORDER BY id LIMIT 1",
+        "SELECT owner FROM jobs WHERE state < 2 GROUP BY owner",
+        "SELECT id FROM jobs WHERE state < 2 AND state = 1 AND lease_end_ms <= 5",
+        "SELECT id FROM jobs WHERE is_gone = 0 AND expires_ms <= 5",
+        "SELECT id FROM jobs WHERE owner = 'a' AND is_gone = 0 AND id < 'x' ORDER BY id DESC",
+        "SELECT 1 FROM jobs WHERE has_image = 1 AND image_digest = 'x'",
+        "SELECT 1 FROM jobs WHERE mesh_digest IS NOT NULL AND mesh_digest = 'x'",
+    ] {
+        let plan: Vec<String> = connection
+            .prepare(&format!("EXPLAIN QUERY PLAN {sql}"))
+            .unwrap()
+            .query_map([], |row| row.get("detail"))
+            .unwrap()
+            .collect::<Result<_, _>>()
+            .unwrap();
+        let looks_at_all = |step: &String| step.starts_with("SCAN") && !step.contains("INDEX");
+        assert!(!plan.iter().any(looks_at_all), "{sql}: {plan:?}");
+    }
+}
