@@ -2,6 +2,7 @@
 
 use super::Jobs;
 use super::queue::{QueueError, Swept};
+use super::record::State;
 use crate::telemetry;
 use std::collections::HashSet;
 use std::error::Error;
@@ -46,6 +47,9 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
     let Swept { requeued, exhausted, expired, given_up } = jobs.queue.sweep().await?;
     if requeued + exhausted + expired > 0 {
         tracing::info!(requeued, exhausted, expired, "swept jobs");
+    }
+    for _ in 0..exhausted {
+        telemetry::job_ended(State::Failed);
     }
     if !given_up.is_empty() {
         delete(jobs, given_up).await?;

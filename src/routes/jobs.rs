@@ -21,8 +21,9 @@ use super::Service;
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
 use crate::jobs::queue::{Cancellation, Lookup};
-use crate::jobs::record::{JobId, Record};
+use crate::jobs::record::{JobId, Record, State as JobState};
 use crate::problem::{Kind, Problem};
+use crate::telemetry;
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
@@ -61,7 +62,11 @@ pub async fn cancel(
 ) -> Result<Response, Problem> {
     Few::of_query(&[], request.uri().query())?;
     let id = id_of(path)?;
-    match service.jobs.queue.cancel(&owner, id).await? {
+    let cancellation = service.jobs.queue.cancel(&owner, id).await?;
+    if cancellation == Cancellation::Cancelled {
+        telemetry::job_ended(JobState::Cancelled);
+    }
+    match cancellation {
         Cancellation::Cancelled | Cancellation::Requested => {
             let record = found(service.jobs.queue.get(&owner, id).await?)?;
             Ok(answer(StatusCode::ACCEPTED, &record))
