@@ -31,7 +31,7 @@ impl Owner {
         Self(name.into())
     }
 
-    /// Whom a request is from, as [`super::auth`] has found out.
+    /// Whom a request is from, as what checks its key has found out.
     #[must_use]
     pub fn of(extensions: &Extensions) -> Self {
         extensions.get().cloned().unwrap_or_else(Self::anonymous)

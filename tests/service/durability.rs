@@ -59,6 +59,15 @@ struct Ledger {
     is_over: AtomicBool,
 }
 
+/// Lets the clients stop when it is dropped, also by a failure.
+struct Over<'a>(&'a Ledger);
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.0.is_over.store(true, Ordering::Relaxed);
+    }
+}
+
 impl Ledger {
     /// Submits one thing after the other, each until it is accepted, wherever the service is.
     fn keep(&self, address: &Mutex<SocketAddr>) {
@@ -98,23 +107,25 @@ fn no_accepted_job_is_lost_or_doubled_however_often_the_process_is_killed() {
     let mut server = Server::start_in(&folder, &[]);
     let address = Mutex::new(server.public);
     let (mut random, mut longest) = (Random(1), Duration::ZERO);
+    ledger.allowed.store(MOST_PER_KILL, Ordering::Relaxed);
     thread::scope(|scope| {
+        let _over = Over(&ledger);
         for _ in 0..3 {
             scope.spawn(|| ledger.keep(&address));
         }
         for kill in 1..=kills {
-            ledger.allowed.store(kill * MOST_PER_KILL, Ordering::Relaxed);
             thread::sleep(Duration::from_millis(random.below(most_between)));
             server.kill();
             let started = Instant::now();
             server = Server::start_in(&folder, &[]);
             *address.lock().unwrap() = server.public;
+            // Where all jobs were done already, there is a new one to take up.
+            ledger.allowed.store((kill + 1) * MOST_PER_KILL, Ordering::Relaxed);
             server.wait_until("a job is taken up again", || {
                 server.metric("pixmesh_job_attempts_total") > 0.0
             });
             longest = longest.max(started.elapsed());
         }
-        ledger.is_over.store(true, Ordering::Relaxed);
     });
     assert!(longest < MOST_TO_RESUME, "{longest:?}");
     let jobs = ledger.jobs.lock().unwrap();
