@@ -64,25 +64,41 @@ pub struct Settings {
     pub jobs: JobSettings,
 }
 
-/// Settings of the interface's jobs, which this version does not offer: checked, so that one
-/// configuration fits this and later versions, and otherwise without effect, as the log says.
+/// Where and how jobs are kept.
 #[derive(Args, Clone, Debug)]
 pub struct JobSettings {
-    /// Folder of the jobs.
-    #[arg(long, env = "PIXMESH_DATA_DIR", hide = true)]
-    pub data_dir: Option<PathBuf>,
+    /// Folder of the jobs, their pictures and results; one process has it at a time.
+    #[arg(long, env = "PIXMESH_DATA_DIR", default_value = "./pixmesh-data")]
+    pub data_dir: PathBuf,
     /// Engine of the queue.
-    #[arg(long, env = "PIXMESH_QUEUE", hide = true, value_parser = ["embedded"])]
-    pub queue: Option<String>,
+    #[arg(long, env = "PIXMESH_QUEUE", default_value = "embedded")]
+    pub queue: QueueEngine,
     /// Store of pictures and results.
-    #[arg(long, env = "PIXMESH_BLOBS", hide = true, value_parser = ["file"])]
-    pub blobs: Option<String>,
-    /// Longest time of a job.
-    #[arg(long, env = "PIXMESH_JOB_DEADLINE", hide = true)]
-    pub job_deadline: Option<Period>,
-    /// How long results are kept.
-    #[arg(long, env = "PIXMESH_RESULT_TTL", hide = true)]
-    pub result_ttl: Option<Period>,
+    #[arg(long, env = "PIXMESH_BLOBS", default_value = "file")]
+    pub blobs: BlobEngine,
+    /// Longest time of an attempt at a job.
+    #[arg(long, env = "PIXMESH_JOB_DEADLINE", default_value = "10m")]
+    pub job_deadline: Period,
+    /// How long a job and its result are kept after its end.
+    #[arg(long, env = "PIXMESH_RESULT_TTL", default_value = "24h")]
+    pub result_ttl: Period,
+    /// Most jobs that wait; what comes on top is turned away.
+    #[arg(long, env = "PIXMESH_MAX_QUEUED_JOBS", default_value = "10000")]
+    pub max_queued_jobs: NonZeroUsize,
+}
+
+/// What keeps the queue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum QueueEngine {
+    /// A database in the data folder.
+    Embedded,
+}
+
+/// What keeps pictures and results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BlobEngine {
+    /// Files in the data folder.
+    File,
 }
 
 /// What a client may send, and how slowly.
@@ -200,21 +216,6 @@ impl Settings {
     }
 }
 
-impl JobSettings {
-    /// The flags of those that are given.
-    pub fn given(&self) -> impl Iterator<Item = &'static str> {
-        [
-            ("--data-dir", self.data_dir.is_some()),
-            ("--queue", self.queue.is_some()),
-            ("--blobs", self.blobs.is_some()),
-            ("--job-deadline", self.job_deadline.is_some()),
-            ("--result-ttl", self.result_ttl.is_some()),
-        ]
-        .into_iter()
-        .filter_map(|(flag, given)| given.then_some(flag))
-    }
-}
-
 impl Limits {
     /// Those that the codec checks.
     #[must_use]
@@ -226,7 +227,7 @@ impl Limits {
 impl fmt::Display for Settings {
     /// One line `flag value` per setting in force.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { limits, access, traces, .. } = self;
+        let Self { limits, jobs, access, traces, .. } = self;
         let log_format = match self.log_format {
             LogFormat::Human => "human",
             LogFormat::Json => "json",
@@ -245,17 +246,14 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
         writeln!(formatter, "--max-connections {}", limits.max_connections)?;
-        let keys_file = access.keys_file.as_ref().map(|path| path.display().to_string());
-        writeln!(formatter, "--keys-file {}", keys_file.unwrap_or_default())?;
-        writeln!(formatter, "--key-requests-per-minute {}", access.key_requests_per_minute)?;
-        writeln!(formatter, "--key-running {}", access.running(self.worker_count()))?;
-        writeln!(formatter, "--key-queued {}", access.key_queued)?;
-        writeln!(formatter, "--cors-origin {}", access.cors_origins.join(","))?;
-        writeln!(formatter, "--otlp-endpoint {}", traces.otlp_endpoint.as_deref().unwrap_or(""))?;
-        match &traces.otlp_headers {
-            Some(secret) => writeln!(formatter, "--otlp-headers {secret}"),
-            None => writeln!(formatter, "--otlp-headers "),
-        }
+        let JobSettings { queue: QueueEngine::Embedded, blobs: BlobEngine::File, .. } = jobs;
+        writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;
+        writeln!(formatter, "--queue embedded")?;
+        writeln!(formatter, "--blobs file")?;
+        writeln!(formatter, "--job-deadline {}", jobs.job_deadline)?;
+        writeln!(formatter, "--result-ttl {}", jobs.result_ttl)?;
+        writeln!(formatter, "--max-queued-jobs {}", jobs.max_queued_jobs)?;
+        write!(formatter, "{}{}", access.shown(self.worker_count()), traces)
     }
 }
 

@@ -2,8 +2,11 @@
 
 pub mod accept;
 pub mod auth;
+pub mod fields;
+pub mod idempotency;
 pub mod owner;
 pub mod params;
+pub mod prefer;
 pub mod request_id;
 pub mod upload;
 

@@ -13,6 +13,8 @@
 //! | [`admission`] | what may run now, what waits, and what is turned away at once |
 //! | [`pool`] | one piece of work on a blocking thread, with its deadline |
 //! | [`pipeline`] | from an upload to the bytes of the answer |
+//! | [`jobs`] | work that is kept until it is done, whatever happens to the process |
+//! | [`digest`] | SHA-256, by which blobs and answers are named |
 //! | [`problem`] | every refusal, as RFC 9457 has it |
 //! | [`telemetry`] | the log and the metrics |
 //! | [`doctor`] | whether the service would work here |
@@ -25,9 +27,11 @@
 pub mod access;
 pub mod admission;
 pub mod config;
+pub mod digest;
 pub mod doctor;
 pub mod extract;
 pub mod health;
+pub mod jobs;
 pub mod pipeline;
 pub mod pool;
 pub mod problem;

@@ -3,16 +3,20 @@
 //! Each step takes what the one before it made; a buffer dies as soon as the next exists. The same
 //! image, parameters and version give the same bytes, which is what the entity tag says.
 
-use crate::extract::accept::{Format, Representation};
+mod compare;
+mod convert;
+
+pub use compare::{Comparison, Pair, compare};
+pub use convert::convert;
+
+use crate::digest::Digest;
+use crate::extract::accept::Format;
 use crate::extract::params::Order;
-use crate::extract::upload::Upload;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
 use pixmesh_codec::{EncodeError, Limits, decode, write_glb, write_model, write_png, write_pnm};
 use pixmesh_meshing::{Mesh, Shape, generate, rasterize};
-use sha2::{Digest, Sha256};
-use std::fmt::Write;
 use std::time::Duration;
 
 /// Room in bytes for what is in an answer whatever its size, such as the header of a file.
@@ -23,8 +27,8 @@ const FRAME: usize = 4096;
 pub struct Answer {
     /// The mesh in the format asked for.
     pub bytes: Vec<u8>,
-    /// SHA-256 of the bytes, in hexadecimal digits.
-    pub digest: String,
+    /// SHA-256 of the bytes.
+    pub digest: Digest,
     /// Vertices of the mesh.
     pub vertices: usize,
     /// Faces of the mesh.
@@ -37,29 +41,30 @@ pub struct Answer {
     pub timings: Vec<(&'static str, Duration)>,
 }
 
-/// Makes the mesh of an upload.
+/// Makes the mesh of an image, whose bytes are let go as soon as it is decoded.
 ///
 /// # Errors
 /// When the image cannot be decoded, the parameters do not fit it, the format cannot hold the
 /// result, or the watch stops the work.
 pub fn mesh(
-    upload: Upload,
+    image: impl AsRef<[u8]>,
     order: &Order,
-    representation: Representation,
+    format: Format,
     limits: &Limits,
     watch: &Watch,
 ) -> Result<Answer, Problem> {
     watch.check()?;
     watch.begin("decode");
-    let image = decode(&upload.image, limits)?;
-    drop(upload);
+    let decoded = decode(image.as_ref(), limits)?;
+    drop(image);
+    let image = decoded;
     let pixels = image.pixel_count();
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
     drop(image);
-    let bytes = encode(&model.mesh, representation.format, watch)?;
+    let bytes = encode(&model.mesh, format, watch)?;
     let answer = Answer {
-        digest: digest(&bytes),
+        digest: Digest::of(&bytes),
         bytes,
         vertices: model.mesh.points().len(),
         faces: model.mesh.faces().len(),
@@ -125,12 +130,4 @@ fn encoded<E: Into<EncodeError>>(
     write(&mut bytes).map_err(Into::into)?;
     bytes.shrink_to_fit();
     Ok(bytes)
-}
-
-fn digest(bytes: &[u8]) -> String {
-    let mut text = String::with_capacity(64);
-    for byte in Sha256::digest(bytes) {
-        let _ = write!(text, "{byte:02x}");
-    }
-    text
 }

@@ -1,7 +1,8 @@
 //! One piece of work on a blocking thread: its ticket moves in, and it ends at its deadline.
 //!
-//! The thread belongs to tokio's pool for blocking work; how many work at a time, the tickets of
-//! [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
+//! The threads are a pool of their own, which yields to the threads that answer requests and write
+//! jobs: these have little to do and must not wait for it, while work takes every core. How many
+//! work at a time, the tickets of [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
 //! future is dropped, and with it a guard that raises the work's flag; the kernels poll the flag
 //! through [`Watch`] and stop within milliseconds. Only then is the ticket given back. Decoding and
 //! encoding do not poll: work that is stopped during one of them stops at its end, which for the
@@ -14,9 +15,11 @@ pub use watch::Watch;
 use crate::admission::Ticket;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
-use std::sync::Arc;
+use rustix::process::{getpriority_process, setpriority_process};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
-use tokio::task::{JoinError, spawn_blocking};
+use tokio::runtime::{Builder, Handle, Runtime};
+use tokio::task::JoinError;
 use tokio::time::timeout_at;
 use tracing::Span;
 
@@ -25,14 +28,26 @@ use tracing::Span;
 /// # Errors
 /// The work's own refusal, `deadline-exceeded`, or `internal` when it panicked.
 pub async fn run<T: Send + 'static>(
-    mut ticket: Ticket,
+    ticket: Ticket,
     deadline: Instant,
     work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
-    let watch = Arc::new(Watch::new(deadline));
+    run_watched(ticket, Arc::new(Watch::new(deadline)), deadline, work).await
+}
+
+/// The same under a watch that others look at too.
+///
+/// # Errors
+/// As [`run`].
+pub async fn run_watched<T: Send + 'static>(
+    mut ticket: Ticket,
+    watch: Arc<Watch>,
+    deadline: Instant,
+    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
+) -> Result<T, Problem> {
     let _guard = CancelOnDrop(Arc::clone(&watch));
     let span = Span::current();
-    let task = spawn_blocking(move || {
+    let task = threads().spawn_blocking(move || {
         let _entered = span.enter();
         watch.record("queue", ticket.waited);
         let result = work(&watch, &mut ticket);
@@ -47,6 +62,31 @@ pub async fn run<T: Send + 'static>(
         Ok(joined) => joined.unwrap_or_else(|error| Err(panicked(&error))),
         Err(_) => Err(too_slow()),
     }
+}
+
+/// How much nicer than the process the threads that work are.
+const NICENESS: i32 = 5;
+
+/// The threads that work.
+///
+/// The runtime runs nothing but these: it is where the threads of a pool can be told from others.
+fn threads() -> &'static Handle {
+    static THREADS: OnceLock<Option<Runtime>> = OnceLock::new();
+    static FALLBACK: OnceLock<Handle> = OnceLock::new();
+    let runtime = THREADS.get_or_init(|| {
+        Builder::new_current_thread().thread_name("work").on_thread_start(be_nicer).build().ok()
+    });
+    match runtime {
+        Some(runtime) => runtime.handle(),
+        None => FALLBACK.get_or_init(Handle::current),
+    }
+}
+
+/// Lets other threads of the process go first, as far as the system knows of that.
+fn be_nicer() {
+    // On Linux this is the priority of the calling thread alone.
+    let present = getpriority_process(None).unwrap_or(0);
+    let _ = setpriority_process(None, present.saturating_add(NICENESS));
 }
 
 /// Raises the flag when the one who waits for the work goes away.

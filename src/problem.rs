@@ -60,11 +60,16 @@ problems! {
     TooManyParts = BAD_REQUEST "too-many-parts" "The form has too many parts";
     DuplicatePart = BAD_REQUEST "duplicate-part" "A part of the form is given twice";
     ImageMissing = BAD_REQUEST "image-missing" "The form has no part 'image'";
+    PartMissing = BAD_REQUEST "part-missing" "The form lacks a part";
     EmptyFile = BAD_REQUEST "empty-file" "The file is empty";
     Unauthorized = UNAUTHORIZED "unauthorized" "The request needs a key";
     NotFound = NOT_FOUND "not-found" "There is no such resource";
     MethodNotAllowed = METHOD_NOT_ALLOWED "method-not-allowed" "The resource does not allow this method";
     NotAcceptable = NOT_ACCEPTABLE "not-acceptable" "No format offered is acceptable";
+    JobUnfinished = CONFLICT "job-unfinished" "The job has not come to its end";
+    JobWithoutMesh = CONFLICT "job-without-mesh" "The job ended without a mesh";
+    Gone = GONE "gone" "The resource is no longer kept";
+    RangeNotSatisfiable = RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range lies beyond the end";
     RequestTimeout = REQUEST_TIMEOUT "request-timeout" "The request took too long to arrive";
     BodyTooLarge = PAYLOAD_TOO_LARGE "body-too-large" "The request's body is too large";
     UriTooLong = URI_TOO_LONG "uri-too-long" "The request's target is too long";
@@ -83,11 +88,20 @@ problems! {
     FormatNotPossible = UNPROCESSABLE_ENTITY "format-not-possible" "The format cannot hold this result";
     WorkTooLarge = UNPROCESSABLE_ENTITY "work-too-large" "The work needs more memory than there is";
     QuotaExceeded = TOO_MANY_REQUESTS "quota-exceeded" "The key's quota is used up";
+    ShapeMismatch = UNPROCESSABLE_ENTITY "shape-mismatch" "The pictures are not of the same shape";
+    MeshInvalid = UNPROCESSABLE_ENTITY "mesh-invalid" "The MODEL is not a mesh";
+    MeshTooLarge = UNPROCESSABLE_ENTITY "mesh-too-large" "The MODEL announces more than it holds";
+    IndexOutOfRange = UNPROCESSABLE_ENTITY "index-out-of-range" "A face names a vertex that is not there";
+    IdempotencyKeyReused = UNPROCESSABLE_ENTITY "idempotency-key-reused" "The idempotency key was given for something else";
+    TooManyJobs = TOO_MANY_REQUESTS "too-many-jobs" "As many jobs wait as one client may have";
     HeadersTooLarge = REQUEST_HEADER_FIELDS_TOO_LARGE "headers-too-large" "The request's header is too large";
     Internal = INTERNAL_SERVER_ERROR "internal" "The service failed";
+    AttemptsExhausted = INTERNAL_SERVER_ERROR "attempts-exhausted" "The job's worker ended in each attempt";
     Overloaded = SERVICE_UNAVAILABLE "overloaded" "The service is busy";
     DeadlineExceeded = SERVICE_UNAVAILABLE "deadline-exceeded" "The work took too long";
     ShuttingDown = SERVICE_UNAVAILABLE "shutting-down" "The service is stopping";
+    StorageUnavailable = SERVICE_UNAVAILABLE "storage-unavailable" "The storage of jobs cannot be used";
+    StorageFull = INSUFFICIENT_STORAGE "storage-full" "The storage of jobs is full";
 }
 
 impl Kind {
@@ -175,6 +189,11 @@ impl Problem {
     #[must_use]
     pub fn setting(self, flag: &'static str) -> Self {
         self.member("setting", flag)
+    }
+
+    /// Anything else that a program can read.
+    pub(crate) fn with(self, name: &'static str, value: impl Into<Value>) -> Self {
+        self.member(name, value)
     }
 
     /// When to try again, in seconds; also sent as `Retry-After`.

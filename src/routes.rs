@@ -1,14 +1,18 @@
 //! The route table, and the order of the layers around it.
 
+pub mod comparisons;
 pub mod docs;
 pub mod health;
 pub mod index;
+pub mod jobs;
 pub mod meshes;
 pub mod methods;
 pub mod metrics;
 pub mod openapi;
 pub mod problems;
+pub mod reconstructions;
 
+mod answer;
 mod cors;
 mod guard;
 mod observe;
@@ -19,6 +23,8 @@ use crate::config::Settings;
 use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
+use crate::jobs::Jobs;
+use crate::jobs::queue::Queue;
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
@@ -48,6 +54,10 @@ pub struct Service {
     pub admission: Admission,
     /// The longest time from the end of the upload to the answer.
     pub deadline: Duration,
+    /// The jobs.
+    pub jobs: Jobs,
+    /// Raised when the service stops: who only waits shall come back later.
+    pub stop: CancellationToken,
     /// Raised when a stopping service can wait no longer for its work.
     pub cut: CancellationToken,
 }
@@ -57,6 +67,8 @@ pub struct Service {
 pub struct Operations {
     /// Whether the service is starting, ready or stopping.
     pub lifecycle: Lifecycle,
+    /// Whether jobs can be kept.
+    pub queue: Arc<dyn Queue>,
     /// Writes the metrics out.
     pub metrics: PrometheusHandle,
 }
@@ -64,7 +76,7 @@ pub struct Operations {
 impl Service {
     /// What the settings make of it, with the keys that requests need one of.
     #[must_use]
-    pub fn new(settings: &Settings, keys: Option<Arc<KeyRing>>) -> Self {
+    pub fn new(settings: &Settings, jobs: Jobs, keys: Option<Arc<KeyRing>>) -> Self {
         Self {
             keys,
             origins: settings.access.cors_origins.clone(),
@@ -79,6 +91,8 @@ impl Service {
             pictures: settings.limits.of_pictures(),
             admission: Admission::new(&settings.of_admission()),
             deadline: settings.deadline(),
+            jobs,
+            stop: CancellationToken::new(),
             cut: CancellationToken::new(),
         }
     }
@@ -91,6 +105,12 @@ pub fn public(service: Arc<Service>) -> Router {
     let routes = Router::new()
         .route("/", get(index::show))
         .route("/v1/meshes", post(meshes::create))
+        .route("/v1/jobs", get(jobs::list::list).post(jobs::create))
+        .route("/v1/jobs/{id}", get(jobs::show).delete(jobs::cancel))
+        .route("/v1/jobs/{id}/events", get(jobs::events::follow))
+        .route("/v1/jobs/{id}/mesh", get(jobs::mesh::show))
+        .route("/v1/reconstructions", post(reconstructions::create))
+        .route("/v1/comparisons", post(comparisons::create))
         .route("/v1/methods", get(methods::list))
         .route("/problems/{slug}", get(problems::show))
         .route("/openapi.json", get(openapi::show))

@@ -16,6 +16,9 @@ pub use framing::{Framing, HeadDefect};
 
 use crate::access::KeyRing;
 use crate::config::Settings;
+use crate::jobs::Jobs;
+use crate::jobs::retention;
+use crate::jobs::worker::Worker;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
 use descriptors::OPERATIONS_CONNECTIONS;
@@ -30,10 +33,14 @@ use std::thread;
 use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 /// How long running requests may take to end, once the service stops.
 pub const GRACE: Duration = Duration::from_secs(25);
+/// How long running jobs may take to end: so long that one that is handed back is written down
+/// before the process ends.
+const GRACE_OF_JOBS: Duration = Duration::from_secs(20);
 /// How long the refusal of the rest may take to be sent.
 pub const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How long threads may take to end, once nobody waits for them.
@@ -80,6 +87,7 @@ pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
     let _log = telemetry::start_log(settings.log_format, &settings.traces)?;
     warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
+    let jobs = Jobs::open(settings)?;
     let lifecycle = Lifecycle::default();
     let public = bind(settings.listen)?;
     let operations = bind(settings.ops_listen)?;
@@ -87,12 +95,16 @@ pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
 
     let stop_operations = CancellationToken::new();
     let upkeep = metrics.clone();
-    let routes = routes::operations(Operations { lifecycle: lifecycle.clone(), metrics });
+    let routes = routes::operations(Operations {
+        lifecycle: lifecycle.clone(),
+        queue: Arc::clone(&jobs.queue),
+        metrics,
+    });
     let listener = Listener::new(operations, routes, OPERATIONS_CONNECTIONS, timeouts(settings));
     let operations = start_operations(listener, upkeep, stop_operations.clone())?;
 
     let runtime = Builder::new_multi_thread().enable_all().build()?;
-    let result = runtime.block_on(serve(public, settings, &lifecycle));
+    let result = runtime.block_on(serve(public, settings, jobs, &lifecycle));
     runtime.shutdown_timeout(REMAINING_THREADS);
     stop_operations.cancel();
     let _ = operations.join();
@@ -101,9 +113,6 @@ pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
 
 /// Says in the log which settings do not mean what they say.
 fn warn_of_settings_not_in_force(settings: &Settings) {
-    for flag in settings.jobs.given() {
-        tracing::warn!(flag, "has no effect: this version keeps no jobs");
-    }
     let (asked, longest) = (settings.limits.max_body, settings.longest_body());
     if longest < asked {
         let (asked, longest) = (asked.to_string(), longest.to_string());
@@ -165,17 +174,19 @@ async fn keep_up(metrics: PrometheusHandle) {
 async fn serve(
     listener: TcpListener,
     settings: &Settings,
+    jobs: Jobs,
     lifecycle: &Lifecycle,
 ) -> Result<(), Box<dyn Error>> {
     let keys = KeyRing::of(&settings.access)?.map(Arc::new);
     if let Some(keys) = &keys {
         tokio::spawn(Arc::clone(keys).keep_up());
     }
-    let service = Arc::new(Service::new(settings, keys));
+    let service = Arc::new(Service::new(settings, jobs, keys));
     let connections = descriptors::public_connections(settings.limits.max_connections.get());
     let routes = routes::public(Arc::clone(&service));
     let listener = Listener::new(listener, routes, connections, timeouts(settings));
-    let stop = stop_on_signal(lifecycle.clone())?;
+    let stop = stop_on_signal(lifecycle.clone(), service.stop.clone())?;
+    let work = start_jobs(&service, settings);
     lifecycle.enter(Stage::Ready);
     tracing::info!(workers = settings.worker_count(), "ready");
     let mut draining = listener.serve(stop).await?;
@@ -183,13 +194,33 @@ async fn serve(
         service.cut.cancel();
         draining.finish(LAST_WORDS).await;
     }
+    let _ = work.await;
     tracing::info!("stopped");
     Ok(())
 }
 
-/// A token that the first SIGTERM or SIGINT raises, after the service has said that it stops.
-fn stop_on_signal(lifecycle: Lifecycle) -> io::Result<CancellationToken> {
-    let stop = CancellationToken::new();
+/// Starts what is done on jobs beside requests, until the service stops.
+fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
+    let jobs = service.jobs.clone();
+    let worker = Worker {
+        jobs: jobs.clone(),
+        admission: service.admission.clone(),
+        pictures: service.pictures,
+        deadline: settings.jobs.job_deadline.0,
+    };
+    let stop = service.stop.clone();
+    tokio::spawn(async move {
+        if let Err(error) = retention::clean_up(&jobs).await {
+            tracing::warn!(%error, "blobs that no job has could not be deleted");
+        }
+        retention::keep(jobs, stop).await;
+    });
+    tokio::spawn(worker.run(service.stop.clone(), GRACE_OF_JOBS))
+}
+
+/// The token, once the first SIGTERM or SIGINT is to raise it, after the service has said that it
+/// stops.
+fn stop_on_signal(lifecycle: Lifecycle, stop: CancellationToken) -> io::Result<CancellationToken> {
     let mut terminate = signal(SignalKind::terminate())?;
     let mut interrupt = signal(SignalKind::interrupt())?;
     let raised = stop.clone();

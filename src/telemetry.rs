@@ -9,6 +9,8 @@ mod otlp;
 
 pub use log::{Log, adopt, start_log};
 
+use crate::jobs::queue::Stats;
+use crate::jobs::record::State;
 use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use std::time::Duration;
@@ -28,6 +30,10 @@ const MEMORY_PERMITS: &str = "pixmesh_memory_permits_mib";
 const WORKERS: &str = "pixmesh_workers";
 const INPUT_PIXELS: &str = "pixmesh_input_pixels";
 const MESH_VERTICES: &str = "pixmesh_mesh_vertices";
+const JOBS: &str = "pixmesh_jobs_total";
+const JOB_ATTEMPTS: &str = "pixmesh_job_attempts_total";
+const JOBS_WAITING: &str = "pixmesh_jobs_queued";
+const JOBS_OLDEST: &str = "pixmesh_jobs_oldest_queued_age_seconds";
 const PANICS: &str = "pixmesh_panics_total";
 const PROCESS_RESIDENT: &str = "process_resident_memory_bytes";
 const PROCESS_CPU: &str = "process_cpu_seconds_total";
@@ -81,6 +87,10 @@ fn describe() {
     describe_gauge!(WORKERS, "Meshes that can be made at the same time");
     describe_histogram!(INPUT_PIXELS, "Pixels of the images meshed");
     describe_histogram!(MESH_VERTICES, "Vertices of the meshes made");
+    describe_counter!(JOBS, "Durable jobs that came to this state");
+    describe_counter!(JOB_ATTEMPTS, "Attempts at durable jobs");
+    describe_gauge!(JOBS_WAITING, "Durable jobs that wait for a worker");
+    describe_gauge!(JOBS_OLDEST, "Seconds that the oldest durable job waiting has waited");
     describe_counter!(PANICS, "Panics, each a defect");
     describe_gauge!(PROCESS_RESIDENT, "Resident memory of the process in bytes");
     describe_gauge!(PROCESS_FDS, "Files and connections the process has open");
@@ -148,6 +158,27 @@ pub fn jobs_in_progress(change: f64) {
 /// So many requests wait.
 pub fn queue_depth(depth: usize) {
     gauge!(QUEUE_DEPTH).set(depth as f64);
+}
+
+/// Counts a durable job that was submitted.
+pub fn job_submitted() {
+    counter!(JOBS, "state" => State::Queued.name()).increment(1);
+}
+
+/// Counts a durable job that came to an end, or back to those that wait.
+pub fn job_ended(state: State) {
+    counter!(JOBS, "state" => state.name()).increment(1);
+}
+
+/// Counts an attempt at a durable job.
+pub fn job_attempt() {
+    counter!(JOB_ATTEMPTS).increment(1);
+}
+
+/// So many durable jobs wait, for so long.
+pub fn jobs(stats: &Stats) {
+    gauge!(JOBS_WAITING).set(stats.queued as f64);
+    gauge!(JOBS_OLDEST).set(stats.oldest_queued_s);
 }
 
 /// What the system knows of this process: resident memory, processor time and open files.

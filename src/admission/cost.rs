@@ -1,10 +1,19 @@
 //! What a piece of work takes, estimated from what the header says: memory at its peak, and effort.
 
 use super::effort::Effort;
-use super::footprint::Footprint;
+use super::footprint::{self, Footprint};
 use crate::extract::accept::Format;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{Parameters, Plan};
+use pixmesh_meshing::{Parameters, Plan, Shape};
+
+/// What a picture is compared with.
+#[derive(Clone, Copy, Debug)]
+pub enum Compared<'a> {
+    /// A picture of this header.
+    Picture(&'a Header),
+    /// A MODEL of so many bytes.
+    Model(u64),
+}
 
 /// An estimate of the memory and the effort that work takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +31,28 @@ impl Cost {
         let bytes = Footprint::new(header, plan, parameters, format).peak();
         let mib = u32::try_from(bytes.div_ceil(1 << 20)).unwrap_or(u32::MAX).max(1);
         Self { mib, effort: Effort::of_mesh(header, plan, parameters) }
+    }
+
+    /// The cost of writing a mesh, whose MODEL has so many bytes, in a format.
+    #[must_use]
+    pub fn of_conversion(shape: Shape, vertices: usize, model_bytes: u64, format: Format) -> Self {
+        let bytes = footprint::of_conversion(shape, vertices as u64, model_bytes, format);
+        Self { mib: 1, effort: Effort::of_samples(shape) }.with_file(bytes)
+    }
+
+    /// The cost of comparing two pictures of these headers, or a picture and a MODEL of so many
+    /// bytes.
+    #[must_use]
+    pub fn of_comparison(first: &Header, second: Compared) -> Self {
+        let bytes = footprint::of_comparison(first, second);
+        Self { mib: 1, effort: Effort::of_samples(first.shape()) }.with_file(bytes)
+    }
+
+    /// The same with so many bytes more in memory.
+    #[must_use]
+    pub fn with_file(self, bytes: u64) -> Self {
+        let mib = u32::try_from(bytes.div_ceil(1 << 20)).unwrap_or(u32::MAX);
+        Self { mib: self.mib.saturating_add(mib), ..self }
     }
 
     /// The memory in MiB.

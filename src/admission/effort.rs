@@ -3,7 +3,7 @@
 
 use super::footprint::simplifies;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{Parameters, Plan};
+use pixmesh_meshing::{Parameters, Plan, Shape};
 
 /// Samples that are decoded and filtered in about the time in which one point is removed.
 const SAMPLES_PER_REMOVAL: f64 = 100.0;
@@ -39,6 +39,12 @@ pub(super) struct Effort {
 }
 
 impl Effort {
+    /// That of work that looks at each sample a few times, and at nothing else for long.
+    pub(super) fn of_samples(shape: Shape) -> Self {
+        let Shape { width, height, component_count, .. } = shape;
+        Self { kind: WorkKind::OneShot, units: (width * height * component_count) as f64 }
+    }
+
     /// That of meshing an image of this header by this plan: for a one-shot mesh the image's
     /// samples, else the points to remove and, as so many more, the samples.
     pub(super) fn of_mesh(header: &Header, plan: &Plan, parameters: &Parameters) -> Self {

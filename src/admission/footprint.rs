@@ -5,9 +5,10 @@
 //! a process was measured to take (`VmHWM`, one piece of work, pictures of 1 to 40 megapixels).
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
+use super::cost::Compared;
 use crate::extract::accept::Format;
 use pixmesh_codec::{Header, PictureFormat};
-use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy};
+use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy, Shape};
 
 /// Bytes per sample of an image.
 const SAMPLE: u64 = 2;
@@ -172,6 +173,39 @@ impl<'a> Footprint<'a> {
         }
     }
 }
+
+/// Bytes per byte of a MODEL that reading it takes: the text itself, the mesh, whose numbers are
+/// shorter than their texts, and the list of edges that its check sorts.
+const READ_MODEL: u64 = 4;
+
+/// Bytes that writing a mesh in a format takes, where the mesh is read from so much MODEL.
+pub(super) fn of_conversion(shape: Shape, vertices: u64, model: u64, format: Format) -> u64 {
+    let Shape { width, height, component_count, .. } = shape;
+    let image = width as u64 * height as u64 * component_count as u64 * SAMPLE;
+    let out = match format {
+        Format::Model => model,
+        Format::Glb => vertices * GLB_VERTEX,
+        Format::Png | Format::Pnm => 2 * image,
+    };
+    model.saturating_mul(READ_MODEL).saturating_add(out)
+}
+
+/// Bytes that comparing a picture takes: both decoded, one after the other, and rows of sums.
+pub(super) fn of_comparison(first: &Header, second: Compared<'_>) -> u64 {
+    let samples = |header: &Header| {
+        let pixels = header.width as u64 * header.height as u64;
+        pixels * header.component_count as u64 * SAMPLE
+    };
+    let second = match second {
+        Compared::Picture(header) => header.decode_bytes().max(samples(header)),
+        Compared::Model(bytes) => bytes.saturating_mul(READ_MODEL).saturating_add(samples(first)),
+    };
+    let rows = first.width as u64 * COMPARED_ROWS;
+    first.decode_bytes().max(samples(first)).saturating_add(second).saturating_add(rows)
+}
+
+/// Bytes per column of the rows that structural similarity keeps.
+const COMPARED_ROWS: u64 = 12 * 5 * 8;
 
 /// Whether vertices are removed from the first mesh.
 pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {

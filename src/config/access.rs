@@ -34,6 +34,21 @@ impl AccessSettings {
         self.key_running.map_or_else(|| workers.saturating_sub(1), NonZeroUsize::get).max(1)
     }
 
+    /// One line `flag value` per setting in force, with so many workers.
+    #[must_use]
+    pub fn shown(&self, workers: usize) -> String {
+        let keys_file = self.keys_file.as_ref().map(|path| path.display().to_string());
+        format!(
+            "--keys-file {}\n--key-requests-per-minute {}\n--key-running {}\n--key-queued {}\n\
+             --cors-origin {}\n",
+            keys_file.unwrap_or_default(),
+            self.key_requests_per_minute,
+            self.running(workers),
+            self.key_queued,
+            self.cors_origins.join(",")
+        )
+    }
+
     /// Reads the file of keys, where there is one.
     ///
     /// # Errors

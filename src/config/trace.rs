@@ -16,6 +16,15 @@ pub struct TraceSettings {
     pub otlp_headers: Option<Secret>,
 }
 
+impl fmt::Display for TraceSettings {
+    /// One line `flag value` per setting in force.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let headers = self.otlp_headers.as_ref().map(Secret::to_string);
+        writeln!(formatter, "--otlp-endpoint {}", self.otlp_endpoint.as_deref().unwrap_or(""))?;
+        writeln!(formatter, "--otlp-headers {}", headers.unwrap_or_default())
+    }
+}
+
 /// A setting that nothing shows.
 #[derive(Clone)]
 pub struct Secret(String);

@@ -15,9 +15,7 @@ const CGROUP_LIMITS: [&str; 2] =
 
 /// Writes and syncs a file where jobs are to be kept.
 pub(super) fn check_data_folder(settings: &Settings) -> Finding {
-    let Some(folder) = &settings.jobs.data_dir else {
-        return Ok("no jobs are kept".into());
-    };
+    let folder = &settings.jobs.data_dir;
     let path = folder.join(format!("doctor-{}", std::process::id()));
     let write = || {
         fs::create_dir_all(folder)?;

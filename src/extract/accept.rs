@@ -52,19 +52,28 @@ pub const OFFERED: [Representation; 5] = [
         content_type: "model/gltf-binary",
         file_name: "mesh.glb",
     },
-    Representation {
-        format: Format::Png,
-        media_type: "image/png",
-        content_type: "image/png",
-        file_name: "mesh.png",
-    },
-    Representation {
-        format: Format::Pnm,
-        media_type: "image/x-portable-anymap",
-        content_type: "image/x-portable-anymap",
-        file_name: "mesh.pnm",
-    },
+    PNG,
+    PNM,
 ];
+
+/// A picture rebuilt from a mesh, as PNG.
+const PNG: Representation = Representation {
+    format: Format::Png,
+    media_type: "image/png",
+    content_type: "image/png",
+    file_name: "mesh.png",
+};
+
+/// The same as PNM.
+const PNM: Representation = Representation {
+    format: Format::Pnm,
+    media_type: "image/x-portable-anymap",
+    content_type: "image/x-portable-anymap",
+    file_name: "mesh.pnm",
+};
+
+/// The representations that are pictures.
+pub const PICTURES: [Representation; 2] = [PNG, PNM];
 
 impl Format {
     /// Every format, in the order of [`Self::NAMES`].
@@ -104,19 +113,45 @@ impl FromStr for Format {
 /// # Errors
 /// `not-acceptable` when `Accept` allows nothing that is offered.
 pub fn choose(format: Option<Format>, headers: &HeaderMap) -> Result<Representation, Problem> {
+    choose_among(&OFFERED, format, headers)
+}
+
+/// The same, where a client that does not mind gets the format that was asked for before.
+///
+/// # Errors
+/// As [`choose`].
+pub fn choose_rather(
+    rather: Option<Format>,
+    format: Option<Format>,
+    headers: &HeaderMap,
+) -> Result<Representation, Problem> {
+    let mut offered = OFFERED;
+    offered.sort_by_key(|offer| rather.is_some_and(|rather| offer.format != rather));
+    choose_among(&offered, format, headers)
+}
+
+/// The same among some representations, which hold the format asked for.
+///
+/// # Errors
+/// As [`choose`].
+pub fn choose_among(
+    offered: &[Representation],
+    format: Option<Format>,
+    headers: &HeaderMap,
+) -> Result<Representation, Problem> {
     if let Some(format) = format {
         return Ok(format.representation());
     }
     if !headers.contains_key(ACCEPT) {
-        return Ok(OFFERED[0]);
+        return offered.first().copied().ok_or_else(|| not_acceptable(offered));
     }
     let values = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
     let ranges: Vec<MediaRange> = values.flat_map(|v| v.split(',')).filter_map(range).collect();
-    best(&ranges).ok_or_else(not_acceptable)
+    best(offered, &ranges).ok_or_else(|| not_acceptable(offered))
 }
 
-fn not_acceptable() -> Problem {
-    let offered = OFFERED.map(|offer| offer.media_type);
+fn not_acceptable(offered: &[Representation]) -> Problem {
+    let offered: Vec<_> = offered.iter().map(|offer| offer.media_type).collect();
     let detail = format!("the Accept header allows none of {}", offered.join(", "));
     Problem::new(Kind::NotAcceptable, detail).allowed(&offered)
 }
@@ -155,13 +190,13 @@ fn range(element: &str) -> Option<MediaRange<'_>> {
 }
 
 /// The offer of the highest quality; among equals the one that is offered first.
-fn best(ranges: &[MediaRange]) -> Option<Representation> {
+fn best(offered: &[Representation], ranges: &[MediaRange]) -> Option<Representation> {
     let mut best = None;
     let mut best_quality = 0.0;
-    for offer in OFFERED {
-        let quality = quality(&offer, ranges);
+    for offer in offered {
+        let quality = quality(offer, ranges);
         if quality > best_quality {
-            (best, best_quality) = (Some(offer), quality);
+            (best, best_quality) = (Some(*offer), quality);
         }
     }
     best
@@ -196,6 +231,18 @@ mod tests {
         );
         assert_eq!(chosen("application/vnd.pixmesh.model"), Some("application/vnd.pixmesh.model"));
         assert_eq!(chosen("text/html, */*;q=0.1"), Some("text/plain"));
+    }
+
+    #[test]
+    fn who_does_not_mind_gets_what_was_asked_for_before() {
+        let chosen = |rather, accept: &str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(ACCEPT, accept.parse().unwrap());
+            choose_rather(rather, None, &headers).unwrap().media_type
+        };
+        assert_eq!(chosen(Some(Format::Glb), "*/*"), "model/gltf-binary");
+        assert_eq!(chosen(Some(Format::Glb), "image/*"), "image/png");
+        assert_eq!(chosen(None, "*/*"), "text/plain");
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! Who sends a request, as far as anything is kept apart by it.
 
+use axum::extract::FromRequestParts;
 use axum::http::Extensions;
+use axum::http::request::Parts;
+use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
@@ -28,7 +31,7 @@ impl Owner {
         Self(name.into())
     }
 
-    /// Whom a request is from, as [`super::auth`] has found out.
+    /// Whom a request is from, as what checks its key has found out.
     #[must_use]
     pub fn of(extensions: &Extensions) -> Self {
         extensions.get().cloned().unwrap_or_else(Self::anonymous)
@@ -50,5 +53,13 @@ impl Owner {
 impl fmt::Display for Owner {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(if self.is_anonymous() { "anonymous" } else { &self.0 })
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Owner {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(Self::of(&parts.extensions))
     }
 }

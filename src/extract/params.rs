@@ -10,16 +10,19 @@ mod grammar;
 mod sources;
 mod table;
 
+pub use grammar::whole_between;
+pub use sources::{pairs_of_json, pairs_of_query};
 pub use table::{Parameter, TABLE, Takes};
 
 use super::accept::Format;
-use super::nearest_name;
+use super::fields::{Fields, repeated, unknown};
 use crate::problem::{Kind, Problem};
 use pixmesh_codec::Header;
 use pixmesh_meshing::{
     Boundary, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan, Policy,
     PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
 };
+use serde_json::{Map, Value};
 
 /// The density in percent, where no other target is given.
 pub const DEFAULT_DENSITY: f64 = 2.0;
@@ -83,7 +86,10 @@ impl ParameterSet {
     /// `unknown-parameter`, `duplicate-parameter`, `parameter-malformed`, `not-finite`,
     /// `parameter-out-of-range` or `unknown-value`.
     pub fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
-        let parameter = TABLE.iter().find(|row| row.name == name).ok_or_else(|| unknown(name))?;
+        let parameter = TABLE
+            .iter()
+            .find(|row| row.name == name)
+            .ok_or_else(|| unknown(name, &TABLE.each_ref().map(|row| row.name)))?;
         if self.seen.contains(&parameter.name) {
             return Err(repeated(parameter.name));
         }
@@ -112,6 +118,12 @@ impl ParameterSet {
             return Err(Problem::new(Kind::ConflictingParameters, detail).param(second));
         }
         Ok(())
+    }
+}
+
+impl Fields for ParameterSet {
+    fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
+        Self::add(self, name, text)
     }
 }
 
@@ -169,17 +181,11 @@ impl Order {
             TABLE.iter().filter_map(|row| Some(format!("{}={}", row.name, row.show(self)?)));
         pairs.collect::<Vec<_>>().join("&")
     }
-}
 
-fn unknown(name: &str) -> Problem {
-    let name: String = name.chars().take(64).collect();
-    let problem = Problem::new(Kind::UnknownParameter, format!("there is no parameter '{name}'"));
-    match nearest_name(&name, TABLE.iter().map(|row| row.name)) {
-        Some(nearest) => problem.param(name).nearest(nearest),
-        None => problem.param(name),
+    /// The same as a JSON object, each value of its type.
+    #[must_use]
+    pub fn object(&self) -> Map<String, Value> {
+        let members = TABLE.iter().filter_map(|row| Some((row.name.to_owned(), row.value(self)?)));
+        members.collect()
     }
-}
-
-fn repeated(name: &str) -> Problem {
-    Problem::new(Kind::DuplicateParameter, format!("{name} is given more than once")).param(name)
 }

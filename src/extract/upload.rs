@@ -1,19 +1,21 @@
-//! Receives the upload: the image's bytes, and with a form the parameters beside them.
+//! Receives the upload: the bytes of its files, and with a form the parameters beside them.
 //!
 //! A body is the image itself, or `multipart/form-data` with one part `image`, and the parameters
-//! as fields or as one JSON part `params`. Every byte is counted against the body limit and charged
+//! as fields or as one JSON part `params`; for a job it may also be a JSON object with the image in
+//! base64. Other resources want other files, as their [`Wanted`] says. Every byte is counted against the body limit and charged
 //! to the memory for bodies as it arrives, and all of them must arrive in time. The label of the
-//! body only tells a form from an image: what the image is, its content decides.
+//! body only tells a form from a file: what the file is, its content decides.
 
 mod form;
+mod json;
 mod meter;
 mod pace;
 
 pub use meter::{BodyLimit, BodyMemory, Charge};
 
+use super::fields::Fields;
 use super::owner::Owner;
-use super::params::ParameterSet;
-use crate::problem::{Kind, Problem};
+use crate::problem::{Kind, Problem, internal};
 use axum::body::Body;
 use axum::http::HeaderMap;
 use axum::http::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
@@ -22,6 +24,7 @@ use meter::Metered;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::task::spawn_blocking;
 
 /// What bodies may be like, and the memory that they share.
 #[derive(Clone, Debug)]
@@ -34,37 +37,74 @@ pub struct Intake {
     pub memory: BodyMemory,
 }
 
-/// An image as it was received, with the memory it is charged for.
+/// The files that a resource wants.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted<const N: usize> {
+    /// Their names as parts of a form; a body that is no form is the only one of them.
+    pub files: [&'static str; N],
+    /// The media types that a file may be labelled with, rightly or not.
+    pub labels: &'static [&'static str],
+    /// Whether they may come in a JSON object.
+    pub json: bool,
+}
+
+/// An image to mesh.
+pub const IMAGE: Wanted<1> =
+    Wanted { files: ["image"], labels: &["image/*", "application/octet-stream"], json: false };
+
+/// An image to mesh in a job.
+pub const IMAGE_OF_JOB: Wanted<1> = Wanted { json: true, ..IMAGE };
+
+/// A mesh as MODEL text.
+pub const MODEL: Wanted<1> = Wanted {
+    files: ["model"],
+    labels: &["text/plain", "application/vnd.pixmesh.model", "application/octet-stream"],
+    json: false,
+};
+
+/// A picture, and a picture or a MODEL that approximates it.
+pub const COMPARED: Wanted<2> = Wanted {
+    files: ["image", "approximation"],
+    labels: &["image/*", "text/plain", "application/vnd.pixmesh.model", "application/octet-stream"],
+    json: false,
+};
+
+/// A file as it was received, with the memory it is charged for.
 #[derive(Debug)]
 pub struct Upload {
-    /// The image's bytes, of any format.
-    pub image: Vec<u8>,
+    /// The file's bytes, of any format.
+    pub bytes: Vec<u8>,
     /// Freed with the bytes.
     pub charge: Arc<Charge>,
 }
 
+impl AsRef<[u8]> for Upload {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
 impl Intake {
-    /// Receives a body, and adds the parameters of a form to `parameters`.
+    /// Receives the files wanted, and adds the parameters beside them to `fields`.
     ///
     /// # Errors
     /// `unsupported-encoding`, `unsupported-media-type`, `body-too-large`, `request-timeout`,
     /// `overloaded` when bodies take all of their memory, and whatever is wrong with a form.
-    pub async fn receive(
+    pub async fn receive<const N: usize>(
         &self,
         owner: &Owner,
+        wanted: &Wanted<N>,
         headers: &HeaderMap,
         body: Body,
-        parameters: &mut ParameterSet,
-    ) -> Result<Upload, Problem> {
+        fields: &mut dyn Fields,
+    ) -> Result<[Upload; N], Problem> {
         refuse_encoded(headers)?;
-        let label = Label::of(headers)?;
+        let label = wanted.label(headers)?;
         self.refuse_announced(headers)?;
         let charge = Arc::new(self.memory.charge(owner));
         let body = Metered::new(body, self.max_body, Arc::clone(&charge));
-        let receiving = receive_labelled(&label, headers, body, parameters);
-        let received = tokio::time::timeout(self.timeout, receiving).await;
-        let image = received.map_err(|_| self.too_slow())??;
-        Ok(Upload { image, charge })
+        let receiving = wanted.receive(&label, headers, body, &charge, fields);
+        tokio::time::timeout(self.timeout, receiving).await.map_err(|_| self.too_slow())?
     }
 
     /// Refuses a body that is too long before any of it is read.
@@ -82,59 +122,116 @@ impl Intake {
     }
 }
 
-/// The bytes of the image in a body.
-async fn receive_labelled(
-    label: &Label,
-    headers: &HeaderMap,
-    body: Metered,
-    parameters: &mut ParameterSet,
-) -> Result<Vec<u8>, Problem> {
-    match label {
-        Label::Image => collect(body).await,
-        Label::Form => form::receive(headers, body, parameters).await,
-    }
+/// Reads a JSON object: its files lie in memory beside its text, and its length takes its time.
+async fn read_json<const N: usize>(
+    files: [&'static str; N],
+    body: Vec<u8>,
+    charge: &Charge,
+    fields: &mut dyn Fields,
+) -> Result<[Option<Vec<u8>>; N], Problem> {
+    charge.grow_or_refuse(2 * body.len() as u64)?;
+    let read = spawn_blocking(move || json::read(files, &body)).await;
+    let (found, pairs) = read.map_err(|error| internal("a body could not be read", &error))??;
+    pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
+    Ok(found)
 }
 
 /// What a body says it is.
 enum Label {
-    Image,
+    File,
     Form,
+    Json,
 }
 
-impl Label {
-    fn of(headers: &HeaderMap) -> Result<Self, Problem> {
-        let Some(value) = headers.get(CONTENT_TYPE) else { return Ok(Self::Image) };
+impl<const N: usize> Wanted<N> {
+    /// The files of a body of this label.
+    async fn receive(
+        &self,
+        label: &Label,
+        headers: &HeaderMap,
+        body: Metered,
+        charge: &Arc<Charge>,
+        fields: &mut dyn Fields,
+    ) -> Result<[Upload; N], Problem> {
+        let found = match label {
+            Label::File => {
+                let mut files = [const { None }; N];
+                files[0] = Some(collect(body).await?);
+                files
+            }
+            Label::Form => form::receive(self, headers, body, fields).await?,
+            Label::Json => read_json(self.files, collect(body).await?, charge, fields).await?,
+        };
+        self.uploads(found, charge)
+    }
+
+    fn label(&self, headers: &HeaderMap) -> Result<Label, Problem> {
+        let Some(value) = headers.get(CONTENT_TYPE) else { return self.only_file("") };
         let label = value.to_str().unwrap_or("(unreadable)");
-        if essence(label).eq_ignore_ascii_case("multipart/form-data") {
-            return Ok(Self::Form);
+        let is = |name: &str| essence(label).eq_ignore_ascii_case(name);
+        if is("multipart/form-data") {
+            return Ok(Label::Form);
+        }
+        if self.json && is("application/json") {
+            return Ok(Label::Json);
         }
         // What curl calls any body given with --data-binary unless told otherwise: no statement.
-        if essence(label).eq_ignore_ascii_case("application/x-www-form-urlencoded") {
-            return Ok(Self::Image);
+        if !is("application/x-www-form-urlencoded") {
+            self.accept_label(label)?;
         }
-        accept_image_label(label)?;
-        Ok(Self::Image)
+        self.only_file(label)
+    }
+
+    /// A body that is no form is a file where one is wanted.
+    fn only_file(&self, label: &str) -> Result<Label, Problem> {
+        if N == 1 { Ok(Label::File) } else { Err(self.refuse_label(label, &[])) }
+    }
+
+    /// Accepts the labels that a file may have, right or wrong.
+    fn accept_label(&self, label: &str) -> Result<(), Problem> {
+        let essence = essence(label).to_ascii_lowercase();
+        let is_accepted = |accepted: &&str| match accepted.strip_suffix('*') {
+            Some(kind) => essence.starts_with(kind),
+            None => essence == **accepted,
+        };
+        if self.labels.iter().any(is_accepted) {
+            return Ok(());
+        }
+        Err(self.refuse_label(&essence, self.labels))
+    }
+
+    fn refuse_label(&self, label: &str, files: &[&str]) -> Problem {
+        let essence: String = essence(label).chars().take(64).collect();
+        let whole =
+            ["multipart/form-data"].into_iter().chain(self.json.then_some("application/json"));
+        let allowed: Vec<&str> = files.iter().copied().chain(whole).collect();
+        let detail = format!(
+            "a body of type '{essence}' is not accepted: send {}{}",
+            allowed.join(", "),
+            if files.is_empty() { "" } else { ", or the file without a type" }
+        );
+        Problem::new(Kind::UnsupportedMediaType, detail).allowed(&allowed)
+    }
+
+    /// The files, when all of them are there.
+    fn uploads(
+        &self,
+        found: [Option<Vec<u8>>; N],
+        charge: &Arc<Charge>,
+    ) -> Result<[Upload; N], Problem> {
+        for (name, file) in self.files.iter().zip(&found) {
+            if file.is_none() {
+                let kind = if *name == "image" { Kind::ImageMissing } else { Kind::PartMissing };
+                return Err(Problem::new(kind, format!("there is no part '{name}'")).param(*name));
+            }
+        }
+        Ok(found.map(|file| Upload { bytes: file.unwrap_or_default(), charge: Arc::clone(charge) }))
     }
 }
 
 /// Type and subtype of a media type, without its parameters.
 fn essence(label: &str) -> &str {
     label.split(';').next().unwrap_or_default().trim()
-}
-
-/// Accepts the labels that an image may have, right or wrong.
-fn accept_image_label(label: &str) -> Result<(), Problem> {
-    let essence = essence(label).to_ascii_lowercase();
-    if essence.starts_with("image/") || essence == "application/octet-stream" {
-        return Ok(());
-    }
-    let essence: String = essence.chars().take(64).collect();
-    let detail = format!(
-        "a body of type '{essence}' is not accepted: send the image as image/*, as \
-         application/octet-stream or without a type, or send multipart/form-data"
-    );
-    let allowed = ["image/*", "application/octet-stream", "multipart/form-data"];
-    Err(Problem::new(Kind::UnsupportedMediaType, detail).allowed(&allowed))
 }
 
 /// Refuses compressed bodies: they could be of any size.

@@ -2,7 +2,7 @@
 
 use crate::telemetry;
 use pixmesh_meshing::{Cancelled, Control, Stage};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tracing::Span;
@@ -12,6 +12,9 @@ use tracing::Span;
 pub struct Watch {
     cancelled: AtomicBool,
     deadline: Instant,
+    /// Steps of the present stage, behind and in all; 0 in all where they are not counted.
+    done: AtomicUsize,
+    total: AtomicUsize,
     stages: Mutex<Stages>,
 }
 
@@ -27,7 +30,13 @@ impl Watch {
     /// A watch over work that must end by `deadline`.
     #[must_use]
     pub fn new(deadline: Instant) -> Self {
-        Self { cancelled: AtomicBool::new(false), deadline, stages: Mutex::default() }
+        Self {
+            cancelled: AtomicBool::new(false),
+            deadline,
+            done: AtomicUsize::new(0),
+            total: AtomicUsize::new(0),
+            stages: Mutex::default(),
+        }
     }
 
     /// Asks the work to stop.
@@ -46,8 +55,19 @@ impl Watch {
         Ok(())
     }
 
+    /// The stage that runs, and how much of it is behind, 0 to 1.
+    #[must_use]
+    pub fn progress(&self) -> Option<(&'static str, f64)> {
+        let stages = self.stages();
+        let (name, ..) = stages.present.as_ref()?;
+        let [done, total] = [&self.done, &self.total].map(|count| count.load(Ordering::Relaxed));
+        let fraction = if total == 0 { 0.0 } else { (done as f64 / total as f64).min(1.0) };
+        Some((name, fraction))
+    }
+
     /// Begins a stage, and ends the one before it.
     pub fn begin(&self, name: &'static str) {
+        self.total.store(0, Ordering::Relaxed);
         let mut stages = self.stages();
         if stages.present.as_ref().is_none_or(|(present, ..)| *present != name) {
             stages.end_present();
@@ -93,10 +113,12 @@ impl Stages {
 }
 
 impl Control for Watch {
-    fn poll(&self, stage: Stage, done: usize, _: usize) -> Result<(), Cancelled> {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
         if done == 0 {
             self.begin(stage.name());
         }
+        self.done.store(done, Ordering::Relaxed);
+        self.total.store(total, Ordering::Relaxed);
         self.check()
     }
 }
@@ -115,6 +137,19 @@ mod tests {
         watch.begin("encode");
         let names: Vec<_> = watch.finish().into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["queue", "decode", "density", "encode"]);
+    }
+
+    #[test]
+    fn progress_is_that_of_the_stage_that_runs() {
+        let watch = Watch::new(Instant::now() + Duration::from_secs(60));
+        assert_eq!(watch.progress(), None);
+        watch.begin("decode");
+        assert_eq!(watch.progress(), Some(("decode", 0.0)));
+        watch.poll(Stage::Density, 0, 8).unwrap();
+        watch.poll(Stage::Density, 6, 8).unwrap();
+        assert_eq!(watch.progress(), Some(("density", 0.75)));
+        watch.begin("encode");
+        assert_eq!(watch.progress(), Some(("encode", 0.0)));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! From the errors of the other crates to problems: one conversion each.
 
 use super::{Kind, Problem};
-use pixmesh_codec::{DecodeError, EncodeError};
+use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError};
 use pixmesh_meshing::{Cancelled, GenerateError, ImageError, ParameterError};
 
 impl From<DecodeError> for Problem {
@@ -26,6 +26,26 @@ impl From<DecodeError> for Problem {
             DecodeError::Image(error) => error.into(),
             _ => Self::new(Kind::ImageDecodeFailed, detail),
         }
+    }
+}
+
+impl From<ModelError> for Problem {
+    fn from(error: ModelError) -> Self {
+        use ModelDefect as D;
+        let (detail, line) = (error.to_string(), error.line);
+        let problem = match error.defect {
+            D::Size(error) => error.into(),
+            D::TooManySamples { samples, limit, .. } => {
+                Self::new(Kind::ImageTooLarge, detail).limit(limit, samples).setting("--max-pixels")
+            }
+            D::TooMany { count, maximum, .. } => {
+                Self::new(Kind::MeshTooLarge, detail).limit(maximum, count)
+            }
+            D::NotFinite { .. } => Self::new(Kind::NotFinite, detail),
+            D::IndexOutOfRange { .. } => Self::new(Kind::IndexOutOfRange, detail),
+            _ => Self::new(Kind::MeshInvalid, detail),
+        };
+        problem.member("line", line)
     }
 }
 

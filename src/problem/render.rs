@@ -4,7 +4,7 @@ use super::{Kind, Problem};
 use crate::extract::request_id::RequestId;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::header::{CONNECTION, CONTENT_LENGTH, CONTENT_TYPE, RETRY_AFTER};
+use axum::http::header::{CONNECTION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -12,6 +12,10 @@ use serde_json::{Map, Value};
 
 /// The media type of every refusal.
 const MEDIA_TYPE: &str = "application/problem+json";
+
+/// The members that a kept problem may have beside its kind's and its detail.
+const KEPT_MEMBERS: [&str; 9] =
+    ["param", "limit", "actual", "minimum", "maximum", "allowed", "nearest", "setting", "attempts"];
 
 impl IntoResponse for Problem {
     /// A response with the problem beside it, which [`render`] writes into the body.
@@ -55,6 +59,9 @@ impl Problem {
         if let Some(seconds) = self.seconds_to_retry() {
             headers.insert(RETRY_AFTER, seconds.into());
         }
+        if let Some(length) = self.length_of_representation() {
+            headers.insert(CONTENT_RANGE, length);
+        }
         if self.ends_connection() {
             headers.insert(CONNECTION, HeaderValue::from_static("close"));
         }
@@ -66,19 +73,47 @@ impl Problem {
     /// The JSON text of the problem.
     #[must_use]
     pub fn document(&self, id: Option<&RequestId>) -> String {
-        let mut document = self.kind.document();
-        document.insert("detail".into(), self.detail.as_str().into());
-        for (name, value) in &self.members {
-            document.insert((*name).into(), value.clone());
-        }
+        let mut document = self.members_of_document();
         if let Some(id) = id {
             document.insert("request_id".into(), id.as_str().into());
         }
         Value::Object(document).to_string()
     }
 
+    /// The problem as it is kept of a job that failed: without the id of any request.
+    #[must_use]
+    pub fn value(&self) -> Value {
+        Value::Object(self.members_of_document())
+    }
+
+    /// The problem that was kept so; `None` when it cannot be read.
+    #[must_use]
+    pub fn of_value(value: &Value) -> Option<Self> {
+        let reference = value.get("type")?.as_str()?;
+        let kind = Kind::ALL.iter().find(|kind| kind.reference() == reference)?;
+        let problem = Self::new(*kind, value.get("detail")?.as_str()?);
+        let known = KEPT_MEMBERS.iter().filter_map(|name| Some((*name, value.get(*name)?)));
+        Some(known.fold(problem, |problem, (name, value)| problem.member(name, value.clone())))
+    }
+
+    fn members_of_document(&self) -> Map<String, Value> {
+        let mut document = self.kind.document();
+        document.insert("detail".into(), self.detail.as_str().into());
+        for (name, value) in &self.members {
+            document.insert((*name).into(), value.clone());
+        }
+        document
+    }
+
     fn seconds_to_retry(&self) -> Option<u64> {
         self.members.iter().find(|(name, _)| *name == "retry_after_s")?.1.as_u64()
+    }
+
+    /// Where a range was asked for that is not there: how long all of it is.
+    fn length_of_representation(&self) -> Option<HeaderValue> {
+        let (_, length) = self.members.iter().find(|(name, _)| *name == "limit")?;
+        let range = format!("bytes */{}", length.as_u64()?);
+        HeaderValue::try_from(range).ok().filter(|_| self.kind == Kind::RangeNotSatisfiable)
     }
 
     /// Whether what is left of the request cannot or shall not be read.

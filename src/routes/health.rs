@@ -13,10 +13,14 @@ pub async fn live() -> &'static str {
 /// Answers 200 when requests are taken.
 ///
 /// # Errors
-/// `overloaded` while starting, `shutting-down` while stopping.
+/// `overloaded` while starting, `storage-unavailable` while jobs cannot be kept, `shutting-down`
+/// while stopping.
 pub async fn ready(State(operations): State<Operations>) -> Result<&'static str, Problem> {
     match operations.lifecycle.stage() {
         Stage::Starting => Err(Problem::new(Kind::Overloaded, "the service is starting")),
+        Stage::Ready if !operations.queue.is_healthy() => {
+            Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be written"))
+        }
         Stage::Ready => Ok("ready\n"),
         Stage::Stopping => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
     }

@@ -10,6 +10,9 @@ pub async fn show() -> Json<Value> {
         "version": env!("CARGO_PKG_VERSION"),
         "links": {
             "meshes": "/v1/meshes",
+            "jobs": "/v1/jobs",
+            "reconstructions": "/v1/reconstructions",
+            "comparisons": "/v1/comparisons",
             "methods": "/v1/methods",
             "openapi": "/openapi.json",
             "docs": "/docs",

@@ -1,20 +1,21 @@
-//! `POST /v1/meshes`: an image in, its mesh out.
+//! `POST /v1/meshes`: an image in, its mesh out; or a job, where the client prefers one.
 
-use super::Service;
+use super::answer::{self, Figures};
+use super::{Service, jobs};
 use crate::admission::{Cost, Memory};
 use crate::extract::accept::{self, Representation};
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
-use crate::extract::upload::Upload;
+use crate::extract::prefer::Preference;
+use crate::extract::upload::{IMAGE, Upload};
 use crate::pipeline::{self, Answer};
 use crate::pool;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::header::{CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_TYPE, ETAG, VARY};
-use axum::http::{HeaderMap, HeaderName, HeaderValue};
+use axum::http::HeaderMap;
+use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
-use bytes::Bytes;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -28,28 +29,33 @@ const LONG_BODY: u64 = 256 << 10;
 /// Every refusal of upload, parameters, admission and work.
 pub async fn create(
     State(service): State<Arc<Service>>,
+    owner: Owner,
     request: Request,
 ) -> Result<Response, Problem> {
     let cut = service.cut.clone();
     tokio::select! {
-        answer = make(&service, request) => answer,
+        answer = make(&service, owner, request) => answer,
         () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
     }
 }
 
-async fn make(service: &Service, request: Request) -> Result<Response, Problem> {
+async fn make(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
-    let owner = Owner::of(&head.extensions);
     let mut parameters = ParameterSet::of_query(head.uri.query())?;
-    if is_long(&head.headers) {
+    let preference = Preference::of(&head.headers);
+    if is_long(&head.headers) && !preference.is_for_job() {
         service.admission.refuse_crowd(&owner)?;
     }
-    let upload = service.intake.receive(&owner, &head.headers, body, &mut parameters).await?;
+    let receiving = service.intake.receive(&owner, &IMAGE, &head.headers, body, &mut parameters);
+    let [upload] = receiving.await?;
     let order = parameters.finish()?;
     let representation = accept::choose(order.format, &head.headers)?;
+    if preference.is_for_job() {
+        return jobs::prefer(service, owner, &head.headers, upload, &order, preference).await;
+    }
     let ran = order.query();
     let (answer, memory) = run(service, &owner, upload, order, representation).await?;
-    respond(answer, memory, representation, &ran)
+    respond(answer, memory, representation, ran)
 }
 
 /// Whether a body is so long, or may be, that it is worth the connection to refuse it unread.
@@ -68,29 +74,17 @@ async fn run(
     representation: Representation,
 ) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
-    let header = pixmesh_codec::probe(&upload.image, &limits)?;
+    let header = pixmesh_codec::probe(&upload.bytes, &limits)?;
     let plan = order.plan(&header)?;
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format);
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, ticket| {
-        let answer = pipeline::mesh(upload, &order, representation, &limits, watch)?;
+        let answer = pipeline::mesh(upload, &order, representation.format, &limits, watch)?;
         let memory = ticket.keep(answer.bytes.len());
         Ok((answer, memory))
     })
     .await
-}
-
-/// The bytes of an answer, which hold their memory until the client has taken them or gone.
-struct Held {
-    bytes: Vec<u8>,
-    _memory: Memory,
-}
-
-impl AsRef<[u8]> for Held {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes
-    }
 }
 
 /// The answer with its headers.
@@ -98,25 +92,18 @@ fn respond(
     answer: Answer,
     memory: Memory,
     representation: Representation,
-    ran: &str,
+    ran: String,
 ) -> Result<Response, Problem> {
-    let disposition = format!("inline; filename=\"{}\"", representation.file_name);
-    let headers = [
-        (CONTENT_TYPE, representation.content_type.to_owned()),
-        (CONTENT_DISPOSITION, disposition),
-        (ETAG, format!("\"{}\"", answer.digest)),
-        (VARY, "Accept".to_owned()),
-        (HeaderName::from_static("mesh-vertices"), answer.vertices.to_string()),
-        (HeaderName::from_static("mesh-faces"), answer.faces.to_string()),
-        (HeaderName::from_static("mesh-psnr"), answer.psnr_db.to_string()),
-        (HeaderName::from_static("mesh-mse"), answer.mse.to_string()),
-        (HeaderName::from_static("mesh-parameters"), ran.to_owned()),
-        (HeaderName::from_static("server-timing"), answer.server_timing()),
-    ];
-    let headers = headers.into_iter().map(|(name, text)| Ok((name, HeaderValue::try_from(text)?)));
-    let headers = headers
-        .collect::<Result<HeaderMap, axum::http::header::InvalidHeaderValue>>()
-        .map_err(|error| crate::problem::internal("a header of the answer is not valid", &error))?;
-    let bytes = Bytes::from_owner(Held { bytes: answer.bytes, _memory: memory });
+    let mut headers: HeaderMap = answer::headers_of(representation, &answer::tag(answer.digest))?;
+    headers.extend(answer::figures_of(&Figures {
+        vertices: answer.vertices,
+        faces: answer.faces,
+        psnr_db: answer.psnr_db,
+        mse: answer.mse,
+        parameters: ran,
+        timing: answer.server_timing(),
+    })?);
+    headers.insert(CONTENT_LENGTH, answer.bytes.len().into());
+    let bytes = answer::held(answer.bytes, memory);
     Ok((headers, Body::from(bytes)).into_response())
 }

@@ -27,7 +27,7 @@ fn of_method(method: Method) -> Value {
     let defaults: Map<String, Value> = TABLE
         .iter()
         .filter(|row| row.name != "method")
-        .filter_map(|row| Some((row.name.to_owned(), typed(row, row.show(&order)?))))
+        .filter_map(|row| Some((row.name.to_owned(), row.value(&order)?)))
         .collect();
     json!({ "name": method.name(), "components": method.component_count(), "defaults": defaults })
 }
@@ -49,13 +49,5 @@ fn of_parameter(parameter: &Parameter) -> Value {
         Takes::Word(allowed) => {
             json!({ "name": name, "about": about, "type": "string", "allowed": allowed })
         }
-    }
-}
-
-/// The value of a parameter, as JSON of its type.
-fn typed(parameter: &Parameter, text: String) -> Value {
-    match parameter.takes {
-        Takes::Word(_) => text.into(),
-        _ => serde_json::from_str(&text).unwrap_or(Value::String(text)),
     }
 }

@@ -4,6 +4,7 @@
 //! the document cannot say anything else. A copy is checked in as `openapi/openapi.json`.
 
 mod examples;
+mod jobs;
 
 use crate::extract::accept::OFFERED;
 use crate::extract::params::{Parameter as Row, TABLE, Takes};
@@ -65,6 +66,7 @@ fn document() -> OpenApi {
         .path("/problems/{slug}", problem_type())
         .path("/openapi.json", get("openapi", "This document", object()))
         .path("/docs", docs());
+    let paths = jobs::paths(paths).build();
     let key = HttpBuilder::new()
         .scheme(HttpAuthScheme::Bearer)
         .description(Some("A key that the operator has given out. Where none are, none is needed."))
@@ -72,9 +74,10 @@ fn document() -> OpenApi {
     let components = ComponentsBuilder::new()
         .schema("Problem", problem())
         .schema("Methods", methods())
+        .schemas_from_iter(jobs::schemas())
         .security_scheme(KEY, SecurityScheme::Http(key))
         .build();
-    OpenApiBuilder::new().info(info).paths(paths.build()).components(Some(components)).build()
+    OpenApiBuilder::new().info(info).paths(paths).components(Some(components)).build()
 }
 
 /// A resource that answers GET with JSON.
@@ -145,14 +148,17 @@ fn create_mesh() -> Operation {
         .description(Some(
             "The body is the image itself, with the parameters in the query, or a form with one \
              part `image` and the parameters as fields or as one JSON part `params`. A parameter \
-             may be given once in all. What the image is, its content decides.",
+             may be given once in all. What the image is, its content decides. With the header \
+             Prefer the answer may be a job.",
         ))
         .request_body(Some(image_or_form()))
-        .response("200", mesh());
+        .response("200", mesh())
+        .response("202", jobs::accepted());
     for row in &TABLE {
         operation = operation.parameter(query_parameter(row));
     }
-    for status in [400, 401, 406, 408, 413, 414, 415, 422, 429, 431, 500, 503] {
+    operation = jobs::with_parameters(operation, [jobs::prefer(), jobs::idempotency_key()]);
+    for status in [400, 401, 406, 408, 413, 414, 415, 422, 429, 431, 500, 503, 507] {
         operation = operation.response(status.to_string(), refusal(status));
     }
     operation.securities(Some(with_or_without_key())).build()
@@ -372,10 +378,8 @@ mod tests {
         let document: Value = serde_json::from_str(&document_text()).unwrap();
         assert!(document["openapi"].as_str().unwrap().starts_with("3.1"));
         let parameters = &document["paths"]["/v1/meshes"]["post"]["parameters"];
-        let names: Vec<_> = parameters.as_array().unwrap().iter().map(|p| &p["name"]).collect();
-        assert_eq!(
-            names,
-            TABLE.iter().map(|row| json!(row.name)).collect::<Vec<_>>().iter().collect::<Vec<_>>()
-        );
+        let in_query = parameters.as_array().unwrap().iter().filter(|p| p["in"] == "query");
+        let names: Vec<_> = in_query.map(|p| p["name"].clone()).collect();
+        assert_eq!(names, TABLE.iter().map(|row| json!(row.name)).collect::<Vec<_>>());
     }
 }

@@ -81,6 +81,30 @@ pub(crate) fn exchange(address: SocketAddr, bytes: &[u8]) -> Answer {
     receive(&mut stream, began)
 }
 
+/// Sends a request to a server that may be killed meanwhile: `None` when there is no whole answer.
+pub(crate) fn try_send(
+    address: SocketAddr,
+    method: &str,
+    target: &str,
+    headers: &[(&str, &str)],
+    body: &[u8],
+) -> Option<Answer> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.set_read_timeout(Some(Duration::from_secs(30))).ok()?;
+    let lines: String =
+        headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
+    let head = format!(
+        "{method} {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\nContent-Length: {}\r\n{lines}\r\n",
+        body.len()
+    );
+    let began = Instant::now();
+    stream.write_all(&[head.as_bytes(), body].concat()).ok()?;
+    let mut bytes = Vec::new();
+    // An answer that was cut off is no answer.
+    let _ = stream.read_to_end(&mut bytes);
+    parsed(&bytes, began)
+}
+
 /// Reads one answer, up to the end of the connection or of the announced length.
 pub(crate) fn receive(stream: &mut TcpStream, began: Instant) -> Answer {
     let mut bytes = Vec::new();

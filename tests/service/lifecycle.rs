@@ -4,6 +4,7 @@ use crate::client::connect;
 use crate::pictures::{disc, noise};
 use crate::server::{Server, program};
 use std::net::TcpStream;
+use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -78,6 +79,9 @@ fn a_wrong_setting_stops_the_start_with_a_reason() {
         "--header-timeout",
         "--body-timeout",
         "--max-connections",
+        "--job-deadline",
+        "--result-ttl",
+        "--max-queued-jobs",
     ] {
         refused(&[flag, "0"], None, flag);
     }
@@ -87,14 +91,29 @@ fn a_wrong_setting_stops_the_start_with_a_reason() {
 }
 
 #[test]
-fn settings_of_jobs_are_checked_and_said_to_have_no_effect() {
-    let server =
-        Server::start(&["--data-dir", "somewhere", "--queue", "embedded", "--blobs", "file"]);
-    server.wait_until("the log says so", || {
-        let log = server.log();
-        ["--data-dir", "--queue", "--blobs"].iter().all(|flag| log.contains(flag))
-    });
-    assert!(!std::path::Path::new("somewhere").exists());
+fn a_second_service_is_refused_the_folder_of_the_first() {
+    let folder = Arc::default();
+    let first = Server::start_in(&folder, &[]);
+    let second = || {
+        let mut command = program();
+        command.args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"]);
+        command.arg("--data-dir").arg(folder.path()).output().unwrap()
+    };
+    let message = String::from_utf8_lossy(&second().stderr).into_owned();
+    assert!(message.contains("--data-dir") && message.contains("another process"), "{message}");
+    assert_eq!(first.get("/v1/jobs").status, 200);
+    drop(first);
+    Server::start_in(&folder, &[]);
+}
+
+#[test]
+fn a_folder_that_cannot_be_used_stops_the_start_with_a_reason() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+    for folder in [file.to_owned(), format!("{file}/below"), "/proc/jobs".to_owned()] {
+        let output = program().args(["serve", "--data-dir", &folder]).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains(&folder), "{message}");
+    }
     let refused = program().args(["serve", "--queue", "carrier-pigeon"]).output().unwrap();
     assert!(!refused.status.success());
 }

@@ -3,8 +3,12 @@
 
 mod access;
 mod client;
+mod comparisons;
 mod contract;
+mod durability;
+mod events;
 mod formats;
+mod jobs;
 mod keys;
 mod lifecycle;
 mod load;

@@ -27,6 +27,10 @@ fn the_curl_examples_work_as_printed() {
     assert!(file("picture.model").starts_with(b"384 256 3 8\nOFF\n1966 3877 5842\n"));
     assert!(file("picture.glb").starts_with(b"glTF"));
     assert!(file("rebuilt.png").starts_with(b"\x89PNG"));
+    assert!(file("job.glb").starts_with(b"glTF") && file("picture.png").starts_with(b"\x89PNG"));
+    let printed = String::from_utf8(run.stdout).unwrap();
+    assert!(printed.contains("\"state\":\"completed\""), "the job was followed: {printed}");
+    assert!(printed.contains("\"ssim\":0.9"), "{printed}");
     assert!(String::from_utf8(file("headers.txt")).unwrap().contains("mesh-vertices: 1000"));
 }
 

@@ -1,9 +1,12 @@
 //! The program under test, on ports of its own; killed when dropped.
 
 use crate::client::{Answer, send};
+use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -25,18 +28,54 @@ fn without_settings(mut command: Command) -> Command {
     command
 }
 
+/// A folder of its own for a test's jobs; removed when dropped.
+#[derive(Debug)]
+pub(crate) struct Folder(PathBuf);
+
+impl Folder {
+    pub(crate) fn new() -> Self {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("jobs-{}-{count}", std::process::id());
+        Self(Path::new(env!("CARGO_TARGET_TMPDIR")).join(name))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Default for Folder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
 /// A running service.
 pub(crate) struct Server {
     child: Child,
     pub(crate) public: SocketAddr,
     pub(crate) operations: SocketAddr,
     log: Arc<Mutex<String>>,
+    /// Shared by those that are started one after another with the same jobs.
+    _folder: Arc<Folder>,
 }
 
 impl Server {
     /// Starts the service with flags beside those for the ports.
     pub(crate) fn start(flags: &[&str]) -> Self {
-        Self::start_as(program(), flags)
+        Self::start_as(program(), flags, Arc::default())
+    }
+
+    /// Starts the service with the jobs of one that was started before.
+    pub(crate) fn start_in(folder: &Arc<Folder>, flags: &[&str]) -> Self {
+        Self::start_as(program(), flags, Arc::clone(folder))
     }
 
     /// Starts the service where it may open no more than so many files and connections.
@@ -44,12 +83,14 @@ impl Server {
         let mut shell = without_settings(Command::new("sh"));
         shell.args(["-c", &format!("ulimit -n {count} && exec \"$0\" \"$@\"")]);
         shell.arg(PROGRAM);
-        Self::start_as(shell, flags)
+        Self::start_as(shell, flags, Arc::default())
     }
 
-    fn start_as(mut command: Command, flags: &[&str]) -> Self {
+    pub(crate) fn start_as(mut command: Command, flags: &[&str], folder: Arc<Folder>) -> Self {
         let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"])
+            .arg("--data-dir")
+            .arg(folder.path())
             .args(flags)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -63,7 +104,7 @@ impl Server {
         };
         let public = address("listening on http://");
         let operations = address("operations on http://");
-        let server = Self { child, public, operations, log };
+        let server = Self { child, public, operations, log, _folder: folder };
         server.wait_until("it is ready", || server.operate("/readyz").status == 200);
         server
     }
@@ -71,6 +112,30 @@ impl Server {
     /// Sends an image with a query and headers.
     pub(crate) fn mesh(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
         send(self.public, "POST", &format!("/v1/meshes?{query}"), headers, image)
+    }
+
+    /// Submits a job with a query and headers.
+    pub(crate) fn submit(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
+        send(self.public, "POST", &format!("/v1/jobs?{query}"), headers, image)
+    }
+
+    /// Submits a job that is accepted, and returns where it is.
+    #[track_caller]
+    pub(crate) fn job(&self, query: &str, image: &[u8]) -> String {
+        let answer = self.submit(query, &[], image);
+        assert_eq!(answer.status, 202, "{}", answer.text());
+        answer.header("location").to_owned()
+    }
+
+    /// Waits until a job is in a state, and returns its document.
+    #[track_caller]
+    pub(crate) fn wait_for(&self, job: &str, state: &str) -> Value {
+        let mut document = Value::Null;
+        self.wait_until(&format!("{job} is {state}"), || {
+            document = self.get(job).json();
+            document["state"] == state
+        });
+        document
     }
 
     pub(crate) fn get(&self, target: &str) -> Answer {
@@ -120,6 +185,12 @@ impl Server {
 
     pub(crate) fn log(&self) -> String {
         self.log.lock().unwrap().clone()
+    }
+
+    /// Ends the process as if the machine had failed.
+    pub(crate) fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
     }
 
     /// Sends a signal by name, such as `TERM`.

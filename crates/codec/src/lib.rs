@@ -52,6 +52,6 @@ pub use format::PictureFormat;
 pub use gltf::write_glb;
 pub use header::Header;
 pub use limits::Limits;
-pub use model::{ModelDefect, ModelError, read_model, write_model};
+pub use model::{ModelDefect, ModelError, probe_model, read_model, write_model};
 pub use png::write_png;
 pub use pnm::write_pnm;

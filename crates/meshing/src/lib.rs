@@ -38,7 +38,7 @@
 //! each one `removal` fills its `hole`, remembered in `hole_memory`, and asks `face_error` for the
 //! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
 //! `small_face` (with its rows and planes) and `flat_areas` compute. [`rasterize`] rebuilds the
-//! picture; [`generate`] is all of it in order, as [`Parameters`] say, whose values are in `choices`
+//! picture, [`Fidelity`] and [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as [`Parameters`] say, whose values are in `choices`
 //! and whose named sets, the methods, in [`Method`]. Where the [`Control`] allows several threads,
 //! `parallel` shares out what is independent and `foresight` prepares removals ahead of their turn.
 
@@ -75,6 +75,7 @@ mod simplify;
 mod small_face;
 mod small_face_plane;
 mod small_face_rows;
+mod ssim;
 mod star;
 mod threshold_search;
 mod tile_order;
@@ -99,4 +100,5 @@ pub use predicates::{in_circle, orientation};
 pub use rasterize::rasterize;
 pub use sample_points::sample_points;
 pub use simplify::Removal;
+pub use ssim::structural_similarity;
 pub use triangulation::triangulate;

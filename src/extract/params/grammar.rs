@@ -40,6 +40,15 @@ pub(super) fn whole(name: &str, text: &str) -> Result<Option<u64>, Problem> {
     Ok(if is_zero { Some(0) } else { text.parse().ok() })
 }
 
+/// A whole number between bounds, both allowed.
+///
+/// # Errors
+/// `parameter-malformed`, `not-finite` or `parameter-out-of-range`.
+pub fn whole_between(name: &str, text: &str, least: u64, most: u64) -> Result<u64, Problem> {
+    let value = whole(name, text)?.filter(|value| (least..=most).contains(value));
+    value.ok_or_else(|| out_of_range(name, text, least, most))
+}
+
 /// `true` or `false`.
 pub(super) fn flag(name: &str, text: &str) -> Result<bool, Problem> {
     text.parse().map_err(|_| {

@@ -15,9 +15,9 @@ impl ParameterSet {
     /// `query-malformed` for a broken encoding, else as [`ParameterSet::add`].
     pub fn of_query(query: Option<&str>) -> Result<Self, Problem> {
         let mut set = Self::default();
-        for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
-            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
-            set.add(&percent_decoded(name)?, &percent_decoded(value)?)?;
+        for pair in pairs_of_query(query) {
+            let (name, value) = pair?;
+            set.add(&name, &value)?;
         }
         Ok(set)
     }
@@ -27,9 +27,31 @@ impl ParameterSet {
     /// # Errors
     /// `json-malformed` for anything else, else as [`ParameterSet::add`].
     pub fn add_json(&mut self, text: &[u8]) -> Result<(), Problem> {
-        let Pairs(pairs) = serde_json::from_slice(text).map_err(|error| json_malformed(&error))?;
-        pairs.iter().try_for_each(|(name, value)| self.add(name, value))
+        pairs_of_json(text)?.iter().try_for_each(|(name, value)| self.add(name, value))
     }
+}
+
+/// The pairs of a name and a value in a query, percent-decoded.
+///
+/// # Errors
+/// `query-malformed` for a broken encoding, at the pair that has it.
+pub fn pairs_of_query(
+    query: Option<&str>,
+) -> impl Iterator<Item = Result<(String, String), Problem>> {
+    let pairs = query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty());
+    pairs.map(|pair| {
+        let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+        Ok((percent_decoded(name)?, percent_decoded(value)?))
+    })
+}
+
+/// The members of a flat JSON object, each value as its text.
+///
+/// # Errors
+/// `json-malformed` for anything else.
+pub fn pairs_of_json(text: &[u8]) -> Result<Vec<(String, String)>, Problem> {
+    let Pairs(pairs) = serde_json::from_slice(text).map_err(|error| json_malformed(&error))?;
+    Ok(pairs)
 }
 
 /// Decodes `%41` and the like; broken escapes, broken UTF-8 and control characters are refused.

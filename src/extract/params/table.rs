@@ -2,7 +2,7 @@
 //!
 //! The parser, `GET /v1/methods` and the OpenAPI document are all made from it.
 
-use super::grammar::{decimal, flag, malformed, out_of_range, whole};
+use super::grammar::{decimal, flag, malformed, whole_between};
 use super::{Choices, Order};
 use crate::extract::accept::Format;
 use crate::problem::Problem;
@@ -11,6 +11,7 @@ use pixmesh_meshing::{
     MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed, Method, ParameterError,
     Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
 };
+use serde_json::Value;
 use std::str::FromStr;
 
 /// One parameter.
@@ -64,9 +65,7 @@ impl Parameter {
                 put(choices, decimal(self.name, text, least, most)?);
             }
             (Reader::Whole(put), Takes::Whole { least, most }) => {
-                let value = whole(self.name, text)?;
-                let in_range = value.filter(|value| (least..=most).contains(value));
-                put(choices, in_range.ok_or_else(|| out_of_range(self.name, text, least, most))?);
+                put(choices, whole_between(self.name, text, least, most)?);
             }
             (Reader::Flag(put), _) => put(choices, flag(self.name, text)?),
             (Reader::Word(put), _) => {
@@ -81,6 +80,16 @@ impl Parameter {
     #[must_use]
     pub fn show(&self, order: &Order) -> Option<String> {
         (self.show)(order)
+    }
+
+    /// The same as JSON of its type.
+    #[must_use]
+    pub fn value(&self, order: &Order) -> Option<Value> {
+        let text = self.show(order)?;
+        Some(match self.takes {
+            Takes::Word(_) => text.into(),
+            _ => serde_json::from_str(&text).unwrap_or(Value::String(text)),
+        })
     }
 }
 

@@ -1,9 +1,10 @@
-//! Reads a form: one part `image`, and the parameters as fields or as one JSON part `params`.
+//! Reads a form: one part for each file, and the parameters as fields or as one JSON part `params`.
 
 use super::meter::Metered;
 use super::pace::{Allowance, Paced};
-use super::{accept_image_label, refusal_in};
-use crate::extract::params::ParameterSet;
+use super::{Wanted, refusal_in};
+use crate::extract::fields::Fields;
+use crate::extract::params::pairs_of_json;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::multipart::{Field, MultipartError};
@@ -13,18 +14,19 @@ use axum::http::header::CONTENT_TYPE;
 
 /// The most parts of a form.
 const MAX_PARTS: usize = 16;
-/// The longest field in bytes; the part `image` is only bound by the body's limit.
+/// The longest field in bytes; a file is only bound by the body's limit.
 const MAX_FIELD: usize = 64 * 1024;
 
-/// Receives a form: adds its parameters, and returns the bytes of its image.
-pub(super) async fn receive(
+/// Receives a form: adds its parameters, and returns the bytes of its files.
+pub(super) async fn receive<const N: usize>(
+    wanted: &Wanted<N>,
     headers: &HeaderMap,
     body: Metered,
-    parameters: &mut ParameterSet,
-) -> Result<Vec<u8>, Problem> {
+    fields: &mut dyn Fields,
+) -> Result<[Option<Vec<u8>>; N], Problem> {
     let allowance = Allowance::new();
     let mut form = parts_of(headers, Paced::new(body, allowance.clone())).await?;
-    let mut contents = Contents::default();
+    let mut contents = Contents { wanted, files: [const { None }; N], has_params: false };
     let mut count = 0;
     while let Some(field) = form.next_field().await.map_err(|error| malformed(&error))? {
         allowance.lift();
@@ -32,12 +34,10 @@ pub(super) async fn receive(
         if count > MAX_PARTS {
             return Err(too_many_parts());
         }
-        contents.take(field, parameters).await?;
+        contents.take(field, fields).await?;
         allowance.limit();
     }
-    contents.image.ok_or_else(|| {
-        Problem::new(Kind::ImageMissing, "the form has no part 'image'").param("image")
-    })
+    Ok(contents.files)
 }
 
 /// The parts of a body, split at the boundary that its label names.
@@ -54,32 +54,34 @@ async fn parts_of(headers: &HeaderMap, body: Paced) -> Result<Multipart, Problem
 }
 
 /// What was found in a form so far.
-#[derive(Default)]
-struct Contents {
-    image: Option<Vec<u8>>,
+struct Contents<'a, const N: usize> {
+    wanted: &'a Wanted<N>,
+    files: [Option<Vec<u8>>; N],
     has_params: bool,
 }
 
-impl Contents {
+impl<const N: usize> Contents<'_, N> {
     /// Takes one part.
-    async fn take(
-        &mut self,
-        field: Field<'_>,
-        parameters: &mut ParameterSet,
-    ) -> Result<(), Problem> {
+    async fn take(&mut self, field: Field<'_>, fields: &mut dyn Fields) -> Result<(), Problem> {
         let name = field.name().map(str::to_owned).ok_or_else(nameless)?;
-        match name.as_str() {
-            "image" if self.image.is_some() => return Err(repeated("image")),
-            "image" => {
-                accept_image_label(field.content_type().unwrap_or("image/*"))?;
-                self.image = Some(read(field, usize::MAX).await?);
+        if let Some(index) = self.wanted.files.iter().position(|file| *file == name) {
+            if self.files[index].is_some() {
+                return Err(repeated(&name));
             }
+            if let Some(label) = field.content_type() {
+                self.wanted.accept_label(label)?;
+            }
+            self.files[index] = Some(read(field, usize::MAX).await?);
+            return Ok(());
+        }
+        match name.as_str() {
             "params" if self.has_params => return Err(repeated("params")),
             "params" => {
                 self.has_params = true;
-                parameters.add_json(&read(field, MAX_FIELD).await?)?;
+                let pairs = pairs_of_json(&read(field, MAX_FIELD).await?)?;
+                pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
             }
-            _ => parameters.add(&name, &text(read(field, MAX_FIELD).await?, &name)?)?,
+            _ => fields.add(&name, &text(read(field, MAX_FIELD).await?, &name)?)?,
         }
         Ok(())
     }

@@ -103,6 +103,14 @@ pub struct Charge {
 }
 
 impl Charge {
+    /// Charges for `bytes` in all.
+    ///
+    /// # Errors
+    /// `overloaded` when there is no memory for them.
+    pub(super) fn grow_or_refuse(&self, bytes: u64) -> Result<(), Problem> {
+        if self.grow_to(bytes) { Ok(()) } else { Err(no_memory()) }
+    }
+
     /// Charges for `bytes` in all, and says whether there was memory for them.
     fn grow_to(&self, bytes: u64) -> bool {
         let needed_kib = usize::try_from(bytes.div_ceil(1024)).unwrap_or(usize::MAX);

@@ -59,6 +59,27 @@ pub fn read_model(bytes: &[u8], limits: &Limits) -> Result<Mesh, ModelError> {
     })
 }
 
+/// Reads the shape of a MODEL's image, and checks it and the numbers of vertices and faces against
+/// the limits and the rest of the file, which is not looked at.
+///
+/// # Errors
+/// As [`read_model`], for what comes before the first vertex.
+///
+/// ```
+/// use pixmesh_codec::{Limits, probe_model};
+///
+/// let shape = probe_model(b"2 2 1 8 OFF 0 0 0", &Limits::default()).unwrap();
+/// assert_eq!((shape.width, shape.height), (2, 2));
+/// assert!(probe_model(b"20000 20000 1 8 OFF 4 2 5", &Limits::default()).is_err());
+/// ```
+pub fn probe_model(bytes: &[u8], limits: &Limits) -> Result<Shape, ModelError> {
+    let mut tokens = Tokens::new(bytes);
+    let shape = read_shape(&mut tokens, limits)?;
+    read_keyword(&mut tokens)?;
+    read_counts(&mut tokens, shape)?;
+    Ok(shape)
+}
+
 /// Reads width, height, number of components and precision, and checks them against the limits.
 fn read_shape(tokens: &mut Tokens<'_>, limits: &Limits) -> Result<Shape, ModelError> {
     let first = tokens.clone().expect("the width")?;

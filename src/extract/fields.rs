@@ -1,0 +1,96 @@
+//! The few parameters of a resource that has only few, with the rules of all parameters.
+
+use super::nearest_name;
+use super::params::pairs_of_query;
+use crate::problem::{Kind, Problem};
+
+/// What takes parameters, one by one.
+pub trait Fields: Send {
+    /// Takes one more.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    fn add(&mut self, name: &str, text: &str) -> Result<(), Problem>;
+}
+
+/// The texts of a few parameters, each given at most once.
+#[derive(Clone, Debug)]
+pub struct Few {
+    known: &'static [&'static str],
+    given: Vec<(&'static str, String)>,
+}
+
+impl Few {
+    /// None of those known so far.
+    #[must_use]
+    pub fn of(known: &'static [&'static str]) -> Self {
+        Self { known, given: Vec::new() }
+    }
+
+    /// Those that a query gives.
+    ///
+    /// # Errors
+    /// `query-malformed`, `unknown-parameter` or `duplicate-parameter`.
+    pub fn of_query(known: &'static [&'static str], query: Option<&str>) -> Result<Self, Problem> {
+        let mut few = Self::of(known);
+        for pair in pairs_of_query(query) {
+            let (name, text) = pair?;
+            few.add(&name, &text)?;
+        }
+        Ok(few)
+    }
+
+    /// The text given for one.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&str> {
+        let found = self.given.iter().find(|(given, _)| *given == name);
+        found.map(|(_, text)| text.as_str())
+    }
+}
+
+impl Fields for Few {
+    fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
+        let known = self.known.iter().find(|known| **known == name);
+        let known = known.ok_or_else(|| unknown(name, self.known))?;
+        if self.get(known).is_some() {
+            return Err(repeated(known));
+        }
+        self.given.push((known, text.to_owned()));
+        Ok(())
+    }
+}
+
+/// The refusal of a name that is none of those known.
+pub(super) fn unknown(name: &str, known: &[&str]) -> Problem {
+    let name: String = name.chars().take(64).collect();
+    let problem = Problem::new(Kind::UnknownParameter, format!("there is no parameter '{name}'"));
+    match nearest_name(&name, known.iter().copied()) {
+        Some(nearest) => problem.param(name).nearest(nearest),
+        None => problem.param(name),
+    }
+}
+
+/// The refusal of a parameter that was given before.
+pub(super) fn repeated(name: &str) -> Problem {
+    Problem::new(Kind::DuplicateParameter, format!("{name} is given more than once")).param(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_parameters_follow_the_rules_of_all() {
+        let of = |query| Few::of_query(&["state", "limit"], Some(query));
+        assert_eq!(of("limit=5&state=queued").unwrap().get("limit"), Some("5"));
+        assert_eq!(of("").unwrap().get("limit"), None);
+        for (query, kind) in [
+            ("limti=5", Kind::UnknownParameter),
+            ("limit=5&limit=5", Kind::DuplicateParameter),
+            ("limit=%zz", Kind::QueryMalformed),
+        ] {
+            assert_eq!(of(query).unwrap_err().kind(), kind, "{query}");
+        }
+        assert_eq!(of("limti=5").unwrap_err().value()["nearest"], "limit");
+    }
+}

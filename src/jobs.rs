@@ -1,0 +1,147 @@
+//! Jobs: what is to be meshed later, and what became of it.
+//!
+//! | state | what | next |
+//! |---|---|---|
+//! | queued | waits for a worker | running, or cancelled at once |
+//! | running | a worker has it | completed, failed or cancelled; or queued, when the worker stops or falls silent |
+//! | completed, failed, cancelled | its end | kept for the time results are kept, then gone |
+//!
+//! What is promised:
+//! - A submission is acknowledged when the image and then the job are on stable storage.
+//! - A job has one worker at a time. Each claim has a fence, and whoever comes with an older one
+//!   changes nothing: a job has one effect, however many attempts there were.
+//! - An attempt is counted before it begins, and there are at most three. A job whose worker ended
+//!   in each of them is failed as such. The last attempt is made alone, so that a job that takes its
+//!   process down uses up no other's attempts. A worker that stops in peace gives its attempt back.
+//! - What a job leaves is kept as MODEL, from which every format is made when it is asked for.
+//! - Jobs pass the same [gate](crate::admission) as requests, and both the same
+//!   [pipeline](crate::pipeline): together they never take more than the budget.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`record`] | what is kept of a job |
+//! | [`queue`] | the queue as a trait, whatever engine keeps it |
+//! | [`fairness`] | whose job is next |
+//! | [`embedded`] | the queue in an SQLite database of this process |
+//! | [`blobs`] | pictures and meshes, by the digest of their bytes |
+//! | [`folder`] | the folder of both, which one process has at a time |
+//! | [`worker`] | takes jobs from the queue and does them |
+//! | [`retention`] | deletes what is no longer kept |
+
+pub mod blobs;
+#[cfg(test)]
+mod conformance;
+pub mod embedded;
+pub mod fairness;
+pub mod folder;
+pub mod queue;
+pub mod record;
+pub mod retention;
+pub mod worker;
+
+use crate::config::Settings;
+use crate::problem::{Kind, Problem, internal};
+use blobs::Blobs;
+use bytes::Bytes;
+use embedded::Embedded;
+use fairness::Caps;
+use folder::DataFolder;
+use queue::{Queue, QueueError, Submitted, Terms};
+use record::NewJob;
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long a worker has a job without renewing its lease.
+const LEASE: Duration = Duration::from_secs(30);
+/// How long the word that a client gave for a submission is remembered.
+const IDEMPOTENCY_TTL: Duration = Duration::from_hours(24);
+/// How long it is remembered that there was a job.
+const GONE_TTL: Duration = Duration::from_hours(7 * 24);
+
+/// Jobs and their blobs.
+#[derive(Clone, Debug)]
+pub struct Jobs {
+    /// The queue.
+    pub queue: Arc<dyn Queue>,
+    /// Pictures and meshes.
+    pub blobs: Blobs,
+}
+
+impl Jobs {
+    /// Opens them where the settings say, and takes the folder.
+    ///
+    /// # Errors
+    /// When the folder cannot be used, or another process has it.
+    pub fn open(settings: &Settings) -> Result<Self, Box<dyn Error>> {
+        let folder = Arc::new(DataFolder::take(&settings.jobs.data_dir)?);
+        let blobs = Blobs::in_folder(&folder.path().join("blobs"))?;
+        let queue = Arc::new(Embedded::open(folder, terms(settings))?);
+        Ok(Self { queue, blobs })
+    }
+
+    /// Puts a job and its image on stable storage: first the image, then the job. What was begun is
+    /// ended, also when nobody waits for it any more.
+    ///
+    /// # Errors
+    /// `storage-full` or `storage-unavailable`.
+    pub async fn submit(&self, job: NewJob, image: Bytes) -> Result<Submitted, Problem> {
+        let jobs = self.clone();
+        let storing = tokio::spawn(async move {
+            let hold = jobs.blobs.hold().await;
+            jobs.blobs.put(&hold, job.picture.digest, image).await?;
+            jobs.queue.submit(job).await
+        });
+        let stored =
+            storing.await.map_err(|error| internal("a job could not be stored", &error))?;
+        Ok(stored?)
+    }
+}
+
+/// What the settings ask of the queue.
+fn terms(settings: &Settings) -> Terms {
+    let jobs = &settings.jobs;
+    let queued = jobs.max_queued_jobs.get();
+    Terms {
+        caps: Caps { queued, queued_per_owner: queued, running_per_owner: usize::MAX },
+        lease: LEASE,
+        result_ttl: jobs.result_ttl.0,
+        idempotency_ttl: IDEMPOTENCY_TTL,
+        gone_ttl: GONE_TTL,
+    }
+}
+
+/// The problem of a job whose worker ended in every attempt.
+#[must_use]
+pub fn exhausted(attempts: u32) -> Problem {
+    let detail = format!(
+        "the worker ended in each of {attempts} attempts before the job was done: the image may be \
+         one that the service cannot take"
+    );
+    Problem::new(Kind::AttemptsExhausted, detail).with("attempts", attempts)
+}
+
+impl From<QueueError> for Problem {
+    /// The log has what exactly failed.
+    fn from(error: QueueError) -> Self {
+        tracing::error!(%error, "the storage of jobs failed");
+        match error {
+            QueueError::StorageFull(_) => {
+                Self::new(Kind::StorageFull, "there is no room left for jobs").setting("--data-dir")
+            }
+            QueueError::Storage(_) => {
+                Self::new(Kind::StorageUnavailable, "jobs can be neither stored nor read now")
+                    .setting("--data-dir")
+            }
+        }
+    }
+}
+
+/// A new folder for a test.
+#[cfg(test)]
+pub(crate) fn folder_for_test(name: &str) -> std::path::PathBuf {
+    let name = format!("pixmesh-{name}-{}", record::JobId::new());
+    let path = std::env::temp_dir().join(name);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}

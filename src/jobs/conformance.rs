@@ -1,0 +1,529 @@
+//! What every engine of the queue must do: one suite, whatever keeps the jobs.
+//!
+//! [`conforms`] makes a test of each promise for an engine, which is given as something that opens
+//! its queue, and opens it again as a new process would after the last one was killed.
+
+use super::fairness::Caps;
+use super::queue::{
+    Cancellation, Claim, Finish, Lease, Lookup, MAX_ATTEMPTS, Outcome, Page, PageRequest, Queue,
+    Renewal, Submitted, Terms,
+};
+use super::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
+use crate::digest::Digest;
+use crate::extract::owner::Owner;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{sleep, timeout};
+
+/// Opens the queue of an engine.
+pub(super) trait Engine {
+    /// Opens the queue; again, when an earlier one was dropped.
+    fn open(&self, terms: Terms) -> Arc<dyn Queue>;
+}
+
+/// Makes a test of each promise for an engine.
+macro_rules! conforms {
+    ($engine:expr; $($promise:ident)+) => {
+        $(#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+        async fn $promise() {
+            $crate::jobs::conformance::$promise(&$engine(stringify!($promise))).await;
+        })+
+    };
+}
+pub(super) use conforms;
+
+const CAPS: Caps = Caps { queued: 1000, queued_per_owner: 1000, running_per_owner: 1000 };
+const LONG: Duration = Duration::from_secs(3600);
+const SHORT: Duration = Duration::from_millis(50);
+
+fn terms() -> Terms {
+    Terms { caps: CAPS, lease: LONG, result_ttl: LONG, idempotency_ttl: LONG, gone_ttl: LONG }
+}
+
+fn job(owner: &Owner, image: &str) -> NewJob {
+    NewJob {
+        id: JobId::new(),
+        owner: owner.clone(),
+        order: "method=med&density=2".into(),
+        picture: Picture::of_bytes(image.as_bytes()),
+        idempotency_key: None,
+    }
+}
+
+fn figures(text: &str) -> MeshFigures {
+    MeshFigures {
+        digest: Digest::of(text.as_bytes()).to_string(),
+        bytes: text.len() as u64,
+        vertices: 4,
+        faces: 2,
+        mse: 0.25,
+        psnr_db: Some(54.15),
+        timings_ms: vec![("decode".into(), 1.5)],
+    }
+}
+
+fn problem() -> Value {
+    json!({ "type": "/problems/image-decode-failed", "detail": "no picture" })
+}
+
+async fn submit(queue: &Arc<dyn Queue>, owner: &Owner, image: &str) -> JobId {
+    match queue.submit(job(owner, image)).await.unwrap() {
+        Submitted::Created(record) => record.id,
+        other => panic!("not created: {other:?}"),
+    }
+}
+
+async fn claim(queue: &Arc<dyn Queue>) -> Claim {
+    queue.claim().await.unwrap().expect("a job waits")
+}
+
+async fn found(queue: &Arc<dyn Queue>, owner: &Owner, id: JobId) -> Record {
+    match queue.get(owner, id).await.unwrap() {
+        Lookup::Found(record) => *record,
+        other => panic!("not found: {other:?}"),
+    }
+}
+
+async fn list(queue: &Arc<dyn Queue>, owner: &Owner, request: PageRequest) -> Page {
+    queue.list(owner, request).await.unwrap()
+}
+
+fn request(limit: usize) -> PageRequest {
+    PageRequest { state: None, before: None, limit }
+}
+
+fn states(events: &[Event]) -> Vec<State> {
+    events.iter().map(|event| event.state).collect()
+}
+
+pub(super) async fn a_job_goes_from_queued_by_running_to_completed(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    let record = found(&queue, &owner, id).await;
+    assert_eq!((record.state, record.attempt), (State::Queued, 0));
+    let claim = claim(&queue).await;
+    assert_eq!((claim.lease.job, claim.attempt, &claim.owner), (id, 1, &owner));
+    assert_eq!(claim.order, "method=med&density=2");
+    assert_eq!(claim.picture, Picture::of_bytes(b"image"));
+    let record = found(&queue, &owner, id).await;
+    assert!(record.state == State::Running && record.started.is_some());
+    let finish = queue.finish(claim.lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    assert_eq!(finish, Finish::Committed(State::Completed));
+    let record = found(&queue, &owner, id).await;
+    assert_eq!((record.state, record.mesh), (State::Completed, Some(figures("mesh"))));
+    assert!(record.finished.is_some() && record.expires > record.finished);
+    assert_eq!(queue.claim().await.unwrap(), None);
+}
+
+pub(super) async fn a_failed_job_keeps_its_problem(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::anonymous());
+    let id = submit(&queue, &owner, "image").await;
+    let lease = claim(&queue).await.lease;
+    queue.finish(lease, Outcome::Failed(problem())).await.unwrap();
+    let record = found(&queue, &owner, id).await;
+    assert_eq!((record.state, record.problem), (State::Failed, Some(problem())));
+}
+
+pub(super) async fn what_was_acknowledged_is_there_after_a_kill(engine: &impl Engine) {
+    let owner = Owner::named("a");
+    let queue = engine.open(terms());
+    let waiting = submit(&queue, &owner, "waiting").await;
+    let running = submit(&queue, &owner, "running").await;
+    let lease = claim(&queue).await.lease;
+    assert_eq!(lease.job, waiting, "the oldest first");
+    queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    let lost = claim(&queue).await.lease;
+    drop(queue);
+    let queue = engine.open(terms());
+    assert_eq!(found(&queue, &owner, waiting).await.mesh, Some(figures("mesh")));
+    assert_eq!(found(&queue, &owner, running).await.state, State::Queued);
+    let again = claim(&queue).await;
+    assert_eq!((again.lease.job, again.attempt), (running, 2));
+    let late = queue.finish(lost, Outcome::Completed(figures("late"))).await.unwrap();
+    assert_eq!(late, Finish::Fenced);
+    assert_eq!(found(&queue, &owner, running).await.state, State::Running);
+}
+
+pub(super) async fn a_job_whose_worker_falls_silent_is_given_to_another(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(Terms { lease: SHORT, ..terms() }), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    let silent = claim(&queue).await.lease;
+    assert_eq!(queue.sweep().await.unwrap().requeued, 0, "the lease has not ended");
+    for _ in 0..4 {
+        sleep(SHORT / 2).await;
+        assert_eq!(queue.renew(silent, None).await.unwrap(), Renewal::Ok);
+        assert_eq!(queue.sweep().await.unwrap().requeued, 0, "the lease is renewed");
+    }
+    sleep(2 * SHORT).await;
+    assert_eq!(queue.sweep().await.unwrap().requeued, 1);
+    let second = claim(&queue).await;
+    assert_eq!((second.lease.job, second.attempt), (id, 2));
+    assert!(second.lease.fence > silent.fence);
+    assert_eq!(queue.renew(silent, None).await.unwrap(), Renewal::Lost);
+    assert_eq!(queue.interruption(silent).await, Renewal::Lost);
+    let late = queue.finish(silent, Outcome::Completed(figures("late"))).await.unwrap();
+    assert_eq!(late, Finish::Fenced);
+    queue.finish(second.lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    assert_eq!(found(&queue, &owner, id).await.mesh, Some(figures("mesh")));
+}
+
+pub(super) async fn a_job_is_tried_three_times_and_then_failed_as_such(engine: &impl Engine) {
+    let owner = Owner::named("a");
+    let mut queue = engine.open(terms());
+    let id = submit(&queue, &owner, "poison").await;
+    for attempt in 1..=MAX_ATTEMPTS {
+        assert_eq!(claim(&queue).await.attempt, attempt);
+        drop(queue);
+        queue = engine.open(terms());
+    }
+    let record = found(&queue, &owner, id).await;
+    assert_eq!((record.state, record.attempt), (State::Failed, MAX_ATTEMPTS));
+    assert_eq!(record.problem.unwrap()["type"], "/problems/attempts-exhausted");
+    assert_eq!(queue.claim().await.unwrap(), None);
+}
+
+pub(super) async fn the_last_attempt_is_made_alone(engine: &impl Engine) {
+    let owner = Owner::named("a");
+    let mut queue = engine.open(terms());
+    let poison = submit(&queue, &owner, "poison").await;
+    let innocent = submit(&queue, &owner, "innocent").await;
+    for _ in 0..2 {
+        claim(&queue).await;
+        claim(&queue).await;
+        drop(queue);
+        queue = engine.open(terms());
+    }
+    let last = claim(&queue).await;
+    assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
+    assert_eq!(queue.claim().await.unwrap(), None, "nothing runs beside it");
+    drop(queue);
+    let queue = engine.open(terms());
+    assert_eq!(found(&queue, &owner, poison).await.state, State::Failed);
+    let lease = claim(&queue).await.lease;
+    assert_eq!(lease.job, innocent);
+    queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    assert_eq!(found(&queue, &owner, innocent).await.state, State::Completed);
+}
+
+pub(super) async fn an_attempt_that_was_handed_back_does_not_count(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    for _ in 0..5 {
+        let claim = claim(&queue).await;
+        assert_eq!(claim.attempt, 1);
+        let finish = queue.finish(claim.lease, Outcome::HandedBack).await.unwrap();
+        assert_eq!(finish, Finish::Committed(State::Queued));
+    }
+    assert_eq!(found(&queue, &owner, id).await.attempt, 0);
+}
+
+pub(super) async fn what_may_succeed_another_time_is_tried_again(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    let mut ends = Vec::new();
+    for _ in 0..MAX_ATTEMPTS {
+        let lease = claim(&queue).await.lease;
+        ends.push(queue.finish(lease, Outcome::Retry(problem())).await.unwrap());
+    }
+    let [queued, failed] = [State::Queued, State::Failed].map(Finish::Committed);
+    assert_eq!(ends, [queued, queued, failed]);
+    assert_eq!(found(&queue, &owner, id).await.problem, Some(problem()));
+}
+
+pub(super) async fn a_waiting_job_is_cancelled_at_once_and_then_deleted(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Cancelled);
+    assert_eq!(found(&queue, &owner, id).await.state, State::Cancelled);
+    assert_eq!(queue.claim().await.unwrap(), None);
+    assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Deleted);
+    assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Unknown);
+    assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Unknown);
+}
+
+pub(super) async fn the_worker_of_a_cancelled_job_is_told(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    let lease = claim(&queue).await.lease;
+    let told = tokio::spawn({
+        let queue = Arc::clone(&queue);
+        async move { queue.interruption(lease).await }
+    });
+    sleep(SHORT).await;
+    assert!(!told.is_finished());
+    assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Requested);
+    let told = timeout(Duration::from_secs(5), told).await.unwrap().unwrap();
+    assert_eq!(told, Renewal::CancelRequested);
+    assert_eq!(queue.renew(lease, None).await.unwrap(), Renewal::CancelRequested);
+    // However the worker leaves it: its owner does not want it.
+    let finish = queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    assert_eq!(finish, Finish::Committed(State::Cancelled));
+    assert_eq!(found(&queue, &owner, id).await.mesh, None);
+}
+
+pub(super) async fn a_cancelled_job_stays_cancelled_when_its_worker_is_killed(
+    engine: &impl Engine,
+) {
+    let owner = Owner::named("a");
+    let queue = engine.open(terms());
+    let id = submit(&queue, &owner, "image").await;
+    claim(&queue).await;
+    queue.cancel(&owner, id).await.unwrap();
+    drop(queue);
+    let queue = engine.open(terms());
+    assert_eq!(found(&queue, &owner, id).await.state, State::Cancelled);
+}
+
+pub(super) async fn nobody_sees_or_cancels_the_jobs_of_others(engine: &impl Engine) {
+    let queue = engine.open(terms());
+    let (mine, other) = (Owner::named("a"), Owner::named("b"));
+    let id = submit(&queue, &mine, "image").await;
+    for stranger in [&other, &Owner::anonymous(), &Owner::named("a ")] {
+        assert_eq!(queue.get(stranger, id).await.unwrap(), Lookup::Unknown);
+        assert_eq!(queue.cancel(stranger, id).await.unwrap(), Cancellation::Unknown);
+        assert!(list(&queue, stranger, request(10)).await.jobs.is_empty());
+    }
+    assert_eq!(list(&queue, &mine, request(10)).await.jobs.len(), 1);
+}
+
+pub(super) async fn jobs_are_listed_newest_first_page_by_page(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let mut ids = Vec::new();
+    for image in ["1", "2", "3", "4", "5"] {
+        ids.push(submit(&queue, &owner, image).await);
+        submit(&queue, &Owner::named("b"), image).await;
+    }
+    ids.reverse();
+    let (mut listed, mut before) = (Vec::new(), None);
+    loop {
+        let page = list(&queue, &owner, PageRequest { before, ..request(2) }).await;
+        assert!(page.jobs.len() <= 2);
+        listed.extend(page.jobs.iter().map(|job| job.id));
+        before = page.next;
+        if before.is_none() {
+            break;
+        }
+    }
+    assert_eq!(listed, ids);
+    assert_eq!(list(&queue, &owner, request(5)).await.next, None, "there is no empty page");
+    queue.cancel(&owner, ids[2]).await.unwrap();
+    let cancelled = PageRequest { state: Some(State::Cancelled), ..request(10) };
+    let page = list(&queue, &owner, cancelled).await;
+    assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [ids[2]]);
+}
+
+pub(super) async fn the_same_word_with_the_same_content_is_the_same_job(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let with_word = |owner: &Owner, image: &str, order: &str| NewJob {
+        idempotency_key: Some("word".into()),
+        order: order.into(),
+        ..job(owner, image)
+    };
+    let first = queue.submit(with_word(&owner, "image", "size=5")).await.unwrap();
+    let Submitted::Created(first) = first else { panic!("{first:?}") };
+    let again = queue.submit(with_word(&owner, "image", "size=5")).await.unwrap();
+    assert_eq!(again, Submitted::Existing(first.clone()));
+    for (image, order) in [("other", "size=5"), ("image", "size=6")] {
+        let other = queue.submit(with_word(&owner, image, order)).await.unwrap();
+        assert_eq!(other, Submitted::KeyReused, "{image}, {order}");
+    }
+    let stranger = queue.submit(with_word(&Owner::named("b"), "other", "size=6")).await.unwrap();
+    assert!(matches!(stranger, Submitted::Created(_)), "others have words of their own");
+    // All at once they are one job, too.
+    let queue_ref = &queue;
+    let tries = (0..8).map(|_| queue_ref.submit(with_word(&owner, "image", "size=5")));
+    for submitted in futures_util::future::join_all(tries).await {
+        assert_eq!(submitted.unwrap(), Submitted::Existing(first.clone()));
+    }
+    queue.cancel(&owner, first.id).await.unwrap();
+    queue.cancel(&owner, first.id).await.unwrap();
+    let fresh = queue.submit(with_word(&owner, "other", "size=6")).await.unwrap();
+    assert!(matches!(fresh, Submitted::Created(_)), "a deleted job takes its word with it");
+}
+
+pub(super) async fn words_are_forgotten_in_time(engine: &impl Engine) {
+    let queue = engine.open(Terms { idempotency_ttl: SHORT, ..terms() });
+    let with_word =
+        |image| NewJob { idempotency_key: Some("word".into()), ..job(&Owner::named("a"), image) };
+    queue.submit(with_word("image")).await.unwrap();
+    sleep(2 * SHORT).await;
+    let later = queue.submit(with_word("other")).await.unwrap();
+    assert!(matches!(later, Submitted::Created(_)), "{later:?}");
+}
+
+pub(super) async fn no_more_jobs_wait_than_may(engine: &impl Engine) {
+    let caps = Caps { queued: 3, queued_per_owner: 2, ..CAPS };
+    let queue = engine.open(Terms { caps, ..terms() });
+    let (a, b) = (Owner::named("a"), Owner::named("b"));
+    submit(&queue, &a, "1").await;
+    submit(&queue, &a, "2").await;
+    let refused = queue.submit(job(&a, "3")).await.unwrap();
+    assert_eq!(refused, Submitted::OwnerFull { limit: 2 });
+    submit(&queue, &b, "3").await;
+    assert_eq!(queue.submit(job(&b, "4")).await.unwrap(), Submitted::QueueFull { limit: 3 });
+    claim(&queue).await;
+    submit(&queue, &b, "4").await;
+}
+
+pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may(engine: &impl Engine) {
+    let caps = Caps { running_per_owner: 2, ..CAPS };
+    let queue = engine.open(Terms { caps, ..terms() });
+    let (a, b) = (Owner::named("a"), Owner::named("b"));
+    for image in ["1", "2", "3", "4", "5"] {
+        submit(&queue, &a, image).await;
+    }
+    submit(&queue, &b, "6").await;
+    submit(&queue, &b, "7").await;
+    let mut turns = Vec::new();
+    while let Some(claim) = queue.claim().await.unwrap() {
+        turns.push(claim);
+    }
+    let names: Vec<_> = turns.iter().map(|claim| claim.owner.as_str()).collect();
+    assert_eq!(names, ["a", "b", "a", "b"]);
+    queue.finish(turns[0].lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    assert_eq!(claim(&queue).await.owner, a);
+    assert_eq!(queue.claim().await.unwrap(), None);
+}
+
+pub(super) async fn every_change_can_be_followed_from_any_point(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    let follower = tokio::spawn({
+        let queue = Arc::clone(&queue);
+        async move {
+            let (mut heard, mut last) = (Vec::new(), 0);
+            loop {
+                let events = queue.events(id, last).await.unwrap();
+                if events.is_empty() {
+                    return heard;
+                }
+                last = events.last().unwrap().revision;
+                heard.extend(events);
+            }
+        }
+    });
+    let lease = claim(&queue).await.lease;
+    let progress = Progress { stage: "simplify".into(), fraction: 0.5 };
+    queue.renew(lease, Some(progress.clone())).await.unwrap();
+    assert_eq!(found(&queue, &owner, id).await.progress, Some(progress.clone()));
+    let missed = queue.events(id, 1).await.unwrap();
+    assert_eq!(states(&missed), [State::Running, State::Running]);
+    assert_eq!(missed[1].progress, Some(progress));
+    queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    let heard = timeout(Duration::from_secs(5), follower).await.unwrap().unwrap();
+    let revisions: Vec<_> = heard.iter().map(|event| event.revision).collect();
+    assert!(revisions.is_sorted_by(|a, b| a < b), "{revisions:?}");
+    let heard = states(&heard);
+    assert_eq!((heard.first(), heard.last()), (Some(&State::Queued), Some(&State::Completed)));
+    assert!(heard.contains(&State::Running));
+    // Afterwards the changes of state are known, and nothing more is waited for.
+    let all = queue.events(id, 0).await.unwrap();
+    assert_eq!(states(&all), [State::Queued, State::Running, State::Completed]);
+    assert!(queue.events(id, u64::MAX).await.unwrap().is_empty());
+    assert!(queue.events(JobId::new(), 0).await.unwrap().is_empty());
+}
+
+pub(super) async fn work_is_heard_of_as_it_comes(engine: &impl Engine) {
+    let queue = engine.open(terms());
+    while queue.claim().await.unwrap().is_some() {}
+    let waiting = tokio::spawn({
+        let queue = Arc::clone(&queue);
+        async move {
+            loop {
+                if let Some(claim) = queue.claim().await.unwrap() {
+                    return claim;
+                }
+                queue.work().await;
+            }
+        }
+    });
+    sleep(SHORT).await;
+    let id = submit(&queue, &Owner::anonymous(), "image").await;
+    let claim = timeout(Duration::from_millis(900), waiting).await.unwrap().unwrap();
+    assert_eq!(claim.lease.job, id);
+}
+
+pub(super) async fn jobs_are_gone_after_their_time_and_then_unknown(engine: &impl Engine) {
+    let terms = Terms { result_ttl: SHORT, gone_ttl: 6 * SHORT, ..terms() };
+    let (queue, owner) = (engine.open(terms), Owner::named("a"));
+    let id = submit(&queue, &owner, "image").await;
+    let waiting = submit(&queue, &owner, "waiting").await;
+    let lease = claim(&queue).await.lease;
+    queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
+    sleep(2 * SHORT).await;
+    assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Gone, "before any sweep");
+    assert_eq!(list(&queue, &owner, request(9)).await.jobs.len(), 1);
+    let swept = queue.sweep().await.unwrap();
+    assert_eq!(swept.expired, 1);
+    let mesh = Digest::of(b"mesh");
+    assert!(swept.given_up.contains(&mesh) && swept.given_up.contains(&Digest::of(b"image")));
+    assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Gone);
+    assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Gone);
+    sleep(7 * SHORT).await;
+    queue.sweep().await.unwrap();
+    assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Unknown);
+    assert_eq!(found(&queue, &owner, waiting).await.state, State::Queued, "it has not ended");
+}
+
+pub(super) async fn blobs_are_given_up_with_the_last_job_that_has_them(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let image = Digest::of(b"image");
+    let first = submit(&queue, &owner, "image").await;
+    let second = submit(&queue, &owner, "image").await;
+    queue.cancel(&owner, first).await.unwrap();
+    assert!(!queue.sweep().await.unwrap().given_up.contains(&image), "the second job has it");
+    assert!(queue.referenced(vec![image]).await.unwrap().contains(&image));
+    queue.cancel(&owner, second).await.unwrap();
+    assert!(queue.sweep().await.unwrap().given_up.contains(&image));
+    assert!(queue.referenced(vec![image]).await.unwrap().is_empty());
+    assert!(queue.sweep().await.unwrap().given_up.contains(&image), "until it is seen to");
+    queue.forget(vec![image]).await.unwrap();
+    assert!(queue.sweep().await.unwrap().given_up.is_empty());
+}
+
+pub(super) async fn a_blob_stored_for_nothing_is_given_up(engine: &impl Engine) {
+    let caps = Caps { queued: 1, ..CAPS };
+    let (queue, owner) = (engine.open(Terms { caps, ..terms() }), Owner::named("a"));
+    submit(&queue, &owner, "image").await;
+    queue.submit(job(&owner, "refused")).await.unwrap();
+    assert_eq!(queue.sweep().await.unwrap().given_up, [Digest::of(b"refused")]);
+}
+
+pub(super) async fn there_is_a_count_of_what_waits_and_runs(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    for image in ["1", "2", "3"] {
+        submit(&queue, &owner, image).await;
+    }
+    claim(&queue).await;
+    sleep(SHORT).await;
+    let stats = queue.stats().await.unwrap();
+    assert_eq!((stats.queued, stats.running), (2, 1));
+    assert!(stats.oldest_queued_s >= SHORT.as_secs_f64() && stats.oldest_queued_s < 60.0);
+    assert!(queue.is_healthy());
+}
+
+pub(super) async fn many_at_once_are_each_done_once(engine: &impl Engine) {
+    let (queue, owner) = (engine.open(terms()), Owner::named("a"));
+    let images: Vec<String> = (0..100).map(|i| i.to_string()).collect();
+    let submissions = images.iter().map(|image| submit(&queue, &owner, image));
+    let mut ids = futures_util::future::join_all(submissions).await;
+    let worker = |queue: Arc<dyn Queue>| async move {
+        let mut done: Vec<Lease> = Vec::new();
+        while let Some(claim) = queue.claim().await.unwrap() {
+            let outcome = Outcome::Completed(figures(&claim.lease.job.to_string()));
+            let finish = queue.finish(claim.lease, outcome).await.unwrap();
+            assert_eq!(finish, Finish::Committed(State::Completed));
+            done.push(claim.lease);
+        }
+        done
+    };
+    let workers: Vec<_> = (0..4).map(|_| tokio::spawn(worker(Arc::clone(&queue)))).collect();
+    let mut done = Vec::new();
+    for worker in workers {
+        done.extend(worker.await.unwrap().into_iter().map(|lease| lease.job));
+    }
+    ids.sort();
+    done.sort();
+    assert_eq!(done, ids);
+}

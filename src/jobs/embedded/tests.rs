@@ -1,0 +1,158 @@
+//! The embedded engine keeps the promises of all engines, and a few of its own.
+
+use super::*;
+use crate::jobs::conformance::{Engine, conforms};
+use crate::jobs::fairness::Caps;
+use crate::jobs::folder_for_test;
+use crate::jobs::record::Picture;
+use rusqlite::Connection;
+use std::path::PathBuf;
+
+/// A queue in a folder of its own.
+struct InFolder(PathBuf);
+
+impl Engine for InFolder {
+    fn open(&self, terms: Terms) -> Arc<dyn Queue> {
+        Arc::new(open(&self.0, terms))
+    }
+}
+
+impl Drop for InFolder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn open(path: &std::path::Path, terms: Terms) -> Embedded {
+    // The thread that writes has the last of the database, and ends soon after its queue.
+    let folder = Arc::new(DataFolder::take(path).unwrap());
+    Embedded::open(folder, terms).unwrap()
+}
+
+fn engine(name: &str) -> InFolder {
+    InFolder(folder_for_test(name))
+}
+
+conforms! { engine;
+    a_job_goes_from_queued_by_running_to_completed
+    a_failed_job_keeps_its_problem
+    what_was_acknowledged_is_there_after_a_kill
+    a_job_whose_worker_falls_silent_is_given_to_another
+    a_job_is_tried_three_times_and_then_failed_as_such
+    the_last_attempt_is_made_alone
+    an_attempt_that_was_handed_back_does_not_count
+    what_may_succeed_another_time_is_tried_again
+    a_waiting_job_is_cancelled_at_once_and_then_deleted
+    the_worker_of_a_cancelled_job_is_told
+    a_cancelled_job_stays_cancelled_when_its_worker_is_killed
+    nobody_sees_or_cancels_the_jobs_of_others
+    jobs_are_listed_newest_first_page_by_page
+    the_same_word_with_the_same_content_is_the_same_job
+    words_are_forgotten_in_time
+    no_more_jobs_wait_than_may
+    owners_take_turns_and_have_no_more_running_than_they_may
+    every_change_can_be_followed_from_any_point
+    work_is_heard_of_as_it_comes
+    jobs_are_gone_after_their_time_and_then_unknown
+    blobs_are_given_up_with_the_last_job_that_has_them
+    a_blob_stored_for_nothing_is_given_up
+    there_is_a_count_of_what_waits_and_runs
+    many_at_once_are_each_done_once
+}
+
+fn terms() -> Terms {
+    let hour = Duration::from_secs(3600);
+    let caps = Caps { queued: 1000, queued_per_owner: 1000, running_per_owner: 1000 };
+    Terms { caps, lease: hour, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour }
+}
+
+fn job(image: &str) -> NewJob {
+    NewJob {
+        id: JobId::new(),
+        owner: Owner::anonymous(),
+        order: "density=2".into(),
+        picture: Picture::of_bytes(image.as_bytes()),
+        idempotency_key: None,
+    }
+}
+
+#[test]
+fn a_second_process_is_refused_the_folder() {
+    let engine = engine("second");
+    let first = DataFolder::take(&engine.0).unwrap();
+    let error = DataFolder::take(&engine.0).unwrap_err().to_string();
+    assert!(error.contains("another process") && error.contains("--data-dir"), "{error}");
+    drop(first);
+    assert!(DataFolder::take(&engine.0).is_ok());
+}
+
+#[tokio::test]
+async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
+    let engine = engine("damaged");
+    let queue = open(&engine.0, terms());
+    let (damaged, whole) = (job("damaged"), job("whole"));
+    queue.submit(damaged.clone()).await.unwrap();
+    queue.submit(whole.clone()).await.unwrap();
+    let connection = Connection::open(engine.0.join(DATABASE)).unwrap();
+    let sql = "UPDATE jobs SET image_shape = '{' WHERE id = ?1";
+    connection.execute(sql, [damaged.id.as_bytes()]).unwrap();
+    let claim = queue.claim().await.unwrap().unwrap();
+    assert_eq!(claim.lease.job, whole.id);
+    let request = PageRequest { state: None, before: None, limit: 10 };
+    let page = queue.list(&Owner::anonymous(), request).await.unwrap();
+    assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [whole.id]);
+    drop(queue);
+    assert!(open(&engine.0, terms()).claim().await.unwrap().is_some());
+}
+
+#[test]
+fn tables_of_another_version_are_refused_with_both_numbers() {
+    let engine = engine("version");
+    drop(open(&engine.0, terms()));
+    let connection = Connection::open(engine.0.join(DATABASE)).unwrap();
+    connection.pragma_update(None, "user_version", 99).unwrap();
+    let folder = Arc::new(DataFolder::take(&engine.0).unwrap());
+    let error = Embedded::open(folder, terms()).unwrap_err().to_string();
+    assert!(error.contains("99") && error.contains("version"), "{error}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn submissions_at_once_share_their_syncs() {
+    let engine = engine("group");
+    let queue = Arc::new(open(&engine.0, terms()));
+    let began = Instant::now();
+    let submissions = (0..640).map(|i| queue.submit(job(&i.to_string())));
+    let submitted = futures_util::future::join_all(submissions).await;
+    let took = began.elapsed();
+    assert!(submitted.iter().all(|submitted| matches!(submitted, Ok(Submitted::Created(_)))));
+    // One at a time they take about 3 ms each where syncs are quick.
+    assert!(took < Duration::from_secs(4), "{took:?}");
+}
+
+#[test]
+fn no_question_that_is_asked_often_looks_at_every_job() {
+    let engine = engine("plans");
+    drop(open(&engine.0, terms()));
+    let connection = Connection::open(engine.0.join(DATABASE)).unwrap();
+    for sql in [
+        "SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0",
+        "SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0 AND owner = 'a'",
+        "SELECT id FROM jobs WHERE state < 2 AND state = 0 AND owner = 'a' ORDER BY id LIMIT 1",
+        "SELECT owner FROM jobs WHERE state < 2 GROUP BY owner",
+        "SELECT id FROM jobs WHERE state < 2 AND state = 1 AND lease_end_ms <= 5",
+        "SELECT id FROM jobs WHERE is_gone = 0 AND expires_ms <= 5",
+        "SELECT id FROM jobs WHERE owner = 'a' AND is_gone = 0 AND id < 'x' ORDER BY id DESC",
+        "SELECT 1 FROM jobs WHERE has_image = 1 AND image_digest = 'x'",
+        "SELECT 1 FROM jobs WHERE mesh_digest IS NOT NULL AND mesh_digest = 'x'",
+    ] {
+        let plan: Vec<String> = connection
+            .prepare(&format!("EXPLAIN QUERY PLAN {sql}"))
+            .unwrap()
+            .query_map([], |row| row.get("detail"))
+            .unwrap()
+            .collect::<Result<_, _>>()
+            .unwrap();
+        let looks_at_all = |step: &String| step.starts_with("SCAN") && !step.contains("INDEX");
+        assert!(!plan.iter().any(looks_at_all), "{sql}: {plan:?}");
+    }
+}

@@ -1,0 +1,149 @@
+//! The one thread that writes: many commands, one commit.
+//!
+//! A sync takes a few milliseconds, whatever it syncs. So commands that arrive within [`GATHERING`]
+//! are carried out one after another in one transaction, each in a savepoint of its own, and none
+//! is acknowledged before all are on stable storage.
+
+use super::watchers::{Changes, Watchers};
+use crate::jobs::queue::QueueError;
+use rusqlite::{Connection, ErrorCode};
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+
+/// The most commands of one commit.
+const MOST_COMMANDS: usize = 64;
+/// How long commands are gathered for one commit.
+const GATHERING: Duration = Duration::from_millis(2);
+
+/// Carries a command out, or hears why not, and returns what acknowledges it after the commit.
+type Command = Box<dyn FnOnce(Result<&mut Write<'_>, QueueError>) -> Acknowledge + Send>;
+/// Hears how the commit went.
+type Acknowledge = Box<dyn FnOnce(Result<(), QueueError>)>;
+
+/// A transaction, and what it changes for those who wait.
+pub(super) struct Write<'a> {
+    pub(super) connection: &'a Connection,
+    pub(super) changes: Changes,
+}
+
+/// The way to the thread.
+#[derive(Debug)]
+pub(super) struct Writer {
+    commands: Sender<Command>,
+    is_healthy: Arc<AtomicBool>,
+}
+
+impl Writer {
+    /// Starts the thread.
+    pub(super) fn start(connection: Connection, watchers: Arc<Watchers>) -> io::Result<Self> {
+        let (commands, received) = channel();
+        let is_healthy = Arc::new(AtomicBool::new(true));
+        let health = Arc::clone(&is_healthy);
+        thread::Builder::new().name("jobs".into()).spawn(move || {
+            while let Some(commands) = gather(&received) {
+                let committed = carry_out(&connection, commands, &watchers);
+                if let Err(error) = &committed {
+                    tracing::error!(%error, "jobs could not be written");
+                }
+                health.store(committed.is_ok(), Ordering::Release);
+            }
+        })?;
+        Ok(Self { commands, is_healthy })
+    }
+
+    /// Writes in a transaction, and returns when it is on stable storage.
+    pub(super) async fn write<T: Send + 'static>(
+        &self,
+        write: impl FnOnce(&mut Write<'_>) -> rusqlite::Result<T> + Send + 'static,
+    ) -> Result<T, QueueError> {
+        let (reply, result) = oneshot::channel();
+        let command: Command = Box::new(move |transaction| {
+            let written = transaction.and_then(|transaction| transaction.try_to(write));
+            Box::new(move |committed| {
+                let _ = reply.send(committed.and(written));
+            })
+        });
+        self.commands.send(command).map_err(|_| gone())?;
+        result.await.map_err(|_| gone())?
+    }
+
+    /// Whether the last commit succeeded.
+    pub(super) fn is_healthy(&self) -> bool {
+        self.is_healthy.load(Ordering::Acquire)
+    }
+}
+
+impl Write<'_> {
+    /// Carries out one command, or leaves nothing of it.
+    fn try_to<T>(
+        &mut self,
+        write: impl FnOnce(&mut Self) -> rusqlite::Result<T>,
+    ) -> Result<T, QueueError> {
+        let batch = |sql| self.connection.execute_batch(sql).map_err(|error| failure(&error));
+        batch("SAVEPOINT command")?;
+        let written = write(self).map_err(|error| failure(&error));
+        let batch = |sql| self.connection.execute_batch(sql).map_err(|error| failure(&error));
+        match &written {
+            Ok(_) => batch("RELEASE command")?,
+            Err(error) => {
+                tracing::warn!(%error, "a change of jobs was taken back");
+                batch("ROLLBACK TO command; RELEASE command")?;
+            }
+        }
+        written
+    }
+}
+
+/// The commands of the next commit; `None` when no more can come.
+fn gather(received: &Receiver<Command>) -> Option<Vec<Command>> {
+    let mut commands = vec![received.recv().ok()?];
+    let end = Instant::now() + GATHERING;
+    while commands.len() < MOST_COMMANDS {
+        match received.recv_timeout(end.saturating_duration_since(Instant::now())) {
+            Ok(command) => commands.push(command),
+            Err(_) => break,
+        }
+    }
+    Some(commands)
+}
+
+/// Carries commands out, commits, and acknowledges.
+fn carry_out(
+    connection: &Connection,
+    commands: Vec<Command>,
+    watchers: &Watchers,
+) -> Result<(), QueueError> {
+    let begun = connection.execute_batch("BEGIN IMMEDIATE").map_err(|error| failure(&error));
+    let mut write = Write { connection, changes: Changes::default() };
+    let acknowledgements: Vec<Acknowledge> =
+        commands.into_iter().map(|command| command(begun.clone().map(|()| &mut write))).collect();
+    let commit = || connection.execute_batch("COMMIT").map_err(|error| failure(&error));
+    let committed = begun.and_then(|()| commit());
+    if committed.is_err() && !connection.is_autocommit() {
+        let _ = connection.execute_batch("ROLLBACK");
+    }
+    for acknowledge in acknowledgements {
+        acknowledge(committed.clone());
+    }
+    if committed.is_ok() {
+        watchers.tell(&write.changes);
+    }
+    committed
+}
+
+/// What a failure of the database means.
+pub(super) fn failure(error: &rusqlite::Error) -> QueueError {
+    match error.sqlite_error_code() {
+        Some(ErrorCode::DiskFull) => QueueError::StorageFull(error.to_string()),
+        _ => QueueError::Storage(error.to_string()),
+    }
+}
+
+fn gone() -> QueueError {
+    QueueError::Storage("the thread that writes has ended".into())
+}

@@ -1,0 +1,48 @@
+//! The folder of the jobs, which belongs to one process.
+
+use std::error::Error;
+use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+/// A folder that no other process works in for as long as this is alive.
+///
+/// The system gives the lock back when the process ends, however it ends.
+#[derive(Debug)]
+pub struct DataFolder {
+    path: PathBuf,
+    _lock: File,
+}
+
+impl DataFolder {
+    /// Makes the folder where there is none, readable by its owner alone, and takes it.
+    ///
+    /// # Errors
+    /// When it cannot be made or written to, or another process has it.
+    pub fn take(path: &Path) -> Result<Self, Box<dyn Error>> {
+        let named = |error: &dyn std::fmt::Display| {
+            format!("--data-dir {}: jobs cannot be kept there: {error}", path.display())
+        };
+        DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(|e| named(&e))?;
+        let lock = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .mode(0o600)
+            .open(path.join("lock"))
+            .map_err(|error| named(&error))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { path: path.to_owned(), _lock: lock }),
+            Err(TryLockError::WouldBlock) => {
+                Err(named(&"another process works in that folder").into())
+            }
+            Err(TryLockError::Error(error)) => Err(named(&error).into()),
+        }
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}

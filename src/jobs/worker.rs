@@ -1,0 +1,255 @@
+//! Takes jobs from the queue and does them, as many at a time as there are slots to work.
+//!
+//! A slot is taken before the job: a job that is claimed runs, and its attempt counts. While it
+//! runs, its lease is renewed, its progress is written down, and a cancellation stops it within
+//! milliseconds. When the service stops, running jobs may end within a time; the others are handed
+//! back, and wait for the next process.
+
+use super::Jobs;
+use super::blobs::Hold;
+use super::queue::{Claim, Finish, Lease, Outcome, Renewal};
+use super::record::{MeshFigures, Progress};
+use crate::admission::{Admission, Cost, Slot};
+use crate::extract::accept::Format;
+use crate::extract::params::{Order, ParameterSet};
+use crate::pipeline::{self, Answer};
+use crate::pool::{self, Watch};
+use crate::problem::{Kind, Problem};
+use crate::telemetry;
+use bytes::Bytes;
+use pixmesh_codec::Limits;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::task::JoinSet;
+use tokio::time::{Instant as TokioInstant, MissedTickBehavior, interval_at, timeout};
+use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
+
+/// How often progress is written down, where there is any.
+const PROGRESS_PERIOD: Duration = Duration::from_millis(500);
+/// How often a lease is renewed, progress or not.
+const HEARTBEAT: Duration = Duration::from_secs(10);
+/// The pause after the queue failed.
+const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
+/// How long running jobs may take to be handed back.
+const HANDING_BACK: Duration = Duration::from_secs(2);
+
+/// What all work on jobs shares.
+#[derive(Clone, Debug)]
+pub struct Worker {
+    /// The jobs.
+    pub jobs: Jobs,
+    /// The gate that all work passes.
+    pub admission: Admission,
+    /// What images may be like.
+    pub pictures: Limits,
+    /// The longest time of an attempt.
+    pub deadline: Duration,
+}
+
+impl Worker {
+    /// Does jobs until `stop`, then lets those that run end within `grace`, and hands back the rest.
+    pub async fn run(self, stop: CancellationToken, grace: Duration) {
+        let (hand_back, mut attempts) = (CancellationToken::new(), JoinSet::new());
+        loop {
+            let slot = tokio::select! {
+                slot = self.admission.slot() => slot,
+                () = stop.cancelled() => None,
+            };
+            let Some(slot) = slot else { break };
+            // Not given up half-way: a job that was claimed and then forgotten would have lost an
+            // attempt.
+            match self.jobs.queue.claim().await {
+                Ok(Some(claim)) => {
+                    let (worker, hand_back) = (self.clone(), hand_back.clone());
+                    let span = tracing::info_span!("job", id = %claim.lease.job);
+                    let attempt = async move { worker.attempt(slot, claim, &hand_back).await };
+                    attempts.spawn(attempt.instrument(span));
+                }
+                Ok(None) => {
+                    drop(slot);
+                    tokio::select! {
+                        () = self.jobs.queue.work() => {}
+                        () = stop.cancelled() => break,
+                    }
+                }
+                Err(error) => {
+                    drop(slot);
+                    tracing::warn!(%error, "no job can be claimed");
+                    tokio::time::sleep(PAUSE_AFTER_ERROR).await;
+                }
+            }
+            while attempts.try_join_next().is_some() {}
+        }
+        let all = async { while attempts.join_next().await.is_some() {} };
+        if timeout(grace, all).await.is_err() {
+            hand_back.cancel();
+            let _ = timeout(HANDING_BACK, attempts.join_all()).await;
+        }
+    }
+
+    /// One attempt at a job, to whatever end.
+    async fn attempt(self, slot: Slot, claim: Claim, hand_back: &CancellationToken) {
+        telemetry::job_attempt();
+        let Claim { lease, attempt, .. } = claim;
+        tracing::info!(attempt, "begins");
+        let watch = Arc::new(Watch::new(Instant::now() + self.deadline));
+        let work = self.work(slot, &claim, &watch);
+        // Until the job has its mesh, nobody may take the mesh for one that no job has.
+        let mut hold = None;
+        let outcome = tokio::select! {
+            done = work => match done {
+                Ok((outcome, held)) => {
+                    hold = Some(held);
+                    outcome
+                }
+                Err(problem) => outcome_of(&problem),
+            },
+            interruption = self.attend(lease, &watch) => match interruption {
+                Renewal::CancelRequested => Outcome::Cancelled,
+                _ => {
+                    tracing::warn!("the job is somebody else's by now");
+                    return;
+                }
+            },
+            () = hand_back.cancelled() => Outcome::HandedBack,
+        };
+        watch.cancel();
+        self.finish(lease, outcome).await;
+        drop(hold);
+    }
+
+    /// Ends the attempt, however long the queue takes to hear of it: until the lease is lost.
+    async fn finish(&self, lease: Lease, outcome: Outcome) {
+        loop {
+            match self.jobs.queue.finish(lease, outcome.clone()).await {
+                Ok(Finish::Committed(state)) => {
+                    telemetry::job_ended(state);
+                    tracing::info!(state = state.name(), "ended");
+                    return;
+                }
+                Ok(Finish::Fenced) => {
+                    tracing::warn!("the job was somebody else's when it ended");
+                    return;
+                }
+                Err(error) => {
+                    tracing::error!(%error, "the end of a job could not be written");
+                    tokio::time::sleep(PAUSE_AFTER_ERROR).await;
+                }
+            }
+        }
+    }
+
+    /// Renews the lease and writes progress down for as long as the job goes on, and returns when
+    /// it must stop.
+    async fn attend(&self, lease: Lease, watch: &Watch) -> Renewal {
+        let renewing = async {
+            let mut ticks = interval_at(TokioInstant::now() + PROGRESS_PERIOD, PROGRESS_PERIOD);
+            ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+            let (mut told, mut renewed) = (None, Instant::now());
+            loop {
+                ticks.tick().await;
+                let progress = watch.progress();
+                let progress = progress.map(|(stage, fraction)| Progress {
+                    stage: stage.to_owned(),
+                    fraction: (fraction * 1e3).floor() / 1e3,
+                });
+                let news = progress.filter(|progress| told.as_ref() != Some(progress));
+                if news.is_none() && renewed.elapsed() < HEARTBEAT {
+                    continue;
+                }
+                match self.jobs.queue.renew(lease, news.clone()).await {
+                    Ok(Renewal::Ok) => renewed = Instant::now(),
+                    Ok(interruption) => return interruption,
+                    Err(error) => tracing::warn!(%error, "a lease could not be renewed"),
+                }
+                told = news.or(told);
+            }
+        };
+        tokio::select! {
+            interruption = self.jobs.queue.interruption(lease) => interruption,
+            interruption = renewing => interruption,
+        }
+    }
+
+    /// The work itself: the image from its blob, the mesh to its own.
+    async fn work(
+        &self,
+        slot: Slot,
+        claim: &Claim,
+        watch: &Arc<Watch>,
+    ) -> Result<(Outcome, Hold), Problem> {
+        let order = stored_order(&claim.order)?;
+        let deadline = Instant::now() + self.deadline;
+        let image = self.jobs.blobs.get(claim.picture.digest).await?;
+        let header = pixmesh_codec::probe(&image, &self.pictures)?;
+        let plan = order.plan(&header)?;
+        let cost = Cost::of_mesh(&header, &plan, &order.parameters, Format::Model)
+            .with_file(image.len() as u64);
+        let ticket = self.admission.admit_to(slot, cost, deadline).await?;
+        let limits = self.pictures;
+        let answer = pool::run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
+            pipeline::mesh(image, &order, Format::Model, &limits, watch)
+        });
+        let answer = answer.await.map_err(too_slow_for_a_job)?;
+        self.store(answer, deadline).await
+    }
+
+    /// Stores the mesh; while the storage does not take it, again and again until the deadline.
+    async fn store(&self, answer: Answer, deadline: Instant) -> Result<(Outcome, Hold), Problem> {
+        let figures = figures_of(&answer);
+        let (digest, bytes) = (answer.digest, Bytes::from(answer.bytes));
+        loop {
+            let hold = self.jobs.blobs.hold().await;
+            match self.jobs.blobs.put(&hold, digest, bytes.clone()).await {
+                Ok(()) => return Ok((Outcome::Completed(figures), hold)),
+                Err(error) if Instant::now() >= deadline => return Err(error.into()),
+                Err(error) => {
+                    drop(hold);
+                    tracing::warn!(%error, "a mesh could not be stored");
+                    tokio::time::sleep(PAUSE_AFTER_ERROR).await;
+                }
+            }
+        }
+    }
+}
+
+/// The order of a job, by the parser that read it when it was submitted.
+fn stored_order(query: &str) -> Result<Order, Problem> {
+    ParameterSet::of_query(Some(query))?.finish()
+}
+
+/// How a problem ends an attempt: what the storage refused may succeed another time, all else would
+/// fail the same way again.
+fn outcome_of(problem: &Problem) -> Outcome {
+    match problem.kind() {
+        Kind::StorageFull | Kind::StorageUnavailable => Outcome::Retry(problem.value()),
+        _ => Outcome::Failed(problem.value()),
+    }
+}
+
+/// The deadline of a job is set by another flag than that of a request.
+fn too_slow_for_a_job(problem: Problem) -> Problem {
+    match problem.kind() {
+        Kind::DeadlineExceeded => Problem::new(
+            Kind::DeadlineExceeded,
+            "the job was not done by its deadline: send a smaller image, or ask for fewer vertices \
+             or a faster method such as med",
+        )
+        .setting("--job-deadline"),
+        _ => problem,
+    }
+}
+
+fn figures_of(answer: &Answer) -> MeshFigures {
+    let timing = |(stage, took): &(&str, Duration)| ((*stage).to_owned(), took.as_secs_f64() * 1e3);
+    MeshFigures {
+        digest: answer.digest.to_string(),
+        bytes: answer.bytes.len() as u64,
+        vertices: answer.vertices,
+        faces: answer.faces,
+        mse: answer.mse,
+        psnr_db: Some(answer.psnr_db).filter(|psnr| psnr.is_finite()),
+        timings_ms: answer.timings.iter().map(timing).collect(),
+    }
+}

@@ -1,0 +1,62 @@
+//! How close two pictures are, one of which may be a mesh.
+
+use crate::pool::Watch;
+use crate::problem::{Kind, Problem};
+use pixmesh_codec::{Limits, decode, read_model};
+use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
+
+/// What is compared.
+#[derive(Debug)]
+pub struct Pair<B> {
+    /// The picture's file.
+    pub picture: B,
+    /// The file of what approximates it.
+    pub approximation: B,
+    /// Whether that is a MODEL, and no picture.
+    pub is_model: bool,
+}
+
+/// What came of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparison {
+    /// Mean squared error over all pixels and components.
+    pub mse: f64,
+    /// PSNR in decibels; infinite for a perfect copy.
+    pub psnr_db: f64,
+    /// Mean structural similarity, 1 for a perfect copy; `None` for pictures with a side shorter
+    /// than its window.
+    pub ssim: Option<f64>,
+}
+
+/// Compares a picture with its approximation.
+///
+/// # Errors
+/// When one of them cannot be read, their shapes differ, or the watch stops the work.
+pub fn compare<B: AsRef<[u8]>>(
+    pair: Pair<B>,
+    limits: &Limits,
+    watch: &Watch,
+) -> Result<Comparison, Problem> {
+    let Pair { picture, approximation, is_model } = pair;
+    watch.check()?;
+    watch.begin("decode");
+    let first = decode(picture.as_ref(), limits)?;
+    drop(picture);
+    let second = if is_model {
+        let mesh = read_model(approximation.as_ref(), limits)?;
+        drop(approximation);
+        rasterize(&mesh, watch)?
+    } else {
+        decode(approximation.as_ref(), limits)?
+    };
+    measure(&first, &second, watch)
+}
+
+fn measure(first: &Image, second: &Image, watch: &Watch) -> Result<Comparison, Problem> {
+    watch.begin("measure");
+    let fidelity = Fidelity::between(first, second).map_err(|error| {
+        Problem::new(Kind::ShapeMismatch, error.to_string()).param("approximation")
+    })?;
+    let ssim = structural_similarity(first, second, watch)?;
+    Ok(Comparison { mse: fidelity.mse(), psnr_db: fidelity.psnr_db(), ssim })
+}

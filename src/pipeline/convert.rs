@@ -1,0 +1,25 @@
+//! From MODEL to any other format: of a job's mesh, or of one that a client sends.
+
+use super::encode;
+use crate::extract::accept::Format;
+use crate::pool::Watch;
+use crate::problem::Problem;
+use pixmesh_codec::{Limits, read_model};
+
+/// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format.
+///
+/// # Errors
+/// When the bytes are no MODEL, the format cannot hold the result, or the watch stops the work.
+pub fn convert(
+    model: impl AsRef<[u8]>,
+    format: Format,
+    limits: &Limits,
+    watch: &Watch,
+) -> Result<Vec<u8>, Problem> {
+    watch.check()?;
+    watch.begin("decode");
+    let mesh = read_model(model.as_ref(), limits)?;
+    drop(model);
+    watch.check()?;
+    encode(&mesh, format, watch)
+}

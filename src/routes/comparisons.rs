@@ -1,0 +1,137 @@
+//! `POST /v1/comparisons`: a picture, and a picture or MODEL that approximates it, in; how close
+//! they are out.
+
+use super::Service;
+use crate::admission::{Compared, Cost};
+use crate::extract::fields::Few;
+use crate::extract::owner::Owner;
+use crate::extract::upload::{COMPARED, Upload};
+use crate::pipeline::{self, Comparison, Pair};
+use crate::pool;
+use crate::problem::{Kind, Problem};
+use axum::Json;
+use axum::extract::{Request, State};
+use pixmesh_codec::{DecodeError, Header, Limits};
+use pixmesh_meshing::Shape;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Answers with the figures.
+///
+/// # Errors
+/// Every refusal of upload, admission and work.
+pub async fn create(
+    State(service): State<Arc<Service>>,
+    request: Request,
+) -> Result<Json<Value>, Problem> {
+    let cut = service.cut.clone();
+    tokio::select! {
+        answer = compare(&service, request) => answer,
+        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
+    }
+}
+
+async fn compare(service: &Service, request: Request) -> Result<Json<Value>, Problem> {
+    let (head, body) = request.into_parts();
+    let owner = Owner::of(&head.extensions);
+    let mut parameters = Few::of_query(&[], head.uri.query())?;
+    let receiving = service.intake.receive(&owner, &COMPARED, &head.headers, body, &mut parameters);
+    let [picture, approximation] = receiving.await?;
+    let header = pixmesh_codec::probe(&picture.bytes, &service.pictures)?;
+    let other = probe(&approximation.bytes, &service.pictures).map_err(of_approximation)?;
+    refuse_other_shape(header.shape(), other.shape())?;
+    let comparison = run(service, &owner, picture, approximation, &header, other).await?;
+    Ok(Json(document(&header, comparison)))
+}
+
+/// What a picture is compared with, by its content.
+enum Other {
+    Picture(Header),
+    Model(Shape),
+}
+
+impl Other {
+    fn shape(&self) -> Shape {
+        match self {
+            Self::Picture(header) => header.shape(),
+            Self::Model(shape) => *shape,
+        }
+    }
+}
+
+/// Reads the header of a picture, or else of a MODEL, which begins with a digit or a comment.
+fn probe(bytes: &[u8], limits: &Limits) -> Result<Other, Problem> {
+    match pixmesh_codec::probe(bytes, limits) {
+        Ok(header) => Ok(Other::Picture(header)),
+        Err(DecodeError::UnknownFormat) if could_be_model(bytes) => {
+            Ok(Other::Model(pixmesh_codec::probe_model(bytes, limits)?))
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn could_be_model(bytes: &[u8]) -> bool {
+    let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+    first.is_some_and(|byte| byte.is_ascii_digit() || *byte == b'#')
+}
+
+fn of_approximation(problem: Problem) -> Problem {
+    problem.param("approximation")
+}
+
+/// Refuses before admission what cannot be compared.
+fn refuse_other_shape(first: Shape, second: Shape) -> Result<(), Problem> {
+    if first == second {
+        return Ok(());
+    }
+    let written = |shape: Shape| {
+        let Shape { width, height, component_count, precision } = shape;
+        format!("{width}x{height} with {component_count} components of {precision} bits")
+    };
+    let detail = format!(
+        "pictures of different shape cannot be compared: {} and {}",
+        written(first),
+        written(second)
+    );
+    Err(Problem::new(Kind::ShapeMismatch, detail).param("approximation"))
+}
+
+async fn run(
+    service: &Service,
+    owner: &Owner,
+    picture: Upload,
+    approximation: Upload,
+    header: &Header,
+    other: Other,
+) -> Result<Comparison, Problem> {
+    let (limits, is_model) = (service.pictures, matches!(other, Other::Model(_)));
+    let compared = match &other {
+        Other::Picture(header) => Compared::Picture(header),
+        Other::Model(_) => Compared::Model(approximation.bytes.len() as u64),
+    };
+    let cost = Cost::of_comparison(header, compared);
+    let deadline = Instant::now() + service.deadline;
+    let ticket = service.admission.admit(owner, cost, deadline).await?;
+    pool::run(ticket, deadline, move |watch, _| {
+        let compared = pipeline::compare(Pair { picture, approximation, is_model }, &limits, watch);
+        let _ = watch.finish();
+        compared
+    })
+    .await
+}
+
+/// The figures; there is no number for the PSNR of a perfect copy.
+fn document(header: &Header, comparison: Comparison) -> Value {
+    let Comparison { mse, psnr_db, ssim } = comparison;
+    json!({
+        "width": header.width,
+        "height": header.height,
+        "components": header.component_count,
+        "precision": header.precision,
+        "identical": mse == 0.0,
+        "mse": mse,
+        "psnr_db": Some(psnr_db).filter(|psnr| psnr.is_finite()),
+        "ssim": ssim,
+    })
+}

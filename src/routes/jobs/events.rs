@@ -1,0 +1,112 @@
+//! `GET /v1/jobs/{id}/events`: what happens to a job, as it happens (server-sent events).
+//!
+//! Each event has the job's revision as its id. A client that comes back with `Last-Event-ID` hears
+//! what it missed; one without hears what is known from the beginning. The stream ends with the
+//! event of a final state, and when the service stops.
+
+use super::document;
+use crate::extract::fields::Few;
+use crate::extract::owner::Owner;
+use crate::jobs::queue::Queue;
+use crate::jobs::record::{Event as Change, JobId};
+use crate::problem::Problem;
+use crate::routes::Service;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, Request, State};
+use axum::http::HeaderMap;
+use axum::response::sse::{Event, KeepAlive};
+use axum::response::{IntoResponse, Response, Sse};
+use futures_util::stream::{self, Stream};
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+
+/// The header by which a client says what it heard last.
+const LAST_EVENT_ID: &str = "last-event-id";
+/// How often something is sent, so that nobody on the way takes the connection for dead.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// How long a client shall wait before it comes back.
+const COME_BACK: Duration = Duration::from_secs(1);
+
+/// Answers with the stream.
+///
+/// # Errors
+/// `not-found`, or `gone` when the job is no longer kept.
+pub async fn follow(
+    State(service): State<Arc<Service>>,
+    owner: Owner,
+    path: Result<Path<String>, PathRejection>,
+    request: Request,
+) -> Result<Response, Problem> {
+    Few::of_query(&[], request.uri().query())?;
+    let id = super::find(&service, &owner, path).await?.id;
+    let follower = Follower {
+        queue: Arc::clone(&service.jobs.queue),
+        stop: service.stop.clone(),
+        id,
+        last: last_event(request.headers()),
+        changes: VecDeque::new(),
+        has_ended: false,
+    };
+    let keep_alive = KeepAlive::new().interval(KEEP_ALIVE);
+    let events = Sse::new(follower.events()).keep_alive(keep_alive);
+    // Proxies that collect answers must not collect this one.
+    Ok(([("x-accel-buffering", "no")], events).into_response())
+}
+
+/// The revision that a client heard of last; 0 for one that says nothing of use.
+fn last_event(headers: &HeaderMap) -> u64 {
+    let text = headers.get(LAST_EVENT_ID).and_then(|value| value.to_str().ok());
+    text.and_then(|text| text.trim().parse().ok()).unwrap_or(0)
+}
+
+/// One who follows a job.
+struct Follower {
+    queue: Arc<dyn Queue>,
+    stop: CancellationToken,
+    id: JobId,
+    /// The revision sent last.
+    last: u64,
+    /// What is still to be sent.
+    changes: VecDeque<Change>,
+    has_ended: bool,
+}
+
+impl Follower {
+    fn events(self) -> impl Stream<Item = Result<Event, Infallible>> {
+        stream::unfold(self, |mut follower| async {
+            let change = follower.next().await?;
+            let event = written(follower.id, &change);
+            Some((Ok(event), follower))
+        })
+    }
+
+    /// The next change; `None` after the last one.
+    async fn next(&mut self) -> Option<Change> {
+        if self.changes.is_empty() && !self.has_ended {
+            let changes = tokio::select! {
+                changes = self.queue.events(self.id, self.last) => changes,
+                () = self.stop.cancelled() => return None,
+            };
+            let changes = changes.inspect_err(|error| {
+                tracing::error!(%error, "a job's events cannot be read");
+            });
+            self.changes = changes.ok()?.into();
+        }
+        let change = self.changes.pop_front()?;
+        self.last = change.revision;
+        self.has_ended = change.state.is_final();
+        Some(change)
+    }
+}
+
+fn written(id: JobId, change: &Change) -> Event {
+    let kind = if change.progress.is_some() { "progress" } else { "state" };
+    Event::default()
+        .id(change.revision.to_string())
+        .event(kind)
+        .retry(COME_BACK)
+        .data(document::of_event(id, change).to_string())
+}

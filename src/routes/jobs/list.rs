@@ -1,0 +1,63 @@
+//! `GET /v1/jobs`: the caller's jobs, newest first.
+
+use super::document;
+use crate::extract::fields::Few;
+use crate::extract::owner::Owner;
+use crate::extract::params::whole_between;
+use crate::jobs::queue::PageRequest;
+use crate::jobs::record::{JobId, State as JobState};
+use crate::problem::{Kind, Problem};
+use crate::routes::Service;
+use axum::Json;
+use axum::extract::{Request, State};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// The parameters.
+pub(in crate::routes) const PARAMETERS: &[&str] = &["state", "limit", "cursor"];
+/// The most jobs of a page, and as many as there are where the client says nothing.
+pub(in crate::routes) const MOST: u64 = 100;
+pub(in crate::routes) const DEFAULT: u64 = 20;
+
+/// Answers with some of the jobs, and the cursor of the next page.
+///
+/// # Errors
+/// Every refusal of parameters.
+pub async fn list(
+    State(service): State<Arc<Service>>,
+    owner: Owner,
+    request: Request,
+) -> Result<Json<Value>, Problem> {
+    let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
+    let state = parameters.get("state").map(state_named).transpose()?;
+    let before = parameters.get("cursor").map(cursor).transpose()?;
+    let limit = parameters.get("limit").map(|text| whole_between("limit", text, 1, MOST));
+    let limit = limit.transpose()?.unwrap_or(DEFAULT) as usize;
+    let page = service.jobs.queue.list(&owner, PageRequest { state, before, limit }).await?;
+    let next = page.next.map(|id| next_page(id, limit, state));
+    Ok(Json(json!({
+        "jobs": page.jobs.iter().map(document::of).collect::<Vec<_>>(),
+        "cursor": page.next.map(|id| id.to_string()),
+        "links": { "next": next },
+    })))
+}
+
+fn next_page(id: JobId, limit: usize, state: Option<JobState>) -> String {
+    let state = state.map_or_else(String::new, |state| format!("&state={}", state.name()));
+    format!("/v1/jobs?limit={limit}{state}&cursor={id}")
+}
+
+fn state_named(name: &str) -> Result<JobState, Problem> {
+    JobState::named(name).ok_or_else(|| {
+        let detail = format!("state must be one of {}", JobState::NAMES.join(", "));
+        Problem::new(Kind::UnknownValue, detail).param("state").allowed(JobState::NAMES)
+    })
+}
+
+/// The job after which a page begins.
+fn cursor(text: &str) -> Result<JobId, Problem> {
+    JobId::parse(text).ok_or_else(|| {
+        let detail = "cursor must be the cursor of an earlier page";
+        Problem::new(Kind::ParameterMalformed, detail).param("cursor")
+    })
+}

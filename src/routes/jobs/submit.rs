@@ -1,0 +1,225 @@
+//! `POST /v1/jobs`: an image in, a job out; and the jobs that `POST /v1/meshes` makes of requests
+//! whose clients prefer one.
+
+use super::{document, mesh};
+use crate::admission::Cost;
+use crate::digest::Digest;
+use crate::extract::accept::Format;
+use crate::extract::idempotency;
+use crate::extract::owner::Owner;
+use crate::extract::params::{Order, ParameterSet};
+use crate::extract::prefer::Preference;
+use crate::extract::upload::{IMAGE_OF_JOB, Upload};
+use crate::jobs::queue::{Lookup, Submitted};
+use crate::jobs::record::{JobId, NewJob, Picture, Record, State as JobState};
+use crate::problem::{Kind, Problem, internal};
+use crate::routes::Service;
+use crate::telemetry;
+use axum::extract::{Request, State};
+use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
+use axum::response::Response;
+use bytes::Bytes;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::task::spawn_blocking;
+use tokio::time::timeout_at;
+
+/// Says that the job was there already.
+static REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+/// Says what was done of the client's preferences.
+static PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-applied");
+
+/// Answers with the job, once it and its image are on stable storage.
+///
+/// # Errors
+/// Every refusal of upload and parameters, `work-too-large`, `idempotency-key-reused`, `overloaded`
+/// or `too-many-jobs` when as many jobs wait as may, and failures of the storage.
+pub async fn create(
+    State(service): State<Arc<Service>>,
+    owner: Owner,
+    request: Request,
+) -> Result<Response, Problem> {
+    let cut = service.cut.clone();
+    tokio::select! {
+        answer = accept(&service, owner, request) => answer,
+        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
+    }
+}
+
+async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {
+    let (head, body) = request.into_parts();
+    let mut parameters = ParameterSet::of_query(head.uri.query())?;
+    let receiving =
+        service.intake.receive(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
+    let [upload] = receiving.await?;
+    let order = parameters.finish()?;
+    let submission = submit(service, owner, &head.headers, upload, &order).await?;
+    Ok(submission.accepted())
+}
+
+/// Makes a job of a request for a mesh, and waits for it as long as the client prefers.
+///
+/// # Errors
+/// As [`create`], and the problem of a job that failed meanwhile.
+pub(in crate::routes) async fn prefer(
+    service: &Service,
+    owner: Owner,
+    headers: &HeaderMap,
+    upload: Upload,
+    order: &Order,
+    preference: Preference,
+) -> Result<Response, Problem> {
+    let submission = submit(service, owner.clone(), headers, upload, order).await?;
+    let mut response = match preference.wait {
+        Some(wait) => {
+            let wait = wait.min(service.deadline);
+            let record = wait_for_end(service, &owner, submission.record.clone(), wait).await?;
+            let submission = Submission { record, ..submission };
+            submission.mesh_or_accepted(service, headers, order.format).await?
+        }
+        None => submission.accepted(),
+    };
+    let headers = response.headers_mut();
+    if let Ok(applied) = HeaderValue::try_from(preference.applied()) {
+        headers.insert(PREFERENCE_APPLIED.clone(), applied);
+    }
+    headers.append(VARY, HeaderValue::from_static("Prefer"));
+    Ok(response)
+}
+
+/// The problem of a job that failed, as the answer to a request.
+fn failure(record: &Record) -> Problem {
+    let problem = record.problem.as_ref().and_then(Problem::of_value);
+    problem.unwrap_or_else(|| Problem::new(Kind::Internal, "the job failed"))
+}
+
+/// A job that was submitted now or before.
+struct Submission {
+    record: Record,
+    was_there: bool,
+}
+
+impl Submission {
+    /// The mesh, or the problem, of a job that came to its end; else where the job is.
+    async fn mesh_or_accepted(
+        &self,
+        service: &Service,
+        headers: &HeaderMap,
+        format: Option<Format>,
+    ) -> Result<Response, Problem> {
+        match self.record.state {
+            JobState::Queued | JobState::Running => Ok(self.accepted()),
+            JobState::Failed => Err(failure(&self.record)),
+            JobState::Completed | JobState::Cancelled => {
+                let mut response = mesh::of(service, &self.record, format, headers).await?;
+                let path =
+                    HeaderValue::try_from(format!("{}/mesh", document::path(self.record.id)));
+                let path = path.map_err(|error| internal("a path is not valid", &error))?;
+                response.headers_mut().insert(CONTENT_LOCATION, path);
+                Ok(response)
+            }
+        }
+    }
+
+    /// 202 and where the job is.
+    fn accepted(&self) -> Response {
+        let mut response = super::answer(StatusCode::ACCEPTED, &self.record);
+        let headers = response.headers_mut();
+        if let Ok(path) = HeaderValue::try_from(document::path(self.record.id)) {
+            headers.insert(LOCATION, path);
+        }
+        if self.was_there {
+            headers.insert(REPLAYED.clone(), HeaderValue::from_static("true"));
+        }
+        response
+    }
+}
+
+/// Checks the order against the image's header and the budget, and puts both on stable storage.
+async fn submit(
+    service: &Service,
+    owner: Owner,
+    headers: &HeaderMap,
+    upload: Upload,
+    order: &Order,
+) -> Result<Submission, Problem> {
+    let idempotency_key = idempotency::key_of(headers)?;
+    let header = pixmesh_codec::probe(&upload.bytes, &service.pictures)?;
+    let plan = order.plan(&header)?;
+    let cost = Cost::of_mesh(&header, &plan, &order.parameters, Format::Model)
+        .with_file(upload.bytes.len() as u64);
+    service.admission.refuse_too_large(cost)?;
+    let image = Bytes::from_owner(upload);
+    let (digest, image) = digest_of(image).await?;
+    let picture = Picture::new(digest, image.len(), &header);
+    let job = NewJob { id: JobId::new(), owner, order: order.query(), picture, idempotency_key };
+    match service.jobs.submit(job, image).await? {
+        Submitted::Created(record) => {
+            telemetry::job_submitted();
+            tracing::info!(job = %record.id, pixels = header.width * header.height, "submitted");
+            Ok(Submission { record, was_there: false })
+        }
+        Submitted::Existing(record) => Ok(Submission { record, was_there: true }),
+        Submitted::KeyReused => Err(key_reused()),
+        Submitted::QueueFull { limit } => Err(queue_full(limit, service.admission.drain_s())),
+        Submitted::OwnerFull { limit } => Err(owner_full(limit, service.admission.drain_s())),
+    }
+}
+
+/// The digest of an image of any size, which takes its time.
+async fn digest_of(image: Bytes) -> Result<(Digest, Bytes), Problem> {
+    let digested = spawn_blocking(move || (Digest::of(&image), image)).await;
+    digested.map_err(|error| internal("an image could not be digested", &error))
+}
+
+fn key_reused() -> Problem {
+    let detail = "this Idempotency-Key was given for another image or other parameters";
+    Problem::new(Kind::IdempotencyKeyReused, detail).param("Idempotency-Key")
+}
+
+fn queue_full(limit: usize, retry_after_s: u64) -> Problem {
+    telemetry::shed(telemetry::Shed::QueueFull);
+    Problem::new(Kind::Overloaded, format!("{limit} jobs wait already"))
+        .setting("--max-queued-jobs")
+        .limit(limit, limit)
+        .retry_after_s(retry_after_s)
+}
+
+fn owner_full(limit: usize, retry_after_s: u64) -> Problem {
+    telemetry::shed(telemetry::Shed::QueueFull);
+    Problem::new(Kind::TooManyJobs, format!("{limit} jobs of this client wait already"))
+        .limit(limit, limit)
+        .retry_after_s(retry_after_s)
+}
+
+/// Waits for a job's end, or until the time is over or the service stops, and returns it as it is.
+async fn wait_for_end(
+    service: &Service,
+    owner: &Owner,
+    mut record: Record,
+    wait: Duration,
+) -> Result<Record, Problem> {
+    let until = Instant::now() + wait;
+    while !record.state.is_final() {
+        let changes = service.jobs.queue.events(record.id, record.revision);
+        let changed = tokio::select! {
+            changed = timeout_at(until.into(), changes) => changed,
+            () = service.stop.cancelled() => return Ok(record),
+        };
+        match changed {
+            Ok(changes) => changes?,
+            Err(_) => return Ok(record),
+        };
+        match service.jobs.queue.get(owner, record.id).await? {
+            Lookup::Found(found) => record = *found,
+            Lookup::Gone | Lookup::Unknown => {
+                return Err(Problem::new(
+                    Kind::Gone,
+                    "the job was deleted while it was waited for",
+                ));
+            }
+        }
+    }
+    Ok(record)
+}

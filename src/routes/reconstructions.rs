@@ -1,0 +1,85 @@
+//! `POST /v1/reconstructions`: a MODEL in, the picture rebuilt from it out.
+
+use super::{Service, answer};
+use crate::admission::{Cost, Memory};
+use crate::digest::Digest;
+use crate::extract::accept::{self, Format, PICTURES, Representation};
+use crate::extract::fields::Few;
+use crate::extract::owner::Owner;
+use crate::extract::upload::{MODEL, Upload};
+use crate::pipeline;
+use crate::pool;
+use crate::problem::{Kind, Problem};
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::header::CONTENT_LENGTH;
+use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The parameters.
+pub(super) const PARAMETERS: &[&str] = &["format"];
+
+/// Answers with the picture.
+///
+/// # Errors
+/// Every refusal of upload, parameters, admission and work.
+pub async fn create(
+    State(service): State<Arc<Service>>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let cut = service.cut.clone();
+    tokio::select! {
+        answer = rebuild(&service, request) => answer,
+        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
+    }
+}
+
+async fn rebuild(service: &Service, request: Request) -> Result<Response, Problem> {
+    let (head, body) = request.into_parts();
+    let owner = Owner::of(&head.extensions);
+    let mut parameters = Few::of_query(PARAMETERS, head.uri.query())?;
+    let receiving = service.intake.receive(&owner, &MODEL, &head.headers, body, &mut parameters);
+    let [upload] = receiving.await?;
+    let format = parameters.get("format").map(picture_format).transpose()?;
+    let representation = accept::choose_among(&PICTURES, format, &head.headers)?;
+    let (bytes, digest, memory) = run(service, &owner, upload, representation).await?;
+    let mut headers = answer::headers_of(representation, &answer::tag(digest))?;
+    headers.insert(CONTENT_LENGTH, bytes.len().into());
+    Ok((headers, Body::from(answer::held(bytes, memory))).into_response())
+}
+
+/// The format of this name, when it is that of a picture.
+fn picture_format(name: &str) -> Result<Format, Problem> {
+    let names = PICTURES.map(|picture| picture.format.name());
+    let found = PICTURES.into_iter().find(|picture| picture.format.name() == name);
+    found.map(|picture| picture.format).ok_or_else(|| {
+        let detail = format!("format must be one of {}", names.join(", "));
+        Problem::new(Kind::UnknownValue, detail).param("format").allowed(&names)
+    })
+}
+
+/// Checks the MODEL's header, waits for a ticket, and does the work.
+async fn run(
+    service: &Service,
+    owner: &Owner,
+    upload: Upload,
+    representation: Representation,
+) -> Result<(Vec<u8>, Digest, Memory), Problem> {
+    let (limits, format) = (service.pictures, representation.format);
+    if upload.bytes.is_empty() {
+        return Err(Problem::new(Kind::EmptyFile, "the file is empty"));
+    }
+    let shape = pixmesh_codec::probe_model(&upload.bytes, &limits)?;
+    let cost = Cost::of_conversion(shape, 0, upload.bytes.len() as u64, format);
+    let deadline = Instant::now() + service.deadline;
+    let ticket = service.admission.admit(owner, cost, deadline).await?;
+    pool::run(ticket, deadline, move |watch, ticket| {
+        let bytes = pipeline::convert(upload, format, &limits, watch)?;
+        let _ = watch.finish();
+        let memory = ticket.keep(bytes.len());
+        Ok((Digest::of(&bytes), bytes, memory))
+    })
+    .await
+    .map(|(digest, bytes, memory)| (bytes, digest, memory))
+}
