@@ -6,7 +6,7 @@
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
 use crate::extract::accept::Format;
-use pixmesh_codec::{Header, PictureFormat};
+use pixmesh_codec::Header;
 use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy};
 
 /// Bytes per sample of an image.
@@ -100,10 +100,9 @@ impl<'a> Footprint<'a> {
         self.pixels * self.components * SAMPLE
     }
 
-    /// What the decoder takes; a JPEG's samples lie beside what it decoded.
+    /// What the decoder takes, the image's samples included.
     fn decoding(&self) -> u64 {
-        let samples = if self.header.format == PictureFormat::Jpeg { self.image() } else { 0 };
-        self.header.decode_bytes() + samples
+        self.header.decode_bytes()
     }
 
     /// The image, and per pixel what the choice of the initial points takes.
@@ -181,6 +180,7 @@ pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pixmesh_codec::PictureFormat;
     use pixmesh_meshing::{InitialSize, Method, Target};
 
     fn header(width: usize, height: usize, component_count: usize) -> Header {

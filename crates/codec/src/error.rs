@@ -13,7 +13,7 @@ pub enum DecodeError {
     #[error("the file is empty")]
     Empty,
     /// The first bytes are those of no format that is read here.
-    #[error("the file is neither PNG, JPEG nor PNM")]
+    #[error("the file is neither PNG, JPEG, PNM, WebP, GIF, TIFF nor BMP")]
     UnknownFormat,
     /// The header claims more pixels than are allowed.
     #[error("an image of {width}x{height} has {pixels} pixels, more than the limit of {limit}")]

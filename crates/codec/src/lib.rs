@@ -32,11 +32,15 @@
 //! # Ok::<(), DecodeError>(())
 //! ```
 
+mod alpha;
+mod bmp;
 mod canvas;
 mod decode;
 mod error;
 mod format;
+mod gif;
 mod gltf;
+mod guard;
 mod header;
 mod interleave;
 mod jpeg;
@@ -45,8 +49,11 @@ mod model;
 mod orientation;
 mod png;
 mod pnm;
+mod tiff;
+mod webp;
 
-pub use decode::{decode, probe};
+pub use alpha::Alpha;
+pub use decode::{DecodeOptions, decode, probe};
 pub use error::{DecodeError, EncodeError};
 pub use format::PictureFormat;
 pub use gltf::write_glb;
