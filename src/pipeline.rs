@@ -9,7 +9,9 @@ use crate::extract::upload::Upload;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
-use pixmesh_codec::{EncodeError, Limits, decode, write_glb, write_model, write_png, write_pnm};
+use pixmesh_codec::{
+    EncodeError, GltfOptions, Limits, decode, write_glb, write_model, write_png, write_pnm,
+};
 use pixmesh_meshing::{Mesh, Shape, generate, rasterize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -88,7 +90,9 @@ fn encode(mesh: &Mesh, format: Format, watch: &Watch) -> Result<Vec<u8>, Problem
     let room = room(mesh, format);
     match format {
         Format::Model => encoded(room, watch, |bytes| write_model(mesh, bytes)),
-        Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, bytes)),
+        Format::Glb => {
+            encoded(room, watch, |bytes| write_glb(mesh, &GltfOptions::default(), bytes))
+        }
         Format::Png => {
             let picture = rasterize(mesh, watch)?;
             encoded(room, watch, |bytes| write_png(&picture, bytes))

@@ -80,6 +80,14 @@ pub enum EncodeError {
         /// The most that the format stores.
         maximum: usize,
     },
+    /// A relief is to follow a component that the image does not have.
+    #[error("the relief is to follow component {component} (counted from 0) of {count}")]
+    NoSuchComponent {
+        /// The component asked for, counted from 0.
+        component: usize,
+        /// Components of the image.
+        count: usize,
+    },
     /// The file would be longer than its format can say.
     #[error("the {format} file would take {bytes} bytes, more than the {limit} that it can have")]
     TooLarge {

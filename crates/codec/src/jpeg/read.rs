@@ -8,6 +8,7 @@ use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
+use crate::orientation::Orientation;
 use image::codecs::jpeg::JpegDecoder;
 use image::error::ImageError as DecoderError;
 use image::{ColorType, ImageDecoder};
@@ -29,6 +30,19 @@ pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, De
         canvas.put_row(Row::whole(y), row);
     }
     Ok(canvas)
+}
+
+/// A copy of a JPEG without its metadata, where readers that know no orientation and no inks show
+/// the same picture.
+pub(crate) fn plain_copy(bytes: &[u8]) -> Option<Vec<u8>> {
+    if PictureFormat::sniff(bytes) != Ok(PictureFormat::Jpeg) {
+        return None;
+    }
+    let any_size = Limits { max_pixels: u64::MAX, max_side: usize::MAX };
+    let options = DecodeOptions { limits: any_size, ..DecodeOptions::default() };
+    let (frame, essence) = Frame::read_all(bytes, &options).ok()?;
+    let plain = frame.orientation == Orientation::default() && frame.components.len() < 4;
+    plain.then_some(essence)
 }
 
 /// What the frame header means for the decoded image.
