@@ -34,12 +34,23 @@ const AREAS: u64 = 4;
 const POINT: u64 = 240;
 /// Bytes per initial point of the list of removed ones, kept to the end.
 const REMOVAL: u64 = 16;
-/// Bytes per final vertex with its two faces: in memory, as MODEL without samples, as GLB.
+/// Bytes per final vertex with its two faces, in memory.
 const VERTEX: u64 = 40;
+/// The same in an answer with what it is made from: the buffer of glTF grows beside its faces, and
+/// compression puts the mesh into another order first.
 const MODEL_VERTEX: u64 = 64;
-const GLB_VERTEX: u64 = 44;
-/// Bytes per sample of a vertex in MODEL: five digits and a space.
-const MODEL_SAMPLE: u64 = 6;
+const GLTF_VERTEX: u64 = 400;
+const SVG_VERTEX: u64 = 150;
+const PLY_VERTEX: u64 = 44;
+const OBJ_VERTEX: u64 = 110;
+const STL_VERTEX: u64 = 100;
+const JSON_VERTEX: u64 = 130;
+/// Bytes per sample of a vertex in text: five digits and a space.
+const TEXT_SAMPLE: u64 = 6;
+/// Bytes per component and vertex of the gradients of SVG.
+const SVG_GRADIENT: u64 = 700;
+/// Bytes per sample of an image that is shown: a copy of 8 bits, and its file.
+const SHOWN_SAMPLE: u64 = 4;
 /// What the allocator keeps back: so much per pixel, and at most.
 const SLACK_PER_PIXEL: u64 = 16;
 const MAX_SLACK: u64 = 40 << 20;
@@ -156,20 +167,33 @@ impl<'a> Footprint<'a> {
         let mesh = self.most * (VERTEX + SAMPLE * self.components);
         let removals = if self.simplifies { self.initial * REMOVAL } else { 0 };
         let rebuilt_with_its_file = match self.format {
-            Format::Model | Format::Glb => 0,
             Format::Png | Format::Pnm => 2 * self.image(),
+            _ => 0,
         };
         mesh + removals + self.written() + rebuilt_with_its_file
     }
 
     /// An answer that holds the mesh.
     fn written(&self) -> u64 {
-        match self.format {
-            Format::Model => self.most * (MODEL_VERTEX + MODEL_SAMPLE * self.components),
-            Format::Glb => self.most * GLB_VERTEX,
-            Format::Png | Format::Pnm => 0,
-        }
+        let samples = TEXT_SAMPLE * self.components;
+        self.most
+            * match self.format {
+                Format::Model => MODEL_VERTEX + samples,
+                Format::Glb | Format::Gltf => GLTF_VERTEX,
+                Format::Svg => SVG_VERTEX + SVG_GRADIENT * self.components,
+                Format::Ply => PLY_VERTEX,
+                Format::Obj => OBJ_VERTEX,
+                Format::Stl => STL_VERTEX,
+                Format::Json => JSON_VERTEX + samples,
+                Format::Png | Format::Pnm => 0,
+            }
     }
+}
+
+/// Bytes that an image takes that is embedded in the answer: it becomes a file of its own before
+/// the work.
+pub(super) fn shown_image(header: &Header) -> u64 {
+    header.width as u64 * header.height as u64 * header.component_count as u64 * SHOWN_SAMPLE
 }
 
 /// Whether vertices are removed from the first mesh.

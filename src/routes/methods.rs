@@ -1,7 +1,9 @@
 //! `GET /v1/methods`: every method, policy, parameter and format, from the parser's own table.
 
 use crate::extract::accept::OFFERED;
-use crate::extract::params::{DEFAULT_DENSITY, DEFAULT_METHOD, Order, Parameter, TABLE, Takes};
+use crate::extract::params::{
+    DEFAULT_DENSITY, DEFAULT_METHOD, Order, Output, Parameter, TABLE, Takes,
+};
 use axum::Json;
 use pixmesh_meshing::{Method, Policy, Target};
 use serde_json::{Map, Value, json};
@@ -23,7 +25,7 @@ pub async fn list() -> Json<Value> {
 /// A method: the components it is for (null for any), and what it sets each parameter to.
 fn of_method(method: Method) -> Value {
     let parameters = method.parameters(Target::Density(DEFAULT_DENSITY));
-    let order = Order { method, parameters, format: None };
+    let order = Order { method, parameters, output: Output::default(), format: None };
     let defaults: Map<String, Value> = TABLE
         .iter()
         .filter(|row| row.name != "method")
@@ -49,13 +51,16 @@ fn of_parameter(parameter: &Parameter) -> Value {
         Takes::Word(allowed) => {
             json!({ "name": name, "about": about, "type": "string", "allowed": allowed })
         }
+        Takes::Pattern(pattern) => {
+            json!({ "name": name, "about": about, "type": "string", "pattern": pattern })
+        }
     }
 }
 
 /// The value of a parameter, as JSON of its type.
 fn typed(parameter: &Parameter, text: String) -> Value {
     match parameter.takes {
-        Takes::Word(_) => text.into(),
+        Takes::Word(_) | Takes::Pattern(_) => text.into(),
         _ => serde_json::from_str(&text).unwrap_or(Value::String(text)),
     }
 }

@@ -100,6 +100,17 @@ named_values! {
 }
 
 named_values! {
+    /// What a glTF file shows on its triangles.
+    "texture" Texturing {
+        /// The vertices' colours.
+        #[default]
+        None = "none",
+        /// The picture that the mesh was made of, which the file carries.
+        Embed = "embed",
+    }
+}
+
+named_values! {
     /// How the triangles of an SVG are filled.
     "shading" Shading {
         /// Each with the mean of its corners' colours.

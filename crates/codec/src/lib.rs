@@ -70,7 +70,7 @@ mod tiff;
 mod webp;
 
 pub use alpha::Alpha;
-pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading};
+pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
 pub use decode::{DecodeOptions, decode, probe};
 pub use error::{DecodeError, EncodeError};
 pub use format::PictureFormat;
