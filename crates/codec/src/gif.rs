@@ -16,6 +16,9 @@ use crate::orientation::Orientation;
 use gif::{ColorOutput, Decoder, DecodingError, Frame, MemoryLimit};
 use std::num::NonZeroU64;
 
+/// Where the size of the screen ends, the header's last four bytes that far.
+const SIZE_END: usize = 10;
+
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
     guarded(PictureFormat::Gif, || Ok(Animation::open(bytes, limits)?.header))
@@ -40,6 +43,13 @@ struct Animation<'a> {
 
 impl<'a> Animation<'a> {
     fn open(bytes: &'a [u8], limits: &Limits) -> Result<Self, DecodeError> {
+        let &[.., w0, w1, h0, h1] =
+            bytes.get(..SIZE_END).ok_or_else(|| malformed("it ends early"))?
+        else {
+            return Err(malformed("it ends early"));
+        };
+        let side = |low, high| u16::from_le_bytes([low, high]).into();
+        let (width, height) = limits.check(side(w0, w1), side(h0, h1))?;
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(ColorOutput::Indexed);
         options.check_frame_consistency(true);
@@ -49,7 +59,6 @@ impl<'a> Animation<'a> {
             NonZeroU64::new(METADATA_BYTES as u64).unwrap_or(NonZeroU64::MIN),
         ));
         let mut decoder = options.read_info(bytes).map_err(refusal)?;
-        let (width, height) = limits.check(decoder.width().into(), decoder.height().into())?;
         let frame = decoder.next_frame_info().map_err(refusal)?;
         let frame = frame.ok_or_else(|| malformed("it has no frame"))?.clone();
         let covers = usize::from(frame.width) == width && usize::from(frame.height) == height;
