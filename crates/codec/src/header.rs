@@ -1,6 +1,7 @@
 //! What is known of a picture before its pixels.
 
 use crate::format::PictureFormat;
+use crate::webp::CODE_BYTES;
 use pixmesh_meshing::Shape;
 
 /// What a picture's header tells of the image that decoding will give.
@@ -32,7 +33,7 @@ impl Header {
     /// PNM are decoded row by row. All others are first decoded as their formats store them, a byte
     /// or two a sample, and keep what they need for that: a JPEG two bytes for each coefficient, of
     /// which it stores one or up to four a pixel, a WebP the planes of its key frame or, where
-    /// nothing is lost, four bytes a pixel twice.
+    /// nothing is lost, four bytes a pixel twice and the tables of its codes.
     #[must_use]
     pub fn decode_bytes(&self) -> u64 {
         let pixels = self.width as u64 * self.height as u64;
@@ -49,6 +50,7 @@ impl Header {
             PictureFormat::Tiff => 5 * u64::from(self.precision).div_ceil(8),
             PictureFormat::Bmp => 4,
         };
-        (samples + stored) * pixels + rows
+        let codes = if self.format == PictureFormat::WebP { 2 * CODE_BYTES as u64 } else { 0 };
+        (samples + stored) * pixels + rows + codes
     }
 }

@@ -8,6 +8,7 @@
 //! Literature: P. Zern, P. Massimino and J. Alakuijala, "WebP Image Format" (RFC 9649), 2024.
 
 mod container;
+mod lossless;
 
 use crate::canvas::{Canvas, Row};
 use crate::decode::{DecodeOptions, METADATA_BYTES};
@@ -16,6 +17,8 @@ use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
+pub(crate) use container::CODE_BYTES;
+
 use container::Container;
 use image_webp::{DecodingError, WebPDecoder};
 use std::io::Cursor;

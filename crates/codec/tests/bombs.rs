@@ -115,6 +115,7 @@ fn contradictions() -> Vec<(&'static str, Vec<u8>)> {
             chunks.extend((0..200_000).map(|_| (b"junk", vec![0; 2])));
             webp(&chunks)
         }),
+        ("WebP of 65536 groups of codes", many_codes()),
         ("TIFF of 2^31 strips", tiff(64, 64, 1 << 31)),
         ("TIFF of a directory that refers to itself", self_referring),
         ("TIFF of 65535 fields", [&b"II*\0\x08\0\0\0\xFF\xFF"[..], &[0; 65_535 * 12]].concat()),
@@ -133,6 +134,58 @@ fn contradictions() -> Vec<(&'static str, Vec<u8>)> {
             bytes
         }),
     ]
+}
+
+/// Bits, the least significant of each number first.
+#[derive(Default)]
+struct Bits(Vec<bool>);
+
+impl Bits {
+    fn put(&mut self, value: u32, count: usize) {
+        self.0.extend((0..count).map(|i| value >> i & 1 == 1));
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let byte = |bits: &[bool]| bits.iter().rev().fold(0, |b, &bit| b << 1 | u8::from(bit));
+        self.0.chunks(8).map(byte).collect()
+    }
+}
+
+/// A lossless WebP of 4x4 pixels that announces 65536 groups of codes, each of them with a table
+/// of 1024 entries: 4 MB that would become 1.3 GB.
+fn many_codes() -> Vec<u8> {
+    let mut bits = Bits::default();
+    bits.put(0x2F, 8);
+    bits.put(3, 14);
+    bits.put(3, 14);
+    bits.put(0, 4);
+    // No transform, no cache; groups of codes by the pixels of an image of one pixel, all ones.
+    bits.put(0, 2);
+    bits.put(1, 1);
+    bits.put(0, 3);
+    bits.put(0, 1);
+    for symbol in [255, 255, 0, 0, 0] {
+        bits.put(0b101, 3);
+        bits.put(symbol, 8);
+    }
+    for _ in 0..65_536 * 5 {
+        // The code of lengths: 1 to 6 have three bits, 7 to 10 four.
+        bits.put(0, 1);
+        bits.put(11, 4);
+        for length in [0, 0, 0, 3, 3, 3, 3, 3, 0, 3, 4, 4, 4, 4, 0] {
+            bits.put(length, 3);
+        }
+        // Eleven symbols of the lengths 1 to 9, 10 and 10.
+        bits.put(1, 1);
+        bits.put(1, 3);
+        bits.put(9, 4);
+        for length in (1..=10_u32).chain([10]) {
+            let (code, count) = if length <= 6 { (length - 1, 3) } else { (12 + length - 7, 4) };
+            let reversed = (0..count).fold(0, |r, i| r << 1 | (code >> i & 1));
+            bits.put(reversed, count);
+        }
+    }
+    webp(&[(b"VP8L", bits.bytes())])
 }
 
 /// A GIF of one small frame and 20000 more.
@@ -216,6 +269,10 @@ fn bombs_cost_neither_time_nor_memory() {
         let lenient = DecodeOptions { lenient: true, ..DecodeOptions::default() };
         assert!(within(500, name, || decode(bytes, &limits)).is_err(), "{name}");
         assert!(within(500, name, || lenient.decode(bytes)).is_err(), "{name}");
+        if *name == "WebP of 65536 groups of codes" {
+            let error = decode(bytes, &limits).unwrap_err();
+            assert!(matches!(error, DecodeError::MetadataTooLarge { .. }), "{error}");
+        }
     }
     assert_eq!(within(500, "frames", || decode(&frames, &limits)).unwrap().width(), 2);
     for (name, bytes) in [("iCCP", &profile), ("zTXt", &text), ("200000 texts", &many)] {

@@ -1,5 +1,6 @@
 //! The chunks of a WebP file, and the picture's size in each place that tells it.
 
+use super::lossless;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::orientation::Orientation;
@@ -12,6 +13,13 @@ const CHUNK_HEADER_BYTES: usize = 8;
 
 /// Bytes of an animation's frame before its chunks.
 const FRAME_HEADER_BYTES: usize = 16;
+
+/// Bits of a lossless picture before its stream: signature, both sides, alpha and version.
+const LOSSLESS_HEADER_BITS: usize = 40;
+
+/// The most bytes that the tables of a picture's prefix codes may take. Encoders stay far below:
+/// they make some hundreds of groups of codes at the most.
+pub(crate) const CODE_BYTES: usize = 32 << 20;
 
 /// Alpha in the flags of an extended file.
 const ALPHA_FLAG: u8 = 0x10;
@@ -31,6 +39,8 @@ pub(super) struct Container<'a> {
     pub(super) orientation: Orientation,
     /// The chunks that hold the still picture, or the animation's first frame.
     picture: Picture<'a>,
+    /// The chunk with a still picture's alpha.
+    alpha: Option<Chunk<'a>>,
 }
 
 /// Where the pixels are.
@@ -66,7 +76,7 @@ impl<'a> Container<'a> {
                 let [width, height] = first.size()?;
                 let has_alpha = first.has_alpha();
                 let (orientation, picture) = (Orientation::default(), Picture::Still(first));
-                Ok(Self { width, height, has_alpha, orientation, picture })
+                Ok(Self { width, height, has_alpha, orientation, picture, alpha: None })
             }
         }
     }
@@ -78,7 +88,7 @@ impl<'a> Container<'a> {
         };
         let side = |a, b, c| u32::from_le_bytes([a, b, c, 0]) + 1;
         let (width, height) = (side(w0, w1, w2), side(h0, h1, h2));
-        let (mut picture, mut orientation) = (None, None);
+        let (mut picture, mut alpha, mut orientation) = (None, None, None);
         while let Some(chunk) = next_chunk(&mut rest)? {
             match chunk.kind {
                 b"ANMF" if flags & ANIMATION_FLAG != 0 => {
@@ -87,6 +97,7 @@ impl<'a> Container<'a> {
                 b"VP8 " | b"VP8L" if flags & ANIMATION_FLAG == 0 => {
                     picture = picture.or(Some(Picture::Still(chunk)));
                 }
+                b"ALPH" => alpha = alpha.or(Some(chunk)),
                 b"EXIF" => {
                     let exif = chunk.data.strip_prefix(b"Exif\0\0").unwrap_or(chunk.data);
                     orientation = orientation.or(Some(Orientation::from_exif(exif)));
@@ -96,13 +107,18 @@ impl<'a> Container<'a> {
         }
         let picture = picture.ok_or_else(|| malformed("it has no picture"))?;
         let (has_alpha, orientation) = (flags & ALPHA_FLAG != 0, orientation.unwrap_or_default());
-        Ok(Self { width, height, has_alpha, orientation, picture })
+        Ok(Self { width, height, has_alpha, orientation, picture, alpha })
     }
 
-    /// Checks that the picture has the size that the container claims for it.
+    /// Checks that the picture has the size that the container claims for it, and that its codes do
+    /// not take much more memory than its pixels.
     pub(super) fn check_picture(&self) -> Result<(), DecodeError> {
         match self.picture {
-            Picture::Still(chunk) => chunk.check([self.width, self.height]),
+            Picture::Still(chunk) => {
+                let size = [self.width, self.height];
+                self.alpha.map_or(Ok(()), |alpha| alpha.check_codes(size))?;
+                chunk.check(size)
+            }
             Picture::Frame(data) => self.check_frame(data),
         }
     }
@@ -121,8 +137,10 @@ impl<'a> Container<'a> {
             return Err(malformed("the first frame does not lie on the canvas"));
         }
         while let Some(chunk) = next_chunk(&mut rest)? {
-            if matches!(chunk.kind, b"VP8 " | b"VP8L") {
-                return chunk.check(size);
+            match chunk.kind {
+                b"ALPH" => chunk.check_codes(size)?,
+                b"VP8 " | b"VP8L" => return chunk.check(size),
+                _ => {}
             }
         }
         Err(malformed("the first frame has no picture"))
@@ -157,10 +175,26 @@ impl Chunk<'_> {
     fn check(&self, expected: [u32; 2]) -> Result<(), DecodeError> {
         let size = self.size()?;
         if size == expected {
-            return Ok(());
+            return self.check_codes(size);
         }
         let ([w, h], [width, height]) = (size, expected);
         Err(malformed(&format!("a picture of {w}x{h} stands where one of {width}x{height} should")))
+    }
+}
+
+impl Chunk<'_> {
+    /// Checks the codes of a picture without loss, or of alpha compressed like one.
+    fn check_codes(&self, size: [u32; 2]) -> Result<(), DecodeError> {
+        let start = match (self.kind, self.data) {
+            (b"VP8L", _) => LOSSLESS_HEADER_BITS,
+            (b"ALPH", &[method, ..]) if method & 3 == 1 => 8,
+            _ => return Ok(()),
+        };
+        if lossless::table_bytes(self.data, start, size, CODE_BYTES)? <= CODE_BYTES {
+            return Ok(());
+        }
+        let (format, limit) = (PictureFormat::WebP, CODE_BYTES);
+        Err(DecodeError::MetadataTooLarge { format, limit })
     }
 }
 
@@ -177,10 +211,10 @@ fn next_chunk<'a>(rest: &mut &'a [u8]) -> Result<Option<Chunk<'a>>, DecodeError>
     Ok(Some(Chunk { kind: header.get(..4).unwrap_or_default(), data }))
 }
 
-fn ends_early() -> DecodeError {
+pub(super) fn ends_early() -> DecodeError {
     malformed("it ends early")
 }
 
-fn malformed(reason: &str) -> DecodeError {
+pub(super) fn malformed(reason: &str) -> DecodeError {
     PictureFormat::WebP.malformed(reason)
 }
