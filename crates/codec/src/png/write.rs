@@ -42,7 +42,7 @@ pub fn write_png_with(
     encoder.set_color(color);
     encoder.set_depth(depth);
     encoder.set_compression(match compression {
-        PngCompression::Fast => Compression::Fast,
+        PngCompression::Fast => Compression::Fastest,
         PngCompression::Small => Compression::Balanced,
     });
     let mut writer = encoder.write_header().map_err(io_error)?;
