@@ -18,7 +18,7 @@ fn mesh(side: usize, components: usize) -> Mesh {
     let points: Vec<Point> = (0..side * side).map(place).collect();
     let sample = |i: usize| {
         let (v, c) = (i / components, i % components);
-        let wave = (v % side) * (c + 1) / 3 + v / side / 2 + (v * 40_503 >> 4 & 7);
+        let wave = (v % side) * (c + 1) / 3 + v / side / 2 + (((v * 40_503) >> 4) & 7);
         (wave % 256) as u16
     };
     let samples = (0..points.len() * components).map(sample).collect();
