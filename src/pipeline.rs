@@ -5,6 +5,7 @@
 
 mod compare;
 mod convert;
+mod encode;
 
 pub use compare::{Comparison, Pair, compare};
 pub use convert::convert;
@@ -15,12 +16,10 @@ use crate::extract::params::Order;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
-use pixmesh_codec::{EncodeError, Limits, decode, write_glb, write_model, write_png, write_pnm};
-use pixmesh_meshing::{Mesh, Shape, generate, rasterize};
+use encode::{Writing, encode};
+use pixmesh_codec::{Limits, Texture};
+use pixmesh_meshing::generate;
 use std::time::Duration;
-
-/// Room in bytes for what is in an answer whatever its size, such as the header of a file.
-const FRAME: usize = 4096;
 
 /// A mesh as bytes, with what is known of it.
 #[derive(Debug)]
@@ -55,14 +54,22 @@ pub fn mesh(
 ) -> Result<Answer, Problem> {
     watch.check()?;
     watch.begin("decode");
-    let decoded = decode(image.as_ref(), limits)?;
+    let decoded = order.output.reading(limits).decode(image.as_ref())?;
+    let shown = order.output.shows_image(format);
+    let texture = shown.then(|| Texture::of_file(image.as_ref(), &decoded)).transpose()?;
     drop(image);
     let image = decoded;
     let pixels = image.pixel_count();
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
     drop(image);
-    let bytes = encode(&model.mesh, format, watch)?;
+    let writing = Writing {
+        format,
+        output: &order.output,
+        texture: texture.as_ref(),
+        fidelity: Some(&model.fidelity),
+    };
+    let bytes = encode(&model.mesh, &writing, watch)?;
     let answer = Answer {
         digest: Digest::of(&bytes),
         bytes,
@@ -86,48 +93,4 @@ impl Answer {
         };
         self.timings.iter().map(entry).collect::<Vec<_>>().join(", ")
     }
-}
-
-/// The mesh, or the picture rebuilt from it, in a format.
-fn encode(mesh: &Mesh, format: Format, watch: &Watch) -> Result<Vec<u8>, Problem> {
-    let room = room(mesh, format);
-    match format {
-        Format::Model => encoded(room, watch, |bytes| write_model(mesh, bytes)),
-        Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, bytes)),
-        Format::Png => {
-            let picture = rasterize(mesh, watch)?;
-            encoded(room, watch, |bytes| write_png(&picture, bytes))
-        }
-        Format::Pnm => {
-            let picture = rasterize(mesh, watch)?;
-            encoded(room, watch, |bytes| write_pnm(&picture, bytes))
-        }
-    }
-}
-
-/// About the most bytes that an answer takes: one that must not be copied while it grows.
-fn room(mesh: &Mesh, format: Format) -> usize {
-    let Shape { width, height, component_count, precision } = mesh.shape();
-    let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
-    let picture = width * height * component_count * usize::from(precision).div_ceil(8);
-    let bytes = match format {
-        Format::Model => vertices * (12 + 6 * component_count) + faces * 27,
-        Format::Glb => vertices * 20 + faces * 12,
-        // What does not compress becomes a little longer.
-        Format::Png | Format::Pnm => picture + picture / 8,
-    };
-    bytes + FRAME
-}
-
-/// The bytes of an answer; it gives back the room that it did not need.
-fn encoded<E: Into<EncodeError>>(
-    room: usize,
-    watch: &Watch,
-    write: impl FnOnce(&mut Vec<u8>) -> Result<(), E>,
-) -> Result<Vec<u8>, Problem> {
-    watch.begin("encode");
-    let mut bytes = Vec::with_capacity(room);
-    write(&mut bytes).map_err(Into::into)?;
-    bytes.shrink_to_fit();
-    Ok(bytes)
 }

@@ -3,6 +3,7 @@
 use super::effort::Effort;
 use super::footprint::{self, Footprint};
 use crate::extract::accept::Format;
+use crate::extract::params::Output;
 use pixmesh_codec::Header;
 use pixmesh_meshing::{Parameters, Plan, Shape};
 
@@ -46,6 +47,14 @@ impl Cost {
     pub fn of_comparison(first: &Header, second: Compared) -> Self {
         let bytes = footprint::of_comparison(first, second);
         Self { mib: 1, effort: Effort::of_samples(first.shape()) }.with_file(bytes)
+    }
+
+    /// The same where the mesh is written in a special way: an image that is shown lives on beside
+    /// the work, and is written a second time.
+    #[must_use]
+    pub fn of_output(self, header: &Header, output: &Output, format: Format) -> Self {
+        let shown = if output.shows_image(format) { footprint::shown_image(header) } else { 0 };
+        self.with_file(shown)
     }
 
     /// The same with so many bytes more in memory.

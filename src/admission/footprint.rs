@@ -7,7 +7,7 @@
 
 use super::cost::Compared;
 use crate::extract::accept::Format;
-use pixmesh_codec::{Header, PictureFormat};
+use pixmesh_codec::Header;
 use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy, Shape};
 
 /// Bytes per sample of an image.
@@ -18,8 +18,8 @@ const FIELD: u64 = 8;
 const TENSOR: u64 = 24;
 /// Bytes per pixel that smoothing apart from differentiating adds: 8 for each of three derivatives.
 const SMOOTHED: u64 = 24;
-/// Bytes per pixel of the marks of chosen points.
-const MARK: u64 = 1;
+/// Bytes per pixel of the marks of chosen points: two while thresholds are tried, one of the result.
+const MARK: u64 = 3;
 /// Bytes per pixel of the places that random points are drawn from: 4, in a list that is copied as
 /// it grows.
 const DRAWN: u64 = 12;
@@ -35,12 +35,23 @@ const AREAS: u64 = 4;
 const POINT: u64 = 240;
 /// Bytes per initial point of the list of removed ones, kept to the end.
 const REMOVAL: u64 = 16;
-/// Bytes per final vertex with its two faces: in memory, as MODEL without samples, as GLB.
+/// Bytes per final vertex with its two faces, in memory.
 const VERTEX: u64 = 40;
+/// The same in an answer with what it is made from: the buffer of glTF grows beside its faces, and
+/// compression puts the mesh into another order first.
 const MODEL_VERTEX: u64 = 64;
-const GLB_VERTEX: u64 = 44;
-/// Bytes per sample of a vertex in MODEL: five digits and a space.
-const MODEL_SAMPLE: u64 = 6;
+const GLTF_VERTEX: u64 = 400;
+const SVG_VERTEX: u64 = 150;
+const PLY_VERTEX: u64 = 44;
+const OBJ_VERTEX: u64 = 110;
+const STL_VERTEX: u64 = 100;
+const JSON_VERTEX: u64 = 130;
+/// Bytes per sample of a vertex in text: five digits and a space.
+const TEXT_SAMPLE: u64 = 6;
+/// Bytes per component and vertex of the gradients of SVG.
+const SVG_GRADIENT: u64 = 700;
+/// Bytes per sample of an image that is shown: a copy of 8 bits, and its file.
+const SHOWN_SAMPLE: u64 = 4;
 /// What the allocator keeps back: so much per pixel, and at most.
 const SLACK_PER_PIXEL: u64 = 16;
 const MAX_SLACK: u64 = 40 << 20;
@@ -101,10 +112,9 @@ impl<'a> Footprint<'a> {
         self.pixels * self.components * SAMPLE
     }
 
-    /// What the decoder takes; a JPEG's samples lie beside what it decoded.
+    /// What the decoder takes, the image's samples included.
     fn decoding(&self) -> u64 {
-        let samples = if self.header.format == PictureFormat::Jpeg { self.image() } else { 0 };
-        self.header.decode_bytes() + samples
+        self.header.decode_bytes()
     }
 
     /// The image, and per pixel what the choice of the initial points takes.
@@ -158,19 +168,30 @@ impl<'a> Footprint<'a> {
         let mesh = self.most * (VERTEX + SAMPLE * self.components);
         let removals = if self.simplifies { self.initial * REMOVAL } else { 0 };
         let rebuilt_with_its_file = match self.format {
-            Format::Model | Format::Glb => 0,
             Format::Png | Format::Pnm => 2 * self.image(),
+            _ => 0,
         };
         mesh + removals + self.written() + rebuilt_with_its_file
     }
 
     /// An answer that holds the mesh.
     fn written(&self) -> u64 {
-        match self.format {
-            Format::Model => self.most * (MODEL_VERTEX + MODEL_SAMPLE * self.components),
-            Format::Glb => self.most * GLB_VERTEX,
-            Format::Png | Format::Pnm => 0,
-        }
+        self.most * written_per_vertex(self.format, self.components)
+    }
+}
+
+/// Bytes per vertex of an answer that holds the mesh, with what it is made from.
+fn written_per_vertex(format: Format, components: u64) -> u64 {
+    let samples = TEXT_SAMPLE * components;
+    match format {
+        Format::Model => MODEL_VERTEX + samples,
+        Format::Glb | Format::Gltf => GLTF_VERTEX,
+        Format::Svg => SVG_VERTEX + SVG_GRADIENT * components,
+        Format::Ply => PLY_VERTEX,
+        Format::Obj => OBJ_VERTEX,
+        Format::Stl => STL_VERTEX,
+        Format::Json => JSON_VERTEX + samples,
+        Format::Png | Format::Pnm => 0,
     }
 }
 
@@ -184,8 +205,8 @@ pub(super) fn of_conversion(shape: Shape, vertices: u64, model: u64, format: For
     let image = width as u64 * height as u64 * component_count as u64 * SAMPLE;
     let out = match format {
         Format::Model => model,
-        Format::Glb => vertices * GLB_VERTEX,
         Format::Png | Format::Pnm => 2 * image,
+        format => vertices * written_per_vertex(format, component_count as u64),
     };
     model.saturating_mul(READ_MODEL).saturating_add(out)
 }
@@ -207,6 +228,12 @@ pub(super) fn of_comparison(first: &Header, second: Compared<'_>) -> u64 {
 /// Bytes per column of the rows that structural similarity keeps.
 const COMPARED_ROWS: u64 = 12 * 5 * 8;
 
+/// Bytes that an image takes that is embedded in the answer: it becomes a file of its own before
+/// the work.
+pub(super) fn shown_image(header: &Header) -> u64 {
+    header.width as u64 * header.height as u64 * header.component_count as u64 * SHOWN_SAMPLE
+}
+
 /// Whether vertices are removed from the first mesh.
 pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
     plan.initial_size > plan.size || plan.bound.is_some() || parameters.bad_point_removal
@@ -215,6 +242,7 @@ pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pixmesh_codec::PictureFormat;
     use pixmesh_meshing::{InitialSize, Method, Target};
 
     fn header(width: usize, height: usize, component_count: usize) -> Header {

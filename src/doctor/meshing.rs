@@ -46,7 +46,8 @@ pub(super) fn check_codec() -> Finding {
         return Err("a MODEL does not read back as it was written".into());
     }
     let mut glb = Vec::new();
-    write_glb(&mesh, &mut glb).map_err(|error| error.to_string())?;
+    write_glb(&mesh, &pixmesh_codec::GltfOptions::default(), &mut glb)
+        .map_err(|error| error.to_string())?;
     let digest = Sha256::digest(&model).iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
         text

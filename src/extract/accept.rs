@@ -17,6 +17,18 @@ pub enum Format {
     Png,
     /// The same as PNM.
     Pnm,
+    /// glTF 2.0 as JSON, its buffer within.
+    Gltf,
+    /// The triangles as SVG.
+    Svg,
+    /// Binary PLY.
+    Ply,
+    /// Wavefront OBJ.
+    Obj,
+    /// Binary STL of a solid.
+    Stl,
+    /// The figures and the arrays as JSON.
+    Json,
 }
 
 /// A format with the media type that it is sent as.
@@ -33,7 +45,7 @@ pub struct Representation {
 }
 
 /// Every representation, the first being the one for clients that do not mind.
-pub const OFFERED: [Representation; 5] = [
+pub const OFFERED: [Representation; 11] = [
     Representation {
         format: Format::Model,
         media_type: "text/plain",
@@ -54,6 +66,42 @@ pub const OFFERED: [Representation; 5] = [
     },
     PNG,
     PNM,
+    Representation {
+        format: Format::Gltf,
+        media_type: "model/gltf+json",
+        content_type: "model/gltf+json",
+        file_name: "mesh.gltf",
+    },
+    Representation {
+        format: Format::Svg,
+        media_type: "image/svg+xml",
+        content_type: "image/svg+xml",
+        file_name: "mesh.svg",
+    },
+    Representation {
+        format: Format::Ply,
+        media_type: "application/ply",
+        content_type: "application/ply",
+        file_name: "mesh.ply",
+    },
+    Representation {
+        format: Format::Obj,
+        media_type: "model/obj",
+        content_type: "model/obj",
+        file_name: "mesh.obj",
+    },
+    Representation {
+        format: Format::Stl,
+        media_type: "model/stl",
+        content_type: "model/stl",
+        file_name: "mesh.stl",
+    },
+    Representation {
+        format: Format::Json,
+        media_type: "application/json",
+        content_type: "application/json",
+        file_name: "mesh.json",
+    },
 ];
 
 /// A picture rebuilt from a mesh, as PNG.
@@ -77,9 +125,21 @@ pub const PICTURES: [Representation; 2] = [PNG, PNM];
 
 impl Format {
     /// Every format, in the order of [`Self::NAMES`].
-    const ALL: [Self; 4] = [Self::Model, Self::Glb, Self::Png, Self::Pnm];
+    const ALL: [Self; 10] = [
+        Self::Model,
+        Self::Glb,
+        Self::Png,
+        Self::Pnm,
+        Self::Gltf,
+        Self::Svg,
+        Self::Ply,
+        Self::Obj,
+        Self::Stl,
+        Self::Json,
+    ];
     /// The name of every format, as the parameter `format` takes it.
-    pub const NAMES: &'static [&'static str] = &["model", "glb", "png", "pnm"];
+    pub const NAMES: &'static [&'static str] =
+        &["model", "glb", "png", "pnm", "gltf", "svg", "ply", "obj", "stl", "json"];
 
     /// The format's name.
     #[must_use]

@@ -7,17 +7,21 @@
 //! the mesh has [`DEFAULT_DENSITY`] percent of the image's pixels as vertices.
 
 mod grammar;
+mod output;
 mod sources;
 mod table;
 
 pub use grammar::whole_between;
+pub use output::Output;
 pub use sources::{pairs_of_json, pairs_of_query};
 pub use table::{Parameter, TABLE, Takes};
 
 use super::accept::Format;
 use super::fields::{Fields, repeated, unknown};
 use crate::problem::{Kind, Problem};
-use pixmesh_codec::Header;
+use pixmesh_codec::{
+    Alpha, Compression, Header, LengthUnit, PngCompression, ReliefSource, Shading, Texturing,
+};
 use pixmesh_meshing::{
     Boundary, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan, Policy,
     PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
@@ -65,6 +69,19 @@ struct Choices {
     error_metric: Option<ErrorMetric>,
     bad_point_removal: Option<bool>,
     seed: Option<u64>,
+    alpha: Option<Alpha>,
+    lenient: Option<bool>,
+    relief: Option<ReliefSource>,
+    height: Option<f64>,
+    z_scale: Option<f64>,
+    invert_relief: Option<bool>,
+    base: Option<f64>,
+    pixel_size: Option<f64>,
+    unit: Option<LengthUnit>,
+    compression: Option<Compression>,
+    texture: Option<Texturing>,
+    shading: Option<Shading>,
+    png_compression: Option<PngCompression>,
     format: Option<Format>,
 }
 
@@ -75,6 +92,8 @@ pub struct Order {
     pub method: Method,
     /// Everything that decides which mesh is made.
     pub parameters: Parameters,
+    /// How the image is read and the mesh is written.
+    pub output: Output,
     /// The format asked for by name.
     pub format: Option<Format>,
 }
@@ -105,10 +124,12 @@ impl ParameterSet {
     pub fn finish(&self) -> Result<Order, Problem> {
         self.at_most_one_of(&["density", "size", "target_psnr", "target_error"])?;
         self.at_most_one_of(&["gamma", "initial_density", "initial_size"])?;
+        self.at_most_one_of(&["height", "z_scale"])?;
         let method = self.choices.method.unwrap_or(DEFAULT_METHOD);
         let parameters = self.choices.apply(&method.parameters(self.choices.target()));
         parameters.check()?;
-        Ok(Order { method, parameters, format: self.choices.format })
+        let output = self.choices.output();
+        Ok(Order { method, parameters, output, format: self.choices.format })
     }
 
     fn at_most_one_of(&self, names: &[&'static str]) -> Result<(), Problem> {
@@ -171,6 +192,7 @@ impl Order {
     /// The first parameter that does not fit such an image.
     pub fn plan(&self, header: &Header) -> Result<Plan, Problem> {
         self.method.check_component_count(header.component_count)?;
+        self.output.check(header.shape())?;
         Ok(self.parameters.plan(header.shape())?)
     }
 
@@ -179,6 +201,8 @@ impl Order {
     pub fn query(&self) -> String {
         let pairs =
             TABLE.iter().filter_map(|row| Some(format!("{}={}", row.name, row.show(self)?)));
+        // The sign before a colour, which would end a query.
+        let pairs = pairs.map(|pair| pair.replace('#', "%23"));
         pairs.collect::<Vec<_>>().join("&")
     }
 

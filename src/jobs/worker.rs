@@ -182,7 +182,7 @@ impl Worker {
         let order = stored_order(&claim.order)?;
         let deadline = Instant::now() + self.deadline;
         let image = self.jobs.blobs.get(claim.picture.digest).await?;
-        let header = pixmesh_codec::probe(&image, &self.pictures)?;
+        let header = order.output.reading(&self.pictures).probe(&image)?;
         let plan = order.plan(&header)?;
         let cost = Cost::of_mesh(&header, &plan, &order.parameters, Format::Model)
             .with_file(image.len() as u64);

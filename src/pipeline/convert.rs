@@ -1,7 +1,8 @@
 //! From MODEL to any other format: of a job's mesh, or of one that a client sends.
 
-use super::encode;
+use super::encode::{Writing, encode};
 use crate::extract::accept::Format;
+use crate::extract::params::Output;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use pixmesh_codec::{Limits, read_model};
@@ -13,6 +14,7 @@ use pixmesh_codec::{Limits, read_model};
 pub fn convert(
     model: impl AsRef<[u8]>,
     format: Format,
+    output: &Output,
     limits: &Limits,
     watch: &Watch,
 ) -> Result<Vec<u8>, Problem> {
@@ -21,5 +23,5 @@ pub fn convert(
     let mesh = read_model(model.as_ref(), limits)?;
     drop(model);
     watch.check()?;
-    encode(&mesh, format, watch)
+    encode(&mesh, &Writing { format, output, texture: None, fidelity: None }, watch)
 }

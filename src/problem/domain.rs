@@ -121,6 +121,9 @@ impl From<EncodeError> for Problem {
             EncodeError::ComponentCount { .. } | EncodeError::TooLarge { .. } => {
                 Self::new(Kind::FormatNotPossible, error.to_string()).param("format")
             }
+            EncodeError::NoSuchComponent { .. } => {
+                Self::new(Kind::FormatNotPossible, error.to_string()).param("relief")
+            }
             _ => internal("encoding failed", &error),
         }
     }

@@ -74,9 +74,13 @@ async fn run(
     representation: Representation,
 ) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
-    let header = pixmesh_codec::probe(&upload.bytes, &limits)?;
+    let header = order.output.reading(&service.pictures).probe(&upload.bytes)?;
     let plan = order.plan(&header)?;
-    let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format);
+    let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format).of_output(
+        &header,
+        &order.output,
+        representation.format,
+    );
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, ticket| {

@@ -1,7 +1,9 @@
 //! `GET /v1/methods`: every method, policy, parameter and format, from the parser's own table.
 
 use crate::extract::accept::OFFERED;
-use crate::extract::params::{DEFAULT_DENSITY, DEFAULT_METHOD, Order, Parameter, TABLE, Takes};
+use crate::extract::params::{
+    DEFAULT_DENSITY, DEFAULT_METHOD, Order, Output, Parameter, TABLE, Takes,
+};
 use axum::Json;
 use pixmesh_meshing::{Method, Policy, Target};
 use serde_json::{Map, Value, json};
@@ -23,7 +25,7 @@ pub async fn list() -> Json<Value> {
 /// A method: the components it is for (null for any), and what it sets each parameter to.
 fn of_method(method: Method) -> Value {
     let parameters = method.parameters(Target::Density(DEFAULT_DENSITY));
-    let order = Order { method, parameters, format: None };
+    let order = Order { method, parameters, output: Output::default(), format: None };
     let defaults: Map<String, Value> = TABLE
         .iter()
         .filter(|row| row.name != "method")
@@ -48,6 +50,9 @@ fn of_parameter(parameter: &Parameter) -> Value {
         Takes::Flag => json!({ "name": name, "about": about, "type": "boolean" }),
         Takes::Word(allowed) => {
             json!({ "name": name, "about": about, "type": "string", "allowed": allowed })
+        }
+        Takes::Pattern(pattern) => {
+            json!({ "name": name, "about": about, "type": "string", "pattern": pattern })
         }
     }
 }

@@ -190,13 +190,14 @@ fn values(row: &Row) -> Object {
         Takes::Word(allowed) => {
             object.schema_type(Type::String).enum_values(Some(allowed.iter().copied()))
         }
+        Takes::Pattern(pattern) => object.schema_type(Type::String).pattern(Some(pattern)),
     }
     .build()
 }
 
 fn image_or_form() -> RequestBody {
     RequestBodyBuilder::new()
-        .description(Some("A PNG, JPEG or PNM image, or a form with one."))
+        .description(Some("A PNG, JPEG, WebP, GIF, TIFF, BMP or PNM image, or a form with one."))
         .required(Some(Required::True))
         .content("image/*", example(bytes(), examples::PICTURE))
         .content("application/octet-stream", content(bytes()))

@@ -6,6 +6,7 @@ use crate::digest::Digest;
 use crate::extract::accept::{self, Format, PICTURES, Representation};
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
+use crate::extract::params::Output;
 use crate::extract::upload::{MODEL, Upload};
 use crate::pipeline;
 use crate::pool;
@@ -75,7 +76,7 @@ async fn run(
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, ticket| {
-        let bytes = pipeline::convert(upload, format, &limits, watch)?;
+        let bytes = pipeline::convert(upload, format, &Output::default(), &limits, watch)?;
         let _ = watch.finish();
         let memory = ticket.keep(bytes.len());
         Ok((Digest::of(&bytes), bytes, memory))

@@ -7,11 +7,17 @@ use pixmesh_codec::{Limits, decode, read_model};
 use pixmesh_meshing::{Fidelity, Unattended, rasterize};
 
 /// Name, media type, file name, and the first bytes of every format.
-const FORMATS: [(&str, &str, &str, &[u8]); 4] = [
+const FORMATS: [(&str, &str, &str, &[u8]); 10] = [
     ("model", "text/plain; charset=utf-8", "mesh.model", b"60 40 3 8\nOFF\n"),
     ("glb", "model/gltf-binary", "mesh.glb", b"glTF\x02\0\0\0"),
     ("png", "image/png", "mesh.png", b"\x89PNG"),
     ("pnm", "image/x-portable-anymap", "mesh.pnm", b"P6\n60 40\n255\n"),
+    ("gltf", "model/gltf+json", "mesh.gltf", b"{\"asset\":{\"version\":\"2.0\""),
+    ("svg", "image/svg+xml", "mesh.svg", b"<svg xmlns="),
+    ("ply", "application/ply", "mesh.ply", b"ply\nformat binary_little_endian 1.0\n"),
+    ("obj", "model/obj", "mesh.obj", b"# lengths in m\n"),
+    ("stl", "model/stl", "mesh.stl", b"binary STL, lengths in m "),
+    ("json", "application/json", "mesh.json", b"{\"width\":60,\"height\":40,"),
 ];
 
 #[test]

@@ -13,6 +13,7 @@ mod keys;
 mod lifecycle;
 mod load;
 mod operators;
+mod output;
 mod parameters;
 mod pictures;
 mod readme;

@@ -5,7 +5,7 @@
 //! functions as the service: `pixmesh-codec` at the borders, `pixmesh-meshing` in between.
 //!
 //! [`make_model`] and [`rasterize_model`] are the programs, [`options`] what the first one's words
-//! mean, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to,
+//! mean, [`output`] the formats that it writes, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to,
 //! [`document`] manual pages and completions. [`thesis`] prints the thesis's tables for a folder of
 //! pictures.
 
@@ -14,6 +14,7 @@ pub mod document;
 pub mod files;
 pub mod make_model;
 pub mod options;
+pub mod output;
 pub mod rasterize_model;
 pub mod thesis;
 

@@ -3,9 +3,11 @@
 use crate::attendant::Attendant;
 use crate::document::DocumentOptions;
 use crate::options::MeshOptions;
+use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_meshing::{GenerateError, Image, Model, OnThreads, Removal, Stage, generate};
+use pixmesh_codec::{Alpha, DecodeOptions, Texture};
+use pixmesh_meshing::{GenerateError, Model, OnThreads, Removal, Stage, generate};
 use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -13,8 +15,10 @@ use std::time::{Duration, Instant};
 
 /// Makes a triangle-mesh model of a picture.
 ///
-/// Reads a picture (PNM, PNG or JPEG) on standard input and writes its mesh as MODEL text on
-/// standard output: width, height, number of components and bits per sample, then the mesh as OFF.
+/// Reads a picture (PNM, PNG, JPEG, WebP, GIF, TIFF or BMP) on standard input and writes its mesh on
+/// standard output, as MODEL text: width, height, number of components and bits per sample, then the
+/// mesh as OFF. --format and the ending of --output choose glTF, SVG, PLY, OBJ, STL, JSON or the
+/// rebuilt picture instead.
 /// One of --density, --size, --psnr and --error says how large or how good the mesh is to be.
 ///
 /// Points are chosen by error diffusion of a density that follows the picture's second derivatives,
@@ -32,6 +36,14 @@ pub struct MakeModel {
     /// File to write instead of standard output
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// What becomes of the picture's alpha: keep, drop, or over:#rrggbb, composed over that colour
+    #[arg(long, help_heading = FILES, value_name = "CHOICE", default_value_t = Alpha::Keep)]
+    alpha: Alpha,
+    /// Take a JPEG, PNG, GIF or PNM that ends early as far as it goes
+    #[arg(long, help_heading = FILES)]
+    lenient: bool,
+    #[command(flatten)]
+    written: OutputOptions,
     /// File to write a line to for each removed point, in order: column, row from the bottom, and
     /// the change of the error in whole numbers
     #[arg(long, help_heading = FILES, value_name = "FILE")]
@@ -63,6 +75,13 @@ Examples:
   The smallest mesh on the way down that has at least 30 dB:
     make_model --method mgprfs --psnr 30 --stats < picture.ppm > picture.model
 
+  A watertight lithophane of 100 mm width for a printer, from a picture 400 pixels wide:
+    make_model --method mgprfs --density 20 --invert-relief --height 2.2 --base 0.8 \
+      --pixel-size 0.25 --unit mm --input picture.jpg --output lithophane.stl
+  A compressed relief of an elevation model of 16 bits, a metre a step, 30 metres a pixel:
+    make_model --method mgprfs --density 1 --z-scale 1 --pixel-size 30 --compression meshopt \
+      --input elevation.tif --output relief.glb
+
 Exit status:
   0 when the model was written, 1 when the picture or an option's value was refused, 2 when the
   command line could not be understood.
@@ -88,14 +107,26 @@ impl MakeModel {
         if let Some(text) = self.document.text(&mut Self::command())? {
             return files::write(None, &text);
         }
-        let (image, decoding) = self.read()?;
+        let input = self.input.as_deref();
+        let bytes = files::read(input)?;
+        let start = Instant::now();
+        let reading =
+            DecodeOptions { limits: files::LIMITS, alpha: self.alpha, lenient: self.lenient };
+        let image = reading.decode(&bytes).map_err(|source| CliError::Picture {
+            name: files::name(input, "standard input"),
+            source,
+        })?;
+        let decoding = start.elapsed();
+        let texture = self.written.texture(self.output.as_deref(), &bytes, &image)?;
+        drop(bytes);
+        self.written.check(image.component_count())?;
         let parameters = self.mesh.parameters(image.component_count());
         let parameters = parameters.map_err(GenerateError::from)?;
         let attendant = Attendant::new();
         let control = OnThreads(&attendant, self.threads());
         let model = generate(&image, &parameters, &control)?;
         let stages = attendant.finish();
-        let encoding = self.write(&model)?;
+        let encoding = self.write(&model, texture.as_ref())?;
         if self.stats {
             // Statistics that nobody can read are no reason to fail.
             let _ = print_statistics(&model, decoding, &stages, encoding);
@@ -103,25 +134,12 @@ impl MakeModel {
         Ok(())
     }
 
-    /// Reads the picture, and tells how long it took to decode.
-    fn read(&self) -> Result<(Image, Duration), CliError> {
-        let input = self.input.as_deref();
-        let bytes = files::read(input)?;
-        let start = Instant::now();
-        let image = pixmesh_codec::decode(&bytes, &files::LIMITS).map_err(|source| {
-            CliError::Picture { name: files::name(input, "standard input"), source }
-        })?;
-        Ok((image, start.elapsed()))
-    }
-
     /// Writes the model and the history, and tells how long the model took to encode.
-    fn write(&self, model: &Model) -> Result<Duration, CliError> {
+    fn write(&self, model: &Model, texture: Option<&Texture>) -> Result<Duration, CliError> {
         let start = Instant::now();
-        let mut text = Vec::new();
-        pixmesh_codec::write_model(&model.mesh, &mut text)
-            .map_err(pixmesh_codec::EncodeError::from)?;
+        let bytes = self.written.write(model, self.output.as_deref(), texture)?;
         let encoding = start.elapsed();
-        files::write(self.output.as_ref(), &text)?;
+        files::write(self.output.as_ref(), &bytes)?;
         if self.history_file.is_some() {
             files::write(self.history_file.as_ref(), history(&model.removals).as_bytes())?;
         }

@@ -185,7 +185,7 @@ fn choice<T: Copy + Send + Sync + 'static>(
 }
 
 /// A parser of the names of an enumeration's values.
-fn named<T: Copy + Send + Sync + 'static>(
+pub(crate) fn named<T: Copy + Send + Sync + 'static>(
     names: &'static [&'static str],
     values: &'static [T],
 ) -> impl TypedValueParser<Value = T> {

@@ -2,8 +2,10 @@
 
 use crate::attendant::Attendant;
 use crate::document::DocumentOptions;
+use crate::options::named;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser, ValueEnum};
+use pixmesh_codec::PngCompression;
 use pixmesh_meshing::rasterize;
 use std::path::PathBuf;
 
@@ -20,9 +22,13 @@ pub struct RasterizeModel {
     /// File to write instead of standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Format of the picture
-    #[arg(long, value_enum, default_value_t = PictureOut::Pnm)]
-    format: PictureOut,
+    /// Format of the picture [default: by the ending of --output, else pnm]
+    #[arg(long, value_enum)]
+    format: Option<PictureOut>,
+    /// Whether a PNG is made fast or small
+    #[arg(long, default_value = "fast",
+        value_parser = named(PngCompression::NAMES, PngCompression::ALL))]
+    png_compression: PngCompression,
     #[command(flatten)]
     document: DocumentOptions,
 }
@@ -68,10 +74,19 @@ impl RasterizeModel {
         let image = rasterize(&mesh, &attendant)?;
         let _stages = attendant.finish();
         let mut picture = Vec::new();
-        match self.format {
+        match self.format() {
             PictureOut::Pnm => pixmesh_codec::write_pnm(&image, &mut picture)?,
-            PictureOut::Png => pixmesh_codec::write_png(&image, &mut picture)?,
+            PictureOut::Png => {
+                pixmesh_codec::write_png_with(&image, self.png_compression, &mut picture)?;
+            }
         }
         files::write(self.output.as_ref(), &picture)
+    }
+
+    /// The format: the one named, else that of the file's ending, else PNM.
+    fn format(&self) -> PictureOut {
+        let ending = self.output.as_deref().and_then(|path| path.extension());
+        let is_png = ending.is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+        self.format.unwrap_or(if is_png { PictureOut::Png } else { PictureOut::Pnm })
     }
 }

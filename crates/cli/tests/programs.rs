@@ -372,3 +372,64 @@ fn manual_pages_and_completions_name_every_option() {
         }
     }
 }
+
+#[test]
+fn the_ending_of_the_output_and_the_option_choose_the_format() {
+    let folder = std::env::temp_dir().join(format!("pixmesh-formats-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let starts: [(&str, &[u8]); 10] = [
+        ("model", b"48 32 1 8\nOFF\n"),
+        ("glb", b"glTF"),
+        ("gltf", b"{\"asset\""),
+        ("svg", b"<svg "),
+        ("ply", b"ply\n"),
+        ("obj", b"# lengths"),
+        ("stl", b"binary STL"),
+        ("json", b"{\"width\":48"),
+        ("png", b"\x89PNG"),
+        ("pgm", b"P5\n48 32"),
+    ];
+    for (ending, start) in starts {
+        let path = folder.join(format!("mesh.{ending}"));
+        let words = format!("--method med --density 4 --output {}", path.display());
+        succeed(MAKE_MODEL, &words, &gray_pgm());
+        assert!(std::fs::read(&path).unwrap().starts_with(start), "{ending}");
+        if ending != "pgm" {
+            let words = format!("--method med --density 4 --format {ending}");
+            assert!(succeed(MAKE_MODEL, &words, &gray_pgm()).starts_with(start), "{ending}");
+        }
+    }
+    let model = succeed(MAKE_MODEL, "--method med --density 4", &gray_pgm());
+    let picture = folder.join("rebuilt.PNG");
+    succeed(RASTERIZE_MODEL, &format!("--output {}", picture.display()), &model);
+    assert!(std::fs::read(&picture).unwrap().starts_with(b"\x89PNG"));
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_lithophane_has_the_lengths_asked_for() {
+    let words = "--method med --density 10 --format stl --invert-relief --height 2.2 --base 0.8 \
+        --pixel-size 0.25 --unit mm";
+    let stl = succeed(MAKE_MODEL, words, &gray_pgm());
+    let z = stl[84..].chunks_exact(50).flat_map(|triangle| {
+        (0..3).map(|i| f32::from_le_bytes(triangle[20 + 12 * i..24 + 12 * i].try_into().unwrap()))
+    });
+    let (least, most) = z.fold((f32::MAX, f32::MIN), |(a, b), z| (a.min(z), b.max(z)));
+    assert_eq!(least, -0.8);
+    // The darkest sample is 40 or more.
+    assert!(most > 1.0 && most < 2.2 * 215.5 / 255.0, "{most}");
+    assert!(fail(MAKE_MODEL, "--density 4 --relief c2", &gray_pgm()).contains("component 2"));
+    assert!(fail(MAKE_MODEL, "--density 4 --height=-1", &gray_pgm()).contains("length"));
+}
+
+#[test]
+fn alpha_is_dropped_and_files_that_end_early_are_read_on_request() {
+    let pam = [&b"P7\nWIDTH 9\nHEIGHT 9\nDEPTH 2\nMAXVAL 255\nENDHDR\n"[..], &[7; 162]].concat();
+    let start = |words: &str, input: &[u8]| succeed(MAKE_MODEL, words, input)[..7].to_vec();
+    assert_eq!(start("--density 9", &pam), b"9 9 2 8");
+    assert_eq!(start("--density 9 --alpha drop", &pam), b"9 9 1 8");
+    assert_eq!(start("--density 9 --alpha over:#f00000", &pam), b"9 9 3 8");
+    let cut = &pam[..pam.len() - 50];
+    assert!(fail(MAKE_MODEL, "--density 9", cut).contains("ends early"));
+    assert_eq!(start("--density 9 --lenient", cut), b"9 9 2 8");
+}

@@ -3,6 +3,7 @@
 //! The only buffer of the size of the picture that PNG and PNM need: two bytes a sample. A file's
 //! pixels go straight to where its orientation wants them.
 
+use crate::alpha::Alpha;
 use crate::header::Header;
 use crate::orientation::Orientation;
 use pixmesh_meshing::{Image, ImageError};
@@ -95,9 +96,10 @@ impl Canvas {
         }
     }
 
-    /// The finished image.
-    pub(crate) fn into_image(self) -> Result<Image, ImageError> {
+    /// The finished image, without what is not wanted of its alpha.
+    pub(crate) fn into_image(mut self, alpha: Alpha) -> Result<Image, ImageError> {
         let Header { width, height, precision, .. } = self.header;
+        alpha.apply(&mut self.planes, precision);
         Image::from_top_down(width, height, precision, self.planes)
     }
 }
@@ -118,7 +120,7 @@ mod tests {
         canvas.put_row(Row::whole(0), &[1_u8, 2, 3]);
         canvas.put_row(Row { y: 1, first: 0, step: 2 }, &[4_u8, 6]);
         canvas.put_row(Row { y: 1, first: 1, step: 2 }, &[5_u8]);
-        let image = canvas.into_image().unwrap();
+        let image = canvas.into_image(Alpha::Keep).unwrap();
         let rows = (0..height).rev().flat_map(|y| image.row(0, y).to_vec()).collect();
         (width, rows)
     }
@@ -143,7 +145,7 @@ mod tests {
         canvas.put_row(Row::whole(0), &[1_u16, 2, 3, 4, 5, 6]);
         canvas.put_row(Row::whole(2), &[9_u16; 4]);
         canvas.put_row(Row { y: 1, first: 2, step: 1 }, &[9_u16; 4]);
-        let image = canvas.into_image().unwrap();
+        let image = canvas.into_image(Alpha::Keep).unwrap();
         assert_eq!(image.components(), [[0, 0, 1, 3], [0, 0, 2, 4]]);
     }
 }

@@ -1,43 +1,97 @@
 //! The two entries: the header alone, and the whole picture.
 
+use crate::alpha::Alpha;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
-use crate::{jpeg, png, pnm};
+use crate::{bmp, gif, jpeg, png, pnm, tiff, webp};
 use pixmesh_meshing::Image;
 
 /// The most bytes that a file's metadata may make a decoder hold.
 pub(crate) const METADATA_BYTES: usize = 8 << 20;
 
-/// Reads a picture's header and checks it against the limits.
+/// How pictures are decoded.
 ///
-/// Needs no pixel buffer, and at most 8 MiB whatever the bytes. The rest of the file is not looked
-/// at: a header that passes may still be followed by broken pixels.
+/// ```
+/// use pixmesh_codec::{Alpha, DecodeOptions};
+///
+/// let pam = b"P7\nWIDTH 2\nHEIGHT 2\nDEPTH 2\nMAXVAL 255\nENDHDR\nabcdefgh";
+/// let options = DecodeOptions { alpha: Alpha::Drop, ..DecodeOptions::default() };
+/// assert_eq!(options.probe(pam).unwrap().component_count, 1);
+/// assert_eq!(options.decode(pam).unwrap().component_count(), 1);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DecodeOptions {
+    /// The sizes that pictures may have.
+    pub limits: Limits,
+    /// What becomes of alpha.
+    pub alpha: Alpha,
+    /// Whether a JPEG, PNG, GIF or PNM that ends early is taken as far as it goes: what is missing
+    /// is black or, in a JPEG, what its decoder makes of it, usually gray. Without it every file
+    /// that ends early is refused.
+    pub lenient: bool,
+}
+
+impl DecodeOptions {
+    /// Reads a picture's header and checks it against the limits, see [`probe`].
+    ///
+    /// # Errors
+    /// As [`probe`].
+    pub fn probe(&self, bytes: &[u8]) -> Result<Header, DecodeError> {
+        let limits = &self.limits;
+        let header = match PictureFormat::sniff(bytes)? {
+            PictureFormat::Png => png::probe(bytes, limits),
+            PictureFormat::Jpeg => jpeg::probe(bytes, limits),
+            PictureFormat::Pnm => pnm::probe(bytes, limits),
+            PictureFormat::WebP => webp::probe(bytes, limits),
+            PictureFormat::Gif => gif::probe(bytes, limits),
+            PictureFormat::Tiff => tiff::probe(bytes, limits),
+            PictureFormat::Bmp => bmp::probe(bytes, limits),
+        };
+        header.map(|header| self.alpha.of_header(header))
+    }
+
+    /// Decodes a picture, see [`decode`].
+    ///
+    /// # Errors
+    /// As [`decode`].
+    pub fn decode(&self, bytes: &[u8]) -> Result<Image, DecodeError> {
+        let canvas = match PictureFormat::sniff(bytes)? {
+            PictureFormat::Png => png::decode(bytes, self),
+            PictureFormat::Jpeg => jpeg::decode(bytes, self),
+            PictureFormat::Pnm => pnm::decode(bytes, self),
+            PictureFormat::WebP => webp::decode(bytes, self),
+            PictureFormat::Gif => gif::decode(bytes, self),
+            PictureFormat::Tiff => tiff::decode(bytes, self),
+            PictureFormat::Bmp => bmp::decode(bytes, self),
+        };
+        Ok(canvas?.into_image(self.alpha)?)
+    }
+}
+
+/// Reads a picture's header and checks it against the limits, alpha kept.
+///
+/// Needs no pixel buffer, and at most 8 MiB whatever the bytes. The pixels are not looked at: a
+/// header that passes may still be followed by broken ones.
 ///
 /// # Errors
 /// When there are no bytes, the format is unknown, the header is broken or not supported, the
 /// picture is larger than the limits allow, or it has only one column or row.
 pub fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    match PictureFormat::sniff(bytes)? {
-        PictureFormat::Png => png::probe(bytes, limits),
-        PictureFormat::Jpeg => jpeg::probe(bytes, limits),
-        PictureFormat::Pnm => pnm::probe(bytes, limits),
-    }
+    DecodeOptions { limits: *limits, ..DecodeOptions::default() }.probe(bytes)
 }
 
 /// Decodes a picture: its raw samples, upright, alpha as a component like any other.
 ///
-/// Colour profiles and gamma are ignored. Memory is bounded by what the header claims, which is
-/// checked first, see [`Header::decode_bytes`]. Bytes after the picture's end are ignored; of an
-/// animated PNG the default image is decoded, of a stream of portable anymaps the first.
+/// Colour profiles and gamma (gAMA, cHRM, sRGB, cICP and iCCP of PNG, ICC profiles of the others)
+/// are ignored: samples are taken as they are stored. Memory is bounded by what the header claims,
+/// which is checked first, see [`Header::decode_bytes`]. Bytes after the picture's end are ignored;
+/// of an animation the first frame is decoded (of an animated PNG its default image), of a stream of
+/// portable anymaps or a TIFF of several pages the first.
 ///
 /// # Errors
 /// As [`probe`], and when the pixels are broken or end early.
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError> {
-    match PictureFormat::sniff(bytes)? {
-        PictureFormat::Png => png::decode(bytes, limits),
-        PictureFormat::Jpeg => jpeg::decode(bytes, limits),
-        PictureFormat::Pnm => pnm::decode(bytes, limits),
-    }
+    DecodeOptions { limits: *limits, ..DecodeOptions::default() }.decode(bytes)
 }

@@ -13,7 +13,7 @@ pub enum DecodeError {
     #[error("the file is empty")]
     Empty,
     /// The first bytes are those of no format that is read here.
-    #[error("the file is neither PNG, JPEG nor PNM")]
+    #[error("the file is neither PNG, JPEG, PNM, WebP, GIF, TIFF nor BMP")]
     UnknownFormat,
     /// The header claims more pixels than are allowed.
     #[error("an image of {width}x{height} has {pixels} pixels, more than the limit of {limit}")]
@@ -79,6 +79,14 @@ pub enum EncodeError {
         actual: usize,
         /// The most that the format stores.
         maximum: usize,
+    },
+    /// A relief is to follow a component that the image does not have.
+    #[error("the relief is to follow component {component} (counted from 0) of {count}")]
+    NoSuchComponent {
+        /// The component asked for, counted from 0.
+        component: usize,
+        /// Components of the image.
+        count: usize,
     },
     /// The file would be longer than its format can say.
     #[error("the {format} file would take {bytes} bytes, more than the {limit} that it can have")]

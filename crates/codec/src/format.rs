@@ -13,11 +13,20 @@ pub enum PictureFormat {
     Jpeg,
     /// The portable anymaps: PBM, PGM and PPM, plain and raw, and PAM.
     Pnm,
+    /// WebP, lossy or lossless.
+    WebP,
+    /// Graphics Interchange Format.
+    Gif,
+    /// Tagged Image File Format.
+    Tiff,
+    /// Windows bitmap.
+    Bmp,
 }
 
 impl PictureFormat {
     /// Every format, in the order of their declaration.
-    pub const ALL: &'static [Self] = &[Self::Png, Self::Jpeg, Self::Pnm];
+    pub const ALL: &'static [Self] =
+        &[Self::Png, Self::Jpeg, Self::Pnm, Self::WebP, Self::Gif, Self::Tiff, Self::Bmp];
 
     /// The format's usual name.
     #[must_use]
@@ -26,6 +35,10 @@ impl PictureFormat {
             Self::Png => "PNG",
             Self::Jpeg => "JPEG",
             Self::Pnm => "PNM",
+            Self::WebP => "WebP",
+            Self::Gif => "GIF",
+            Self::Tiff => "TIFF",
+            Self::Bmp => "BMP",
         }
     }
 
@@ -39,6 +52,11 @@ impl PictureFormat {
             [] => Err(DecodeError::Empty),
             [0x89, b'P', b'N', b'G', ..] => Ok(Self::Png),
             [0xFF, 0xD8, ..] => Ok(Self::Jpeg),
+            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Ok(Self::WebP),
+            [b'G', b'I', b'F', b'8', b'7' | b'9', b'a', ..] => Ok(Self::Gif),
+            // A plus sign instead of an asterisk is that of BigTIFF.
+            [b'I', b'I', b'*' | b'+', 0, ..] | [b'M', b'M', 0, b'*' | b'+', ..] => Ok(Self::Tiff),
+            [b'B', b'M', ..] => Ok(Self::Bmp),
             [b'P', b'1'..=b'7', b' ' | b'\t' | b'\r' | b'\n' | b'#', ..] => Ok(Self::Pnm),
             _ => Err(DecodeError::UnknownFormat),
         }
@@ -71,9 +89,24 @@ mod tests {
         assert_eq!(PictureFormat::sniff(b"\xFF\xD8<html>"), Ok(PictureFormat::Jpeg));
         assert_eq!(PictureFormat::sniff(b"P5\n2 2"), Ok(PictureFormat::Pnm));
         assert_eq!(PictureFormat::sniff(b"P1#c"), Ok(PictureFormat::Pnm));
+        assert_eq!(PictureFormat::sniff(b"RIFF\x10\0\0\0WEBPVP8 "), Ok(PictureFormat::WebP));
+        assert_eq!(PictureFormat::sniff(b"GIF87a"), Ok(PictureFormat::Gif));
+        assert_eq!(PictureFormat::sniff(b"GIF89a"), Ok(PictureFormat::Gif));
+        assert_eq!(PictureFormat::sniff(b"II*\0"), Ok(PictureFormat::Tiff));
+        assert_eq!(PictureFormat::sniff(b"MM\0*"), Ok(PictureFormat::Tiff));
+        assert_eq!(PictureFormat::sniff(b"BM"), Ok(PictureFormat::Bmp));
         assert_eq!(PictureFormat::sniff(b""), Err(DecodeError::Empty));
-        for other in [&b"\x89"[..], b"P", b"P5", b"P8 ", b"Pax ", b"GIF89a", b"%PDF-1.7", b"<svg>"]
-        {
+        for other in [
+            &b"\x89"[..],
+            b"P",
+            b"P5",
+            b"P8 ",
+            b"Pax ",
+            b"GIF88a",
+            b"%PDF-1.7",
+            b"<svg>",
+            b"RIFF\x10\0\0\0WAVE",
+        ] {
             assert_eq!(PictureFormat::sniff(other), Err(DecodeError::UnknownFormat));
         }
     }

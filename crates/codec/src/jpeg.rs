@@ -17,4 +17,4 @@ mod frame;
 mod read;
 mod segments;
 
-pub(crate) use read::{decode, probe};
+pub(crate) use read::{decode, plain_copy, probe};

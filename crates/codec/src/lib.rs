@@ -6,11 +6,17 @@
 //!
 //! | format | in | out |
 //! |---|---|---|
-//! | PNG | [`decode`] | [`write_png`] |
-//! | JPEG | [`decode`] | |
+//! | PNG | [`decode`] | [`write_png`], [`write_png_with`] |
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
+//! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
-//! | glTF 2.0, binary | | [`write_glb`] |
+//! | glTF 2.0 | | [`write_glb`], [`write_gltf`] |
+//! | SVG | | [`write_svg`] |
+//! | PLY, OBJ, STL | | [`write_ply`], [`write_obj`], [`write_stl`] |
+//! | JSON | | [`write_json`] |
+//!
+//! [`DecodeOptions`] say what becomes of alpha and of files that end early, [`Geometry`] how a mesh
+//! lies in space: flat, as a relief of its luma or of a component, or as a solid on a base.
 //!
 //! Rows of a file come from the top, those of an [`Image`](pixmesh_meshing::Image) from the bottom:
 //! decoders and encoders flip once, at this border.
@@ -32,26 +38,51 @@
 //! # Ok::<(), DecodeError>(())
 //! ```
 
+mod alpha;
+mod bmp;
 mod canvas;
+mod choices;
+mod color;
 mod decode;
 mod error;
+mod face_order;
 mod format;
+mod gif;
 mod gltf;
+mod guard;
 mod header;
 mod interleave;
 mod jpeg;
+mod json;
 mod limits;
+mod lines;
+mod meshopt;
 mod model;
+mod obj;
 mod orientation;
+mod ply;
 mod png;
 mod pnm;
+mod stl;
+mod surface;
+mod svg;
+mod tiff;
+mod webp;
 
-pub use decode::{decode, probe};
+pub use alpha::Alpha;
+pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
+pub use decode::{DecodeOptions, decode, probe};
 pub use error::{DecodeError, EncodeError};
 pub use format::PictureFormat;
-pub use gltf::write_glb;
+pub use gltf::{GltfOptions, Texture, write_glb, write_gltf};
 pub use header::Header;
+pub use json::write_json;
 pub use limits::Limits;
 pub use model::{ModelDefect, ModelError, probe_model, read_model, write_model};
-pub use png::write_png;
+pub use obj::write_obj;
+pub use ply::write_ply;
+pub use png::{write_png, write_png_with};
 pub use pnm::write_pnm;
+pub use stl::write_stl;
+pub use surface::{Geometry, Relief, ReliefHeight};
+pub use svg::write_svg;

@@ -5,17 +5,55 @@
 
 mod samples;
 
-use pixmesh_codec::write_glb;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use pixmesh_codec::{
+    Compression, Geometry, GltfOptions, LengthUnit, Relief, ReliefHeight, ReliefSource, Texture,
+    write_glb, write_gltf,
+};
 use pixmesh_meshing::Mesh;
-use samples::{lattice, skip};
+use proptest::strategy::{Strategy, ValueTree};
+use samples::{gradient, lattice, scattered, skip};
 use serde_json::Value;
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn glb(mesh: &Mesh) -> Vec<u8> {
+    glb_with(mesh, &GltfOptions::default())
+}
+
+fn glb_with(mesh: &Mesh, options: &GltfOptions<'_>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_glb(mesh, &mut bytes).unwrap();
+    write_glb(mesh, options, &mut bytes).unwrap();
     bytes
+}
+
+/// A relief on a base, in millimetres.
+fn solid() -> Geometry {
+    let height = ReliefHeight::Total(2.5);
+    Geometry {
+        pixel_size: 0.2,
+        relief: Some(Relief { source: ReliefSource::Luma, height, invert: true }),
+        base: 0.8,
+        unit: LengthUnit::Millimetre,
+    }
+}
+
+/// Options that every part of the writer is needed for.
+fn options(texture: &Texture) -> Vec<(&'static str, GltfOptions<'_>)> {
+    let mut all = Vec::new();
+    for compression in Compression::ALL {
+        let plain = GltfOptions { compression: *compression, ..GltfOptions::default() };
+        let relief = Geometry { relief: Some(Relief::default()), ..Geometry::default() };
+        all.push((compression.name(), plain));
+        all.push(("relief", GltfOptions { geometry: relief, ..plain }));
+        all.push(("solid", GltfOptions { geometry: solid(), ..plain }));
+        all.push(("texture", GltfOptions { texture: Some(texture), ..plain }));
+        let both = GltfOptions { texture: Some(texture), geometry: solid(), ..plain };
+        all.push(("solid_texture", both));
+    }
+    all
 }
 
 fn word(bytes: &[u8], at: usize) -> usize {
@@ -50,19 +88,32 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
 
 #[test]
 fn the_khronos_validator_finds_neither_errors_nor_warnings() {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/gltf"));
-    if !folder.join("node_modules/gltf-validator").is_dir() {
-        return skip("the glTF validator is not installed (npm ci in crates/codec/tests/gltf)");
-    }
+    let Some(folder) = node_folder("gltf-validator") else { return };
     let temporary = std::env::temp_dir().join(format!("pixmesh-glb-{}", std::process::id()));
     std::fs::create_dir_all(&temporary).unwrap();
     let mut command = Command::new("node");
     command.arg("validate.mjs").current_dir(folder);
     let meshes = meshes();
-    for (name, mesh) in &meshes {
-        let path = temporary.join(name).with_extension("glb");
-        std::fs::write(&path, glb(mesh)).unwrap();
+    let textures = [Texture::of_image(&scattered(9, 7, 3, 16)).unwrap(), jpeg_texture()];
+    let mut count = 0;
+    let mut add = |bytes: Vec<u8>, name: &str| {
+        count += 1;
+        let path = temporary.join(format!("{count}_{name}"));
+        std::fs::write(&path, bytes).unwrap();
         command.arg(path);
+    };
+    for (name, mesh) in &meshes {
+        add(glb(mesh), &format!("{name}.glb"));
+        for (options_name, options) in options(&textures[count_of(name) % 2]) {
+            if mesh.points().len() < 1000 {
+                add(glb_with(mesh, &options), &format!("{name}_{options_name}.glb"));
+            }
+        }
+    }
+    for (name, options) in options(&textures[0]) {
+        let mut bytes = Vec::new();
+        write_gltf(&lattice(5, 4, 3, 8), &options, &mut bytes).unwrap();
+        add(bytes, &format!("{name}.gltf"));
     }
     let output = command.output();
     std::fs::remove_dir_all(&temporary).unwrap();
@@ -71,11 +122,135 @@ fn the_khronos_validator_finds_neither_errors_nor_warnings() {
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let reports = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(reports.lines().count(), meshes.len());
+    assert_eq!(reports.lines().count(), count);
     for report in reports.lines() {
         let parsed: Value = serde_json::from_str(report).unwrap();
         assert_eq!((&parsed["errors"], &parsed["warnings"]), (&0.into(), &0.into()), "{report}");
     }
+}
+
+fn count_of(name: &str) -> usize {
+    name.len()
+}
+
+/// A JPEG carried as it is.
+fn jpeg_texture() -> Texture {
+    let image = gradient(16, 9, 3);
+    let jpeg = samples::jpeg(&image, 80);
+    let texture = Texture::of_file(&jpeg, &image).unwrap();
+    assert_eq!(texture.media_type(), "image/jpeg");
+    texture
+}
+
+/// The folder of the programs for Node.js, where the package that one needs is installed.
+fn node_folder(package: &str) -> Option<PathBuf> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/web"));
+    if folder.join("node_modules").join(package).is_dir() {
+        return Some(folder.to_owned());
+    }
+    skip(&format!("{package} is not installed (npm ci in crates/codec/tests/web)"));
+    None
+}
+
+/// A triangle's corners as positions and colours, from the least on.
+type Corners = Vec<(Vec<u16>, Vec<u16>)>;
+
+/// Runs the decoder of the library that defines the compression.
+fn decompressed(paths: &[PathBuf]) -> Option<Vec<(Value, Vec<Vec<u8>>)>> {
+    let folder = node_folder("meshoptimizer")?;
+    let mut command = Command::new("node");
+    command.arg("decompress.mjs").args(paths).current_dir(folder);
+    let Ok(output) = command.output() else {
+        skip("node is not installed, so that compressed glTF files are not read");
+        return None;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let files = lines.lines().map(|line| {
+        let parsed: Value = serde_json::from_str(line).unwrap();
+        let views = parsed["views"].as_array().unwrap().iter();
+        let views = views.map(|view| STANDARD.decode(view.as_str().unwrap()).unwrap()).collect();
+        (parsed["document"].clone(), views)
+    });
+    Some(files.collect())
+}
+
+/// Sixteen-bit numbers of one record of a view.
+fn record(view: &[u8], stride: usize, index: usize, count: usize) -> Vec<u16> {
+    let bytes = &view[index * stride..][..2 * count];
+    bytes.as_chunks().0.iter().map(|&pair| u16::from_le_bytes(pair)).collect()
+}
+
+/// The triangles of the views of positions, colours and indices, rotated to their least corner.
+fn triangles(document: &Value, views: &[Vec<u8>]) -> BTreeSet<Corners> {
+    let long = document["accessors"].as_array().unwrap().last().unwrap()["componentType"] == 5125;
+    let indices: Vec<usize> = if long {
+        views[2].as_chunks().0.iter().map(|&word| u32::from_le_bytes(word) as usize).collect()
+    } else {
+        views[2].as_chunks().0.iter().map(|&word| u16::from_le_bytes(word).into()).collect()
+    };
+    let names = &document["meshes"][0]["primitives"][0]["attributes"];
+    let (position, color) = (names["POSITION"].as_u64(), names["COLOR_0"].as_u64());
+    let corner = |&index: &usize| {
+        let position = record(&views[position.unwrap() as usize], 8, index, 3);
+        (position, record(&views[color.unwrap() as usize], 8, index, 4))
+    };
+    let faces = indices.chunks_exact(3).map(|face| {
+        let mut corners: Corners = face.iter().map(corner).collect();
+        let least = (0..3).min_by_key(|&i| corners[i].clone()).unwrap();
+        corners.rotate_left(least);
+        corners
+    });
+    faces.collect()
+}
+
+#[test]
+fn compressed_files_hold_the_same_triangles_for_the_library_that_defines_them() {
+    let folder = std::env::temp_dir().join(format!("pixmesh-meshopt-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut meshes: Vec<Mesh> = meshes().into_iter().map(|(_, mesh)| mesh).collect();
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    for _ in 0..40 {
+        meshes.push(samples::meshes().new_tree(&mut runner).unwrap().current());
+    }
+    let write = |mesh: &Mesh, index: usize| {
+        let options = GltfOptions { compression: Compression::Meshopt, ..GltfOptions::default() };
+        let path = folder.join(format!("{index}.glb"));
+        std::fs::write(&path, glb_with(mesh, &options)).unwrap();
+        path
+    };
+    let paths: Vec<PathBuf> =
+        meshes.iter().enumerate().map(|(index, mesh)| write(mesh, index)).collect();
+    let files = decompressed(&paths);
+    std::fs::remove_dir_all(&folder).unwrap();
+    let Some(files) = files else { return };
+    assert_eq!(files.len(), meshes.len());
+    for (mesh, (document, views)) in meshes.iter().zip(&files) {
+        let options = GltfOptions { compression: Compression::Quantized, ..GltfOptions::default() };
+        let plain = glb_with(mesh, &options);
+        let (plain_document, buffer) = parts(&plain);
+        let plain_views: Vec<Vec<u8>> = plain_document["bufferViews"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|view| {
+                let at = view["byteOffset"].as_u64().unwrap() as usize;
+                buffer[at..][..view["byteLength"].as_u64().unwrap() as usize].to_vec()
+            })
+            .collect();
+        assert_eq!(triangles(document, views), triangles(&plain_document, &plain_views));
+    }
+}
+
+#[test]
+fn compression_makes_large_meshes_several_times_smaller() {
+    let mesh = lattice(200, 200, 3, 8);
+    let size =
+        |compression| glb_with(&mesh, &GltfOptions { compression, ..GltfOptions::default() }).len();
+    let (plain, quantized) = (size(Compression::None), size(Compression::Quantized));
+    let compressed = size(Compression::Meshopt);
+    println!("40000 vertices: {plain} bytes, quantized {quantized}, compressed {compressed}");
+    assert!(quantized < plain && 2 * compressed < quantized);
 }
 
 #[test]

@@ -6,6 +6,9 @@ use super::grammar::{decimal, flag, malformed, whole_between};
 use super::{Choices, Order};
 use crate::extract::accept::Format;
 use crate::problem::Problem;
+use pixmesh_codec::{
+    Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
+};
 use pixmesh_meshing::{
     Boundary, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_MEAN_ERROR,
     MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed, Method, ParameterError,
@@ -47,6 +50,8 @@ pub enum Takes {
     Flag,
     /// One of these words.
     Word(&'static [&'static str]),
+    /// A text of this regular expression.
+    Pattern(&'static str),
 }
 
 /// Puts a value where it belongs.
@@ -166,8 +171,12 @@ fn put_word<T: FromStr<Err = ParameterError>>(
 const MAX_SIZE: u64 = u32::MAX as u64;
 const LEAST_SIZE: u64 = MIN_SIZE as u64;
 const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
+/// The longest length, whatever the unit, and the smallest pixel: 32-bit floating-point positions
+/// hold both.
+const MAX_LENGTH: f64 = 1e9;
+const MIN_PIXEL_SIZE: f64 = 1e-9;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 26] = [
+pub static TABLE: [Parameter; 39] = [
     word!(method: Method, "The method, which sets every other parameter; one given explicitly wins. Default: mgprfs.",
         |order| Some(order.method.to_string())),
     decimal!(
@@ -292,6 +301,73 @@ pub static TABLE: [Parameter; 26] = [
     whole!(seed, "Seed of the random initial points.", 0, u64::MAX, |order| Some(
         order.parameters.seed.to_string()
     )),
+    Parameter {
+        name: "alpha",
+        about: "What becomes of the image's alpha: keep, a component like any other; drop; or over:#rrggbb, composed over that colour (in a query the # is %23, or is left out). Default: keep.",
+        takes: Takes::Pattern("^(keep|drop|over:#?[0-9A-Fa-f]{6})$"),
+        read: Reader::Word(|choices, text| put_word(&mut choices.alpha, text)),
+        show: |order| (order.output.alpha != Alpha::Keep).then(|| order.output.alpha.to_string()),
+    },
+    flag!(
+        lenient,
+        "Whether a JPEG, PNG, GIF or PNM that ends early is taken as far as it goes instead of refused. Default: false.",
+        |order| order.output.lenient.then(|| "true".to_owned())
+    ),
+    word!(relief: ReliefSource, "Formats with three dimensions: the luma or the component whose samples become z. Without it the mesh is flat, and an STL follows the luma.",
+        |order| order.output.geometry.relief.map(|relief| relief.source.to_string())),
+    decimal!(
+        height,
+        "The relief's height at the largest sample that the precision allows, in unit; makes a relief. Default: a tenth of the longer side.",
+        0.0,
+        MAX_LENGTH,
+        |order| match order.output.geometry.relief?.height {
+            ReliefHeight::Total(height) => Some(height.to_string()),
+            _ => None,
+        }
+    ),
+    decimal!(
+        z_scale,
+        "The relief's height per step of a sample, in unit, as in elevation models; makes a relief; instead of height.",
+        0.0,
+        MAX_LENGTH,
+        |order| match order.output.geometry.relief?.height {
+            ReliefHeight::PerSample(height) => Some(height.to_string()),
+            _ => None,
+        }
+    ),
+    flag!(
+        invert_relief,
+        "Whether dark is high and bright is low, as lithophanes want it; makes a relief. Default: false.",
+        |order| order.output.geometry.relief?.invert.then(|| "true".to_owned())
+    ),
+    decimal!(
+        base,
+        "How far a base reaches below the least height, in unit, which makes the mesh a watertight solid. Default: 0, none; for an STL a quarter of the relief's height.",
+        0.0,
+        MAX_LENGTH,
+        |order| Some(order.output.geometry.base)
+            .filter(|base| *base > 0.0)
+            .map(|base| base.to_string())
+    ),
+    decimal!(
+        pixel_size,
+        "The length from one pixel to the next in formats with three dimensions, in unit. Default: 1.",
+        MIN_PIXEL_SIZE,
+        MAX_LENGTH,
+        |order| Some(order.output.geometry.pixel_size)
+            .filter(|size| *size != 1.0)
+            .map(|size| size.to_string())
+    ),
+    word!(unit: LengthUnit, "The unit of lengths, m or mm: glTF, whose unit is the metre, is scaled to it; other formats hold the numbers as they are. Default: m.",
+        |order| Some(order.output.geometry.unit).filter(|unit| *unit != LengthUnit::default()).map(|unit| unit.to_string())),
+    word!(compression: Compression, "How glTF stores vertices and indices: none, as 16-bit integers (KHR_mesh_quantization), or those compressed (EXT_meshopt_compression). Default: none.",
+        |order| Some(order.output.compression).filter(|kind| *kind != Compression::default()).map(|kind| kind.to_string())),
+    word!(texture: Texturing, "What glTF shows: the vertices' colours, or the image itself, embedded. Default: none.",
+        |order| Some(order.output.texture).filter(|kind| *kind != Texturing::default()).map(|kind| kind.to_string())),
+    word!(shading: Shading, "How SVG fills triangles: flat, or with the gradients that the mesh stands for. Default: flat.",
+        |order| Some(order.output.shading).filter(|kind| *kind != Shading::default()).map(|kind| kind.to_string())),
+    word!(png_compression: PngCompression, "Whether a PNG is made fast, or small at many times the time. Default: fast.",
+        |order| Some(order.output.png_compression).filter(|kind| *kind != PngCompression::default()).map(|kind| kind.to_string())),
     word!(format: Format, "The format of the answer; wins over the Accept header. Default: model.",
         |order| order.format.map(|format| format.name().to_owned())),
 ];

@@ -9,7 +9,7 @@ use crate::admission::Cost;
 use crate::extract::accept::{self, Format, Representation};
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
-use crate::extract::params::ParameterSet;
+use crate::extract::params::{Output, ParameterSet};
 use crate::jobs::record::{MeshFigures, Record, State as JobState};
 use crate::pipeline;
 use crate::pool;
@@ -58,8 +58,8 @@ pub(super) async fn of(
     request: &HeaderMap,
 ) -> Result<Response, Problem> {
     let mesh = mesh_of(record)?;
-    let ordered = ParameterSet::of_query(Some(&record.order))?.finish()?.format;
-    let representation = accept::choose_rather(ordered, format, request)?;
+    let order = ParameterSet::of_query(Some(&record.order))?.finish()?;
+    let representation = accept::choose_rather(order.format, format, request)?;
     let tag = tag(mesh, representation);
     let mut headers = answer::headers_of(representation, &tag)?;
     if answer::is_known(request, &tag) {
@@ -69,7 +69,7 @@ pub(super) async fn of(
     match representation.format {
         Format::Model => stored(service, mesh, headers, request, &tag).await,
         format => {
-            let bytes = converted(service, &record.owner, record, mesh, format).await?;
+            let bytes = converted(service, record, mesh, format, order.output).await?;
             let length = bytes.len() as u64;
             let part = answer::part(request, &tag, length)?;
             let sent = match &part {
@@ -135,10 +135,10 @@ async fn stored(
 /// The mesh in another format.
 async fn converted(
     service: &Service,
-    owner: &Owner,
     record: &Record,
     mesh: &MeshFigures,
     format: Format,
+    output: Output,
 ) -> Result<Bytes, Problem> {
     let picture = record.picture.shape;
     let shape = Shape {
@@ -149,12 +149,12 @@ async fn converted(
     };
     let cost = Cost::of_conversion(shape, mesh.vertices, mesh.bytes, format);
     let deadline = Instant::now() + service.deadline;
-    let ticket = service.admission.admit(owner, cost, deadline).await?;
+    let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
     let digest = mesh.digest.parse().map_err(|e| internal("a mesh's digest is damaged", &e))?;
     let model = service.jobs.blobs.get(digest).await?;
     let limits = service.pictures;
     let (bytes, memory) = pool::run(ticket, deadline, move |watch, ticket| {
-        let bytes = pipeline::convert(model, format, &limits, watch)?;
+        let bytes = pipeline::convert(model, format, &output, &limits, watch)?;
         let _ = watch.finish();
         let memory = ticket.keep(bytes.len());
         Ok((bytes, memory))

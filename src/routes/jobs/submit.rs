@@ -145,7 +145,7 @@ async fn submit(
     order: &Order,
 ) -> Result<Submission, Problem> {
     let idempotency_key = idempotency::key_of(headers)?;
-    let header = pixmesh_codec::probe(&upload.bytes, &service.pictures)?;
+    let header = order.output.reading(&service.pictures).probe(&upload.bytes)?;
     let plan = order.plan(&header)?;
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, Format::Model)
         .with_file(upload.bytes.len() as u64);

@@ -36,7 +36,12 @@ pub(super) fn value(row: &Row) -> Option<Value> {
 
 fn order(density: f64) -> Order {
     let parameters = DEFAULT_METHOD.parameters(Target::Density(density));
-    Order { method: DEFAULT_METHOD, parameters, format: None }
+    Order {
+        method: DEFAULT_METHOD,
+        parameters,
+        output: crate::extract::params::Output::default(),
+        format: None,
+    }
 }
 
 /// A document of a kind of problem.

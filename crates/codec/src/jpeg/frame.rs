@@ -1,6 +1,7 @@
 //! What a JPEG says of its picture, and whether its scans can hold it.
 
 use super::segments::{APP0, APP1, APP14, APP15, COM, DNL, EOI, SOI, SOS, Segment, Segments};
+use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::limits::Limits;
@@ -49,8 +50,12 @@ impl Frame {
     }
 
     /// Reads the whole file, and gives back what a decoder needs of it: no metadata, nothing
-    /// between the segments, nothing after the end of the image.
-    pub(super) fn read_all(bytes: &[u8], limits: &Limits) -> Result<(Self, Vec<u8>), DecodeError> {
+    /// between the segments, nothing after the end of the image. When the options are lenient, the
+    /// file may end within any scan.
+    pub(super) fn read_all(
+        bytes: &[u8],
+        options: &DecodeOptions,
+    ) -> Result<(Self, Vec<u8>), DecodeError> {
         let mut essence = Vec::with_capacity(bytes.len());
         essence.extend([0xFF, SOI]);
         let mut keep = |segment: Segment<'_>, entropy_coded: &[u8]| {
@@ -59,17 +64,19 @@ impl Frame {
             essence.extend_from_slice(entropy_coded);
         };
         let mut segments = Segments::new(bytes);
-        let (mut frame, first) = read_to_scan(&mut segments, limits, &mut keep)?;
-        frame.read_scans(&mut segments, first, &mut keep)?;
+        let (mut frame, first) = read_to_scan(&mut segments, &options.limits, &mut keep)?;
+        frame.read_scans(&mut segments, first, options.lenient, &mut keep)?;
         essence.extend([0xFF, EOI]);
         Ok((frame, essence))
     }
 
-    /// Reads the scans up to the end-of-image marker, and checks that they hold the picture.
+    /// Reads the scans up to the end-of-image marker, and checks that they hold the picture; when
+    /// lenient, up to the end of the file at the latest, and takes what there is.
     fn read_scans<'a>(
         &mut self,
         segments: &mut Segments<'a>,
         first: Segment<'a>,
+        lenient: bool,
         keep: &mut impl FnMut(Segment<'a>, &[u8]),
     ) -> Result<(), DecodeError> {
         let mut segment = first;
@@ -81,8 +88,13 @@ impl Frame {
                     if scan_count > MAX_SCANS {
                         return Err(malformed(format!("it has more than {MAX_SCANS} scans")));
                     }
-                    let entropy_coded = segments.skip_entropy_coded()?;
-                    self.check_scan(segment, entropy_coded.len())?;
+                    let entropy_coded = if lenient {
+                        segments.take_entropy_coded()
+                    } else {
+                        segments.skip_entropy_coded()?
+                    };
+                    let length = if lenient { usize::MAX } else { entropy_coded.len() };
+                    self.check_scan(segment, length)?;
                     keep(segment, entropy_coded);
                 }
                 EOI => break,
@@ -93,11 +105,16 @@ impl Frame {
                 marker if is_essential(marker) => keep(segment, &[]),
                 _ => {}
             }
-            segment = segments.next()?;
+            segment = match segments.next() {
+                Err(_) if lenient => return Ok(()),
+                next => next?,
+            };
         }
         match self.components.iter().find(|component| !component.seen) {
-            Some(Component { id, .. }) => Err(malformed(format!("component {id} has no scan"))),
-            None => Ok(()),
+            Some(Component { id, .. }) if !lenient => {
+                Err(malformed(format!("component {id} has no scan")))
+            }
+            _ => Ok(()),
         }
     }
 

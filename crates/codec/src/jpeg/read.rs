@@ -2,16 +2,17 @@
 
 use super::frame::Frame;
 use crate::canvas::{Canvas, Row};
+use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
+use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
+use crate::orientation::Orientation;
 use image::codecs::jpeg::JpegDecoder;
 use image::error::ImageError as DecoderError;
 use image::{ColorType, ImageDecoder};
-use pixmesh_meshing::Image;
 use std::io::Cursor;
-use std::panic::catch_unwind;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
@@ -19,16 +20,29 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError> {
-    let (frame, essence) = Frame::read_all(bytes, limits)?;
+pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+    let (frame, essence) = Frame::read_all(bytes, options)?;
     let header = header(&frame);
-    let pixels = decode_guarded(&frame, header.component_count, essence)?;
+    let pixels =
+        guarded(PictureFormat::Jpeg, || decode_stored(&frame, header.component_count, essence))?;
     let mut canvas = Canvas::new(header, frame.orientation);
     for (y, row) in pixels.chunks_exact(frame.width * header.component_count).enumerate() {
         canvas.put_row(Row::whole(y), row);
     }
-    drop(pixels);
-    Ok(canvas.into_image()?)
+    Ok(canvas)
+}
+
+/// A copy of a JPEG without its metadata, where readers that know no orientation and no inks show
+/// the same picture.
+pub(crate) fn plain_copy(bytes: &[u8]) -> Option<Vec<u8>> {
+    if PictureFormat::sniff(bytes) != Ok(PictureFormat::Jpeg) {
+        return None;
+    }
+    let any_size = Limits { max_pixels: u64::MAX, max_side: usize::MAX };
+    let options = DecodeOptions { limits: any_size, ..DecodeOptions::default() };
+    let (frame, essence) = Frame::read_all(bytes, &options).ok()?;
+    let plain = frame.orientation == Orientation::default() && frame.components.len() < 4;
+    plain.then_some(essence)
 }
 
 /// What the frame header means for the decoded image.
@@ -38,19 +52,8 @@ fn header(frame: &Frame) -> Header {
     Header { format: PictureFormat::Jpeg, width, height, component_count, precision: 8 }
 }
 
-/// The pixels as stored, their components side by side, rows from the top.
-fn decode_guarded(
-    frame: &Frame,
-    component_count: usize,
-    essence: Vec<u8>,
-) -> Result<Vec<u8>, DecodeError> {
-    // The decoder belongs to others and is known to panic on some contradictory files; those that
-    // the walk does not refuse must not take their caller down.
-    let decoded = catch_unwind(|| decode_stored(frame, component_count, essence));
-    decoded.unwrap_or_else(|_| Err(PictureFormat::Jpeg.malformed("its decoder gave up")))
-}
-
-/// Decodes what the walk through the segments has left of the file.
+/// Decodes what the walk through the segments has left of the file: the pixels as stored, their
+/// components side by side, rows from the top.
 ///
 /// The decoder enforces no limit of memory itself: the buffer is ours, and is only made when the
 /// decoder has understood the same size as the walk.

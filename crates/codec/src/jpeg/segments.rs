@@ -84,6 +84,15 @@ impl<'a> Segments<'a> {
         }
     }
 
+    /// As [`Self::skip_entropy_coded`], up to the end of the file where no marker follows.
+    pub(super) fn take_entropy_coded(&mut self) -> &'a [u8] {
+        let start = self.position;
+        self.skip_entropy_coded().unwrap_or_else(|_| {
+            self.position = self.bytes.len();
+            self.bytes.get(start..).unwrap_or_default()
+        })
+    }
+
     /// Offset and second byte of the next marker. Of several fill bytes 0xFF the last belongs to
     /// the marker; 0xFF before a zero is data.
     fn skip_to_marker(&self) -> Option<(usize, u8)> {

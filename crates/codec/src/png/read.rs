@@ -4,21 +4,27 @@
 //! nothing. A palette becomes RGB of 8 bits; transparency, be it of the palette or of one colour,
 //! becomes a component. The orientation in an eXIf chunk is applied when the chunk stands before
 //! the pixels. Text and iCCP chunks are skipped and never inflated; all other chunks together may
-//! take 8 MiB. Checksums of critical chunks are verified up to the last IDAT; what follows is not
-//! read, so a file cut there is accepted.
+//! take 8 MiB. Checksums of critical chunks are verified up to the last IDAT; what follows must run
+//! up to the end of IEND and is not looked at. Of an animated PNG the default image is decoded, which
+//! nearly always is the first frame.
 
 use super::interlace::stored_rows;
 use super::pixels::Pixels;
 use crate::canvas::Canvas;
-use crate::decode::METADATA_BYTES;
+use crate::decode::{DecodeOptions, METADATA_BYTES};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
-use pixmesh_meshing::Image;
 use png::{Decoder, DecodingError, Reader};
 use std::io::{Cursor, ErrorKind};
+
+/// Bytes before the first chunk.
+const SIGNATURE_BYTES: usize = 8;
+
+/// Bytes of a chunk beside its data: length, kind and checksum.
+const CHUNK_FRAME_BYTES: usize = 12;
 
 /// The most bytes of a stored pixel: four samples of 16 bits.
 const MAX_PIXEL_BYTES: usize = 8;
@@ -29,7 +35,11 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError> {
+pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+    let limits = &options.limits;
+    if !options.lenient {
+        check_chunks(bytes)?;
+    }
     let row_bytes = limits.max_side.saturating_mul(MAX_PIXEL_BYTES);
     let Source { mut reader, mut pixels, header, orientation } =
         Source::open(bytes, limits, row_bytes)?;
@@ -38,14 +48,36 @@ pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError
     let mut canvas = Canvas::new(header, orientation);
     let mut samples = Vec::new();
     for row in stored_rows(width, height, interlaced) {
-        let stored = reader.next_row().map_err(refusal)?;
+        let stored = match reader.next_row() {
+            Err(error) if options.lenient && is_end(&error) => return Ok(canvas),
+            stored => stored.map_err(refusal)?,
+        };
         let stored = stored.ok_or_else(|| PictureFormat::Png.malformed("rows are missing"))?;
         let count = (width - row.first).div_ceil(row.step);
         pixels.unpack(stored.data(), count, &mut samples)?;
         canvas.put_row(row, &samples);
     }
-    check_end(&mut reader)?;
-    Ok(canvas.into_image()?)
+    match check_end(&mut reader) {
+        Err(_) if options.lenient => {}
+        result => result?,
+    }
+    Ok(canvas)
+}
+
+/// Checks that the chunks run up to the last, whatever they hold.
+fn check_chunks(bytes: &[u8]) -> Result<(), DecodeError> {
+    let early = || PictureFormat::Png.malformed("it ends early");
+    let mut rest = bytes.get(SIGNATURE_BYTES..).unwrap_or_default();
+    loop {
+        let (length, kind) = match rest {
+            [a, b, c, d, kind @ ..] => (u32::from_be_bytes([*a, *b, *c, *d]), kind),
+            _ => return Err(early()),
+        };
+        rest = rest.get(CHUNK_FRAME_BYTES + length as usize..).ok_or_else(early)?;
+        if kind.starts_with(b"IEND") {
+            return Ok(());
+        }
+    }
 }
 
 /// A PNG that is open up to its first pixel.
@@ -86,6 +118,11 @@ fn check_end(reader: &mut Reader<Cursor<&[u8]>>) -> Result<(), DecodeError> {
     }
 }
 
+/// Tells whether an error is that of a file that ends early.
+fn is_end(error: &DecodingError) -> bool {
+    matches!(error, DecodingError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof)
+}
+
 /// The decoder's error in the terms of this crate.
 fn refusal(error: DecodingError) -> DecodeError {
     let format = PictureFormat::Png;
@@ -93,9 +130,7 @@ fn refusal(error: DecodingError) -> DecodeError {
         DecodingError::LimitsExceeded => {
             DecodeError::MetadataTooLarge { format, limit: METADATA_BYTES }
         }
-        DecodingError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof => {
-            format.malformed("it ends early")
-        }
+        error if is_end(&error) => format.malformed("it ends early"),
         other => format.malformed(other.to_string()),
     }
 }

@@ -5,6 +5,7 @@
 //! it has: `v` becomes `v (2^to - 1) / (2^from - 1)`, rounded to the nearest integer, so that black
 //! and white stay what they are, and an sBIT chunk tells the true precision.
 
+use crate::choices::PngCompression;
 use crate::error::EncodeError;
 use crate::interleave::interleave_row;
 use pixmesh_meshing::Image;
@@ -14,13 +15,25 @@ use std::io::{self, Write};
 /// Bytes of compressed pixels that go into one chunk.
 const CHUNK_BYTES: usize = 1 << 16;
 
-/// Writes an image as PNG, compressed with the `png` crate's fast setting.
+/// Writes an image as PNG, fast.
+///
+/// # Errors
+/// As [`write_png_with`].
+pub fn write_png(image: &Image, out: &mut impl Write) -> Result<(), EncodeError> {
+    write_png_with(image, PngCompression::Fast, out)
+}
+
+/// Writes an image as PNG, fast or small.
 ///
 /// Rows are filtered and compressed one by one, so that no second copy of the image is made.
 ///
 /// # Errors
 /// [`EncodeError::ComponentCount`] for more than four components, and whatever `out` fails with.
-pub fn write_png(image: &Image, out: &mut impl Write) -> Result<(), EncodeError> {
+pub fn write_png_with(
+    image: &Image,
+    compression: PngCompression,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
     let component_count = image.component_count();
     let color = color_type(component_count)?;
     let depth = bit_depth(component_count, image.precision());
@@ -28,7 +41,10 @@ pub fn write_png(image: &Image, out: &mut impl Write) -> Result<(), EncodeError>
     let mut encoder = Encoder::new(out, image.width() as u32, image.height() as u32);
     encoder.set_color(color);
     encoder.set_depth(depth);
-    encoder.set_compression(Compression::Fast);
+    encoder.set_compression(match compression {
+        PngCompression::Fast => Compression::Fastest,
+        PngCompression::Small => Compression::Balanced,
+    });
     let mut writer = encoder.write_header().map_err(io_error)?;
     if scale.from != scale.to {
         let bits = vec![image.precision(); component_count];

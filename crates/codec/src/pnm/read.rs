@@ -7,12 +7,12 @@
 
 use super::scanner::Scanner;
 use crate::canvas::{Canvas, Row};
+use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
-use pixmesh_meshing::Image;
 
 /// The largest maxval.
 const MAX_MAXVAL: u64 = 65_535;
@@ -23,10 +23,12 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, DecodeError> {
-    let anymap = Anymap::read_header(bytes, limits)?;
-    anymap.check_length()?;
-    anymap.read_raster()
+pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+    let anymap = Anymap::read_header(bytes, &options.limits)?;
+    if !options.lenient {
+        anymap.check_length()?;
+    }
+    anymap.read_raster(options.lenient)
 }
 
 /// How the samples are written.
@@ -153,13 +155,17 @@ impl<'a> Anymap<'a> {
         Ok(())
     }
 
-    fn read_raster(mut self) -> Result<Image, DecodeError> {
+    /// Reads the pixels, of a file that ends early as far as it goes.
+    fn read_raster(mut self, lenient: bool) -> Result<Canvas, DecodeError> {
         let mut canvas = Canvas::new(self.header, Orientation::default());
         match self.coding {
-            Coding::PlainBits | Coding::PlainNumbers => self.read_plain(&mut canvas)?,
+            Coding::PlainBits | Coding::PlainNumbers => match self.read_plain(&mut canvas) {
+                Err(_) if lenient && self.raster.rest().is_empty() => {}
+                result => result?,
+            },
             Coding::RawBits | Coding::RawNumbers => self.read_raw(&mut canvas)?,
         }
-        Ok(canvas.into_image()?)
+        Ok(canvas)
     }
 
     fn read_plain(&mut self, canvas: &mut Canvas) -> Result<(), DecodeError> {

@@ -3,6 +3,8 @@
 // Each test program uses its own part of this.
 #![allow(dead_code)]
 
+pub(crate) mod encoders;
+
 use pixmesh_meshing::{Image, Mesh, Point, Shape};
 use proptest::prelude::*;
 use std::path::PathBuf;

@@ -1,0 +1,204 @@
+//! The bytes of a mesh's vertices: positions, normals, colours and places on the texture.
+//!
+//! As floating-point numbers they are in the file's unit. As 16-bit integers they are the picture's
+//! own: `x` and `y` are columns and rows, and `z` is 0 to 65535 over the range of depths; the node
+//! scales them. Normals of integers are those of the unscaled surface, as its readers expect.
+
+use super::srgb::linear_table;
+use crate::surface::{Surface, unit};
+
+/// One attribute of all vertices.
+pub(super) struct Attribute {
+    pub(super) name: &'static str,
+    pub(super) kind: &'static str,
+    pub(super) component_type: u32,
+    pub(super) normalized: bool,
+    /// Bytes from one vertex to the next, a multiple of four.
+    pub(super) stride: usize,
+    /// The least and largest of each component, where the format wants them.
+    pub(super) bounds: Option<[[f32; 3]; 2]>,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// How integers become lengths.
+#[derive(Clone, Copy)]
+pub(super) struct Lattice {
+    /// The length of one step in `x`, `y` and `z`.
+    pub(super) scale: [f64; 3],
+    /// The `z` of 0.
+    pub(super) bottom: f64,
+}
+
+impl Lattice {
+    /// The lattice of a surface; `None` where 16 bits do not hold its columns and rows.
+    pub(super) fn of(surface: &Surface<'_>) -> Option<Self> {
+        let shape = surface.mesh().shape();
+        if shape.width.max(shape.height) > 1 << 16 {
+            return None;
+        }
+        let pixel_size = surface.geometry().pixel_size;
+        let [bottom, top] = surface.depth_range();
+        let step = if top > bottom { (top - bottom) / f64::from(u16::MAX) } else { 1.0 };
+        Some(Self { scale: [pixel_size, pixel_size, step], bottom })
+    }
+
+    /// The place of a position, rounded to the nearest.
+    fn place(&self, [x, y, z]: [f64; 3]) -> [u16; 3] {
+        let steps = |length: f64, step: f64| (length / step + 0.5) as u16;
+        let [scale_x, scale_y, scale_z] = self.scale;
+        [steps(x, scale_x), steps(y, scale_y), steps(z - self.bottom, scale_z)]
+    }
+}
+
+/// Positions, as integers on a lattice or as floating-point numbers.
+pub(super) fn positions(surface: &Surface<'_>, lattice: Option<Lattice>) -> Attribute {
+    let mut bounds = Bounds::default();
+    let mut bytes = Vec::with_capacity(surface.vertex_count() * 12);
+    for position in surface.positions() {
+        match lattice {
+            Some(lattice) => {
+                let [x, y, z] = lattice.place(position);
+                bounds.add([x, y, z].map(f32::from));
+                bytes.extend_from_slice([x, y, z, 0].map(u16::to_le_bytes).as_flattened());
+            }
+            None => {
+                let position = position.map(|length| length as f32);
+                bounds.add(position);
+                bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+            }
+        }
+    }
+    let integers = lattice.is_some();
+    Attribute {
+        name: "POSITION",
+        kind: "VEC3",
+        component_type: number_type(integers, super::document::UNSIGNED_SHORT),
+        normalized: false,
+        stride: if integers { 8 } else { 12 },
+        bounds: Some([bounds.least, bounds.largest]),
+        bytes,
+    }
+}
+
+/// Unit normals.
+pub(super) fn normals(surface: &Surface<'_>, lattice: Option<Lattice>) -> Attribute {
+    let mut bytes = Vec::with_capacity(surface.vertex_count() * 12);
+    for normal in surface.normals() {
+        match lattice {
+            Some(Lattice { scale, .. }) => {
+                // Readers multiply with the inverse of the scale.
+                let [x, y, z] = normal;
+                let normal = unit([x * scale[0], y * scale[1], z * scale[2]]);
+                let [x, y, z] = normal.map(signed_16);
+                bytes.extend_from_slice([x, y, z, 0].map(i16::to_le_bytes).as_flattened());
+            }
+            None => {
+                let normal = normal.map(|part| part as f32);
+                bytes.extend_from_slice(normal.map(f32::to_le_bytes).as_flattened());
+            }
+        }
+    }
+    let integers = lattice.is_some();
+    Attribute {
+        name: "NORMAL",
+        kind: "VEC3",
+        component_type: number_type(integers, super::document::SHORT),
+        normalized: integers,
+        stride: if integers { 8 } else { 12 },
+        bounds: None,
+        bytes,
+    }
+}
+
+/// Linear red, green, blue and alpha of 16 bits: with 8 bits dark gradients would show bands.
+pub(super) fn colors(surface: &Surface<'_>) -> Attribute {
+    let mesh = surface.mesh();
+    let table = linear_table(mesh.shape().precision);
+    let largest = u64::from(u16::MAX >> (16 - mesh.shape().precision));
+    let linear = |sample: u16| table.get(usize::from(sample)).copied().unwrap_or(u16::MAX);
+    let alpha = |sample: u16| ((2 * u64::from(sample) * 65535 + largest) / (2 * largest)) as u16;
+    let mut bytes = Vec::with_capacity(surface.vertex_count() * 8);
+    for vertex in 0..surface.vertex_count() {
+        let color = match *mesh.vertex_samples(surface.origin(vertex)) {
+            [gray] => [linear(gray), linear(gray), linear(gray), u16::MAX],
+            [gray, opacity] => [linear(gray), linear(gray), linear(gray), alpha(opacity)],
+            [red, green, blue, opacity] => {
+                [linear(red), linear(green), linear(blue), alpha(opacity)]
+            }
+            [red, green, blue, ..] => [linear(red), linear(green), linear(blue), u16::MAX],
+            [] => [0; 4],
+        };
+        bytes.extend_from_slice(color.map(u16::to_le_bytes).as_flattened());
+    }
+    Attribute {
+        name: "COLOR_0",
+        kind: "VEC4",
+        component_type: super::document::UNSIGNED_SHORT,
+        normalized: true,
+        stride: 8,
+        bounds: None,
+        bytes,
+    }
+}
+
+/// Places on the picture, `v` down: a lattice point is the middle of its pixel.
+pub(super) fn texture_places(surface: &Surface<'_>, integers: bool) -> Attribute {
+    let mesh = surface.mesh();
+    let (width, height) = (mesh.shape().width as f64, mesh.shape().height as f64);
+    let mut bytes = Vec::with_capacity(surface.vertex_count() * 8);
+    for vertex in 0..surface.vertex_count() {
+        let point = mesh.points().get(surface.origin(vertex));
+        let [x, y] = point.map_or([0.0; 2], |p| [f64::from(p.x), f64::from(p.y)]);
+        let place = [(x + 0.5) / width, (height - 0.5 - y) / height];
+        if integers {
+            let place = place.map(|part| (part * f64::from(u16::MAX) + 0.5) as u16);
+            bytes.extend_from_slice(place.map(u16::to_le_bytes).as_flattened());
+        } else {
+            let place = place.map(|part| part as f32);
+            bytes.extend_from_slice(place.map(f32::to_le_bytes).as_flattened());
+        }
+    }
+    Attribute {
+        name: "TEXCOORD_0",
+        kind: "VEC2",
+        component_type: number_type(integers, super::document::UNSIGNED_SHORT),
+        normalized: integers,
+        stride: if integers { 4 } else { 8 },
+        bounds: None,
+        bytes,
+    }
+}
+
+fn number_type(integers: bool, integer_type: u32) -> u32 {
+    if integers { integer_type } else { super::document::FLOAT }
+}
+
+/// A number of -1 to 1 as a normalised 16-bit integer, rounded to the nearest.
+fn signed_16(part: f64) -> i16 {
+    let scaled = part * f64::from(i16::MAX);
+    if scaled < 0.0 { (scaled - 0.5) as i16 } else { (scaled + 0.5) as i16 }
+}
+
+/// The bounds of positions.
+struct Bounds {
+    least: [f32; 3],
+    largest: [f32; 3],
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { least: [f32::INFINITY; 3], largest: [f32::NEG_INFINITY; 3] }
+    }
+}
+
+impl Bounds {
+    fn add(&mut self, position: [f32; 3]) {
+        for (axis, part) in position.into_iter().enumerate() {
+            if let (Some(least), Some(largest)) =
+                (self.least.get_mut(axis), self.largest.get_mut(axis))
+            {
+                (*least, *largest) = (least.min(part), largest.max(part));
+            }
+        }
+    }
+}

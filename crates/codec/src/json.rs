@@ -1,0 +1,83 @@
+//! JSON, out: the figures and the arrays, for clients on the web.
+//!
+//! Arrays are flat, so that they become typed arrays as they are: `positions` holds `x, y, z` of
+//! each vertex, `samples` the components of each vertex at the image's precision, `colors` red,
+//! green, blue and alpha of each vertex as sRGB of 0 to 255, `triangles` three indices of each face.
+
+use crate::color::Colors;
+use crate::error::EncodeError;
+use crate::lines::Lines;
+use crate::surface::{Geometry, Surface};
+use pixmesh_meshing::{Fidelity, Mesh};
+use std::io::{self, Write};
+
+/// Writes a mesh as one JSON object. The PSNR of a perfect copy, which is infinite, is `null`, as
+/// are both figures of a mesh whose fidelity is not known.
+///
+/// # Errors
+/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, and whatever `out` fails with.
+pub fn write_json(
+    mesh: &Mesh,
+    fidelity: Option<&Fidelity>,
+    geometry: &Geometry,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    let surface = Surface::new(mesh, geometry)?;
+    let shape = mesh.shape();
+    let mut lines = Lines::new(out);
+    let mut figure = |name: &str, value: usize| {
+        lines.text(name);
+        lines.integer(value);
+    };
+    figure("{\"width\":", shape.width);
+    figure(",\"height\":", shape.height);
+    figure(",\"components\":", shape.component_count);
+    figure(",\"precision\":", shape.precision.into());
+    figure(",\"vertices\":", surface.vertex_count());
+    figure(",\"faces\":", surface.face_count());
+    put_number(",\"mse\":", fidelity.map(Fidelity::mse), &mut lines);
+    put_number(",\"psnr_db\":", fidelity.map(Fidelity::psnr_db), &mut lines);
+    lines.text(",\"unit\":\"");
+    lines.text(geometry.unit.name());
+    lines.end("\"")?;
+    put_array(",\"positions\":[", surface.positions(), &mut lines, Lines::decimal)?;
+    let origins = || (0..surface.vertex_count()).map(|vertex| surface.origin(vertex));
+    let samples = origins().map(|origin| mesh.vertex_samples(origin).iter().copied());
+    put_array(",\"samples\":[", samples, &mut lines, Lines::integer)?;
+    let palette = Colors::new(shape);
+    let colors = origins().map(|origin| palette.rgba(mesh.vertex_samples(origin)));
+    put_array(",\"colors\":[", colors, &mut lines, Lines::integer)?;
+    put_array(",\"triangles\":[", surface.faces(), &mut lines, Lines::integer)?;
+    lines.end("}\n")?;
+    lines.flush()?;
+    Ok(())
+}
+
+/// Appends a number, `null` where it is not known or not finite.
+fn put_number<W: Write>(name: &str, number: Option<f64>, lines: &mut Lines<'_, W>) {
+    lines.text(name);
+    match number.filter(|number| number.is_finite()) {
+        Some(number) => lines.decimal(number),
+        None => lines.text("null"),
+    }
+}
+
+/// Appends records one after the other, their numbers between commas.
+fn put_array<'a, W: Write, R: IntoIterator>(
+    name: &str,
+    records: impl Iterator<Item = R>,
+    lines: &mut Lines<'a, W>,
+    put: impl Fn(&mut Lines<'a, W>, R::Item),
+) -> io::Result<()> {
+    lines.text(name);
+    let mut separator = "";
+    for record in records {
+        for number in record {
+            lines.text(separator);
+            put(lines, number);
+            separator = ",";
+        }
+        lines.end("")?;
+    }
+    lines.end("]")
+}

@@ -1,0 +1,61 @@
+//! PLY, out: binary, with the vertices' colours.
+//!
+//! Positions are 32-bit floating-point numbers, colours sRGB of 8 bits with alpha where there is
+//! some, faces lists of three 32-bit indices; all little-endian.
+//!
+//! Literature: Greg Turk, "The PLY Polygon File Format", 1994.
+
+use crate::color::Colors;
+use crate::error::EncodeError;
+use crate::surface::{Geometry, Surface};
+use pixmesh_meshing::Mesh;
+use std::io::{BufWriter, Write};
+
+/// Writes a mesh as binary PLY.
+///
+/// # Errors
+/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, and whatever `out` fails with.
+pub fn write_ply(
+    mesh: &Mesh,
+    geometry: &Geometry,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    let surface = Surface::new(mesh, geometry)?;
+    let colors = Colors::new(mesh.shape());
+    let mut out = BufWriter::new(out);
+    write_header(&surface, &colors, &mut out)?;
+    for (vertex, position) in surface.positions().enumerate() {
+        out.write_all(position.map(|length| (length as f32).to_le_bytes()).as_flattened())?;
+        let color = colors.rgba(mesh.vertex_samples(surface.origin(vertex)));
+        let shown = if colors.has_alpha() { 4 } else { 3 };
+        out.write_all(color.get(..shown).unwrap_or_default())?;
+    }
+    for face in surface.faces() {
+        out.write_all(&[3])?;
+        out.write_all(face.map(u32::to_le_bytes).as_flattened())?;
+    }
+    out.flush()?;
+    Ok(())
+}
+
+fn write_header(
+    surface: &Surface<'_>,
+    colors: &Colors,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    writeln!(out, "comment lengths in {}", surface.geometry().unit)?;
+    writeln!(out, "element vertex {}", surface.vertex_count())?;
+    for axis in ["x", "y", "z"] {
+        writeln!(out, "property float {axis}")?;
+    }
+    for name in ["red", "green", "blue"] {
+        writeln!(out, "property uchar {name}")?;
+    }
+    if colors.has_alpha() {
+        writeln!(out, "property uchar alpha")?;
+    }
+    writeln!(out, "element face {}", surface.face_count())?;
+    writeln!(out, "property list uchar int vertex_indices\nend_header")?;
+    Ok(())
+}

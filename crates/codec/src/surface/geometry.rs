@@ -1,0 +1,157 @@
+//! How a mesh is to lie in space, and the height of each sample vector.
+
+use crate::choices::{LengthUnit, ReliefSource};
+use crate::error::EncodeError;
+use pixmesh_meshing::Shape;
+
+/// A default height is the picture's longer side divided by this.
+const SIDE_PER_HEIGHT: f64 = 10.0;
+
+/// How a mesh lies in space; lengths are in `unit`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// The length from one pixel to the next, over 0.
+    pub pixel_size: f64,
+    /// What becomes `z`; without it the mesh is flat.
+    pub relief: Option<Relief>,
+    /// How far a base reaches below `z = 0`; 0 for none, which leaves the surface open.
+    pub base: f64,
+    /// What the lengths are measured in. Formats that have a unit are converted to it, others get
+    /// the numbers as they are.
+    pub unit: LengthUnit,
+}
+
+impl Default for Geometry {
+    /// Flat, one pixel a metre.
+    fn default() -> Self {
+        Self { pixel_size: 1.0, relief: None, base: 0.0, unit: LengthUnit::Metre }
+    }
+}
+
+/// What becomes a relief's height.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Relief {
+    /// What the height follows.
+    pub source: ReliefSource,
+    /// How high it is.
+    pub height: ReliefHeight,
+    /// Dark is high and bright is low, as lithophanes want it.
+    pub invert: bool,
+}
+
+/// How high a relief is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ReliefHeight {
+    /// The largest sample that the precision allows has a tenth of the picture's longer side.
+    #[default]
+    Tenth,
+    /// The largest sample that the precision allows has this height.
+    Total(f64),
+    /// Each step of a sample has this height, as in elevation models.
+    PerSample(f64),
+}
+
+impl Geometry {
+    /// Checks that the relief can follow what it is to follow.
+    ///
+    /// # Errors
+    /// [`EncodeError::NoSuchComponent`] when an image of `component_count` has not got it.
+    pub fn check(&self, component_count: usize) -> Result<(), EncodeError> {
+        let component = match self.relief.map(|relief| relief.source) {
+            None | Some(ReliefSource::Luma) => return Ok(()),
+            Some(ReliefSource::First) => 0,
+            Some(ReliefSource::Second) => 1,
+            Some(ReliefSource::Third) => 2,
+            Some(ReliefSource::Fourth) => 3,
+        };
+        if component < component_count {
+            return Ok(());
+        }
+        Err(EncodeError::NoSuchComponent { component, count: component_count })
+    }
+
+    /// The height of the largest sample that the precision allows.
+    #[must_use]
+    pub fn total_height(&self, shape: Shape) -> f64 {
+        let largest = f64::from(u16::MAX >> (16 - shape.precision));
+        match self.relief.map(|relief| relief.height) {
+            None => 0.0,
+            Some(ReliefHeight::Tenth) => self.tenth(shape),
+            Some(ReliefHeight::Total(height)) => height,
+            Some(ReliefHeight::PerSample(height)) => height * largest,
+        }
+    }
+
+    /// The same with a base, where it has none, that a solid can stand on: a quarter of the
+    /// relief's height, of a flat mesh a fortieth of its longer side.
+    #[must_use]
+    pub fn with_base(self, shape: Shape) -> Self {
+        if self.base > 0.0 {
+            return self;
+        }
+        let height = self.total_height(shape);
+        let height = if height > 0.0 { height } else { self.tenth(shape) };
+        Self { base: height / 4.0, ..self }
+    }
+
+    /// A tenth of the longer side.
+    fn tenth(&self, shape: Shape) -> f64 {
+        (shape.width.max(shape.height)) as f64 * self.pixel_size / SIDE_PER_HEIGHT
+    }
+
+    /// The heights of an image's samples.
+    pub(super) fn heights(&self, shape: Shape) -> Result<Heights, EncodeError> {
+        self.check(shape.component_count)?;
+        let largest = u32::from(u16::MAX >> (16 - shape.precision)) * LUMA_SUM;
+        let total = self.total_height(shape);
+        Ok(Heights { relief: self.relief, largest, total })
+    }
+}
+
+/// The luma's weights of red, green and blue, in thousandths.
+const LUMA_WEIGHTS: [u32; 3] = [299, 587, 114];
+/// Their sum, in which heights are counted: 1000 is one step of a sample.
+const LUMA_SUM: u32 = 1000;
+
+/// The heights of sample vectors.
+pub(super) struct Heights {
+    relief: Option<Relief>,
+    /// The largest height, in thousandths of a step.
+    largest: u32,
+    /// What it stands for.
+    total: f64,
+}
+
+impl Heights {
+    /// The height of a sample vector.
+    pub(super) fn of(&self, samples: &[u16]) -> f64 {
+        let Some(relief) = self.relief else { return 0.0 };
+        let component = |i: usize| samples.get(i).map_or(0, |&sample| u32::from(sample) * LUMA_SUM);
+        let steps = match relief.source {
+            ReliefSource::Luma => luma(samples),
+            ReliefSource::First => component(0),
+            ReliefSource::Second => component(1),
+            ReliefSource::Third => component(2),
+            ReliefSource::Fourth => component(3),
+        };
+        let steps = if relief.invert { self.largest - steps.min(self.largest) } else { steps };
+        f64::from(steps) * self.total / f64::from(self.largest)
+    }
+
+    /// The largest height that any sample vector could have.
+    pub(super) fn largest(&self) -> f64 {
+        self.total
+    }
+}
+
+/// The luma in thousandths of a step.
+fn luma(samples: &[u16]) -> u32 {
+    match *samples {
+        [red, green, blue, ..] => {
+            let colour = [red, green, blue].map(u32::from);
+            colour.iter().zip(LUMA_WEIGHTS).map(|(sample, weight)| sample * weight).sum()
+        }
+        [gray, ..] => u32::from(gray) * LUMA_SUM,
+        [] => 0,
+    }
+}

@@ -1,0 +1,88 @@
+//! TIFF, in: the first page.
+//!
+//! Gray of 1, 2, 4, 8 and 16 bits and RGB of 8 and 16 keep their bits, with or without an alpha
+//! component (premultiplied alpha stays so); palettes become RGB of 16 bits, which is how TIFF stores
+//! them; CMYK becomes RGB. Strips and tiles, both byte orders, components side by side or one after
+//! the other; uncompressed, LZW, Deflate, PackBits and fax group 4. The orientation tag is applied.
+//! Not read, and refused as such: BigTIFF, floating-point and signed samples, YCbCr and Lab, JPEG
+//! within TIFF.
+//!
+//! The first directory is read here, so that its sizes are checked before the decoder sees them.
+//!
+//! Literature: Adobe, "TIFF, Revision 6.0", 1992.
+
+mod directory;
+mod samples;
+
+use crate::canvas::{Canvas, Row};
+use crate::decode::{DecodeOptions, METADATA_BYTES};
+use crate::error::DecodeError;
+use crate::format::PictureFormat;
+use crate::guard::guarded;
+use crate::header::Header;
+use crate::limits::Limits;
+use directory::{Directory, Meaning};
+use samples::Samples;
+use std::borrow::Cow;
+use std::io::Cursor;
+use tiff::decoder::{Decoder, DecodingResult};
+use tiff::{TiffError, TiffUnsupportedError};
+
+/// Reads the header, see [`probe`](crate::probe).
+pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
+    header(&Directory::read(bytes)?, limits)
+}
+
+/// Decodes the first page, see [`decode`](crate::decode()).
+pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+    let directory = Directory::read(bytes)?;
+    let header = header(&directory, &options.limits)?;
+    directory.check_chunks()?;
+    let stored = guarded(PictureFormat::Tiff, || read_stored(bytes, &directory))?;
+    let mut canvas = Canvas::new(header, directory.orientation);
+    let mut samples = Samples::new(&directory, &stored)?;
+    for y in 0..directory.height as usize {
+        canvas.put_row(Row::whole(y), samples.row(y)?);
+    }
+    Ok(canvas)
+}
+
+/// What the directory means for the decoded image.
+fn header(directory: &Directory<'_>, limits: &Limits) -> Result<Header, DecodeError> {
+    let (width, height) = limits.check(directory.width.into(), directory.height.into())?;
+    let (width, height) = directory.orientation.upright(width, height);
+    let (component_count, precision) = directory.shape()?;
+    Ok(Header { format: PictureFormat::Tiff, width, height, component_count, precision })
+}
+
+/// The samples as stored, several to a byte where they have less than 8 bits.
+fn read_stored(bytes: &[u8], directory: &Directory<'_>) -> Result<DecodingResult, DecodeError> {
+    let mut limits = tiff::decoder::Limits::default();
+    limits.decoding_buffer_size = directory.stored_bytes();
+    limits.ifd_value_size = METADATA_BYTES;
+    limits.intermediate_buffer_size = bytes.len();
+    let source = match directory.meaning {
+        // The decoder knows no palettes: it gets told that the indices are gray.
+        Meaning::Indexed => Cow::Owned(directory.as_gray(bytes)),
+        _ => Cow::Borrowed(bytes),
+    };
+    let mut decoder = Decoder::new(Cursor::new(source)).map_err(refusal)?.with_limits(limits);
+    let mut stored = DecodingResult::U8(Vec::new());
+    decoder.read_image_to_buffer(&mut stored).map_err(refusal)?;
+    Ok(stored)
+}
+
+/// The decoder's error in the terms of this crate.
+fn refusal(error: TiffError) -> DecodeError {
+    let format = PictureFormat::Tiff;
+    match error {
+        TiffError::UnsupportedError(TiffUnsupportedError::UnsupportedCompressionMethod(method)) => {
+            format.unsupported(format!("compression {method:?} is not supported"))
+        }
+        TiffError::UnsupportedError(error) => format.unsupported(error.to_string()),
+        TiffError::IoError(_) => {
+            format.malformed("it ends early, or its compressed data are broken")
+        }
+        other => format.malformed(other.to_string()),
+    }
+}

@@ -1,0 +1,139 @@
+//! From the stored samples of a TIFF to those of the image.
+
+use super::directory::{Directory, Meaning};
+use crate::error::DecodeError;
+use crate::format::PictureFormat;
+use tiff::decoder::DecodingResult;
+
+/// The rows of a decoded page.
+pub(super) struct Samples<'a> {
+    stored: &'a DecodingResult,
+    width: usize,
+    height: usize,
+    depth: u8,
+    /// Samples of a pixel that the decoder has kept.
+    stored_count: usize,
+    planar: bool,
+    meaning: Meaning,
+    /// All reds, all greens, all blues.
+    palette: Vec<u16>,
+    row: Vec<u16>,
+}
+
+impl<'a> Samples<'a> {
+    /// # Errors
+    /// When there are fewer samples than the directory promised.
+    pub(super) fn new(
+        directory: &Directory<'_>,
+        stored: &'a DecodingResult,
+    ) -> Result<Self, DecodeError> {
+        let Directory { width, height, depth, planar, meaning, .. } = *directory;
+        let (width, height) = (width as usize, height as usize);
+        let stored_count = match meaning {
+            Meaning::Plain(count) => count,
+            Meaning::Indexed => 1,
+            Meaning::Cmyk => 4,
+        };
+        let row = if planar { width } else { width * stored_count };
+        let rows = if planar { height * stored_count } else { height };
+        let (needed, actual) = match stored {
+            DecodingResult::U8(bytes) => (packed(row, depth) * rows, bytes.len()),
+            DecodingResult::U16(words) => (row * rows, words.len()),
+            _ => (usize::MAX, 0),
+        };
+        if actual < needed {
+            return Err(PictureFormat::Tiff.malformed("samples are missing"));
+        }
+        let palette = if meaning == Meaning::Indexed { directory.palette()? } else { Vec::new() };
+        let row = Vec::with_capacity(width * stored_count);
+        Ok(Self { stored, width, height, depth, stored_count, planar, meaning, palette, row })
+    }
+
+    /// The samples of row `y` from the top, the components side by side.
+    pub(super) fn row(&mut self, y: usize) -> Result<&[u16], DecodeError> {
+        self.row.clear();
+        if self.planar && self.stored_count > 1 {
+            self.read_planes(y);
+        } else {
+            self.read_row(y, self.width * self.stored_count);
+        }
+        match self.meaning {
+            Meaning::Plain(_) => {}
+            Meaning::Indexed => self.expand_palette()?,
+            Meaning::Cmyk => self.convert_cmyk(),
+        }
+        Ok(&self.row)
+    }
+
+    /// Appends a row of `count` stored samples.
+    fn read_row(&mut self, y: usize, count: usize) {
+        match self.stored {
+            DecodingResult::U16(words) => {
+                self.row.extend(words.iter().skip(y * count).take(count));
+            }
+            DecodingResult::U8(bytes) if self.depth == 8 => {
+                self.row.extend(bytes.iter().skip(y * count).take(count).map(|&b| u16::from(b)));
+            }
+            DecodingResult::U8(bytes) => {
+                let depth = self.depth;
+                let mask = u16::MAX >> (16 - depth);
+                let length = packed(count, depth);
+                let shifts = move || (0..8).step_by(depth.into()).rev();
+                let row = bytes.iter().skip(y * length).take(length);
+                let samples =
+                    row.flat_map(|&byte| shifts().map(move |s| u16::from(byte) >> s & mask));
+                self.row.extend(samples.take(count));
+            }
+            _ => {}
+        }
+    }
+
+    /// Puts the rows of all components side by side.
+    fn read_planes(&mut self, y: usize) {
+        let (width, count) = (self.width, self.stored_count);
+        for component in 0..count {
+            self.read_row(component * self.height + y, width);
+        }
+        let planes = self.row.clone();
+        for (x, pixel) in self.row.chunks_exact_mut(count).enumerate() {
+            for (component, sample) in pixel.iter_mut().enumerate() {
+                *sample = planes.get(component * width + x).copied().unwrap_or_default();
+            }
+        }
+    }
+
+    /// Replaces indices by their colours.
+    fn expand_palette(&mut self) -> Result<(), DecodeError> {
+        let count = self.palette.len() / 3;
+        let indices = std::mem::take(&mut self.row);
+        self.row.reserve(3 * indices.len());
+        for index in indices {
+            for component in 0..3 {
+                let sample = self.palette.get(component * count + usize::from(index));
+                let missing = || PictureFormat::Tiff.malformed("a pixel has no colour");
+                self.row.push(*sample.ok_or_else(missing)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Replaces inks by red, green and blue: the product of what each ink and black let through.
+    fn convert_cmyk(&mut self) {
+        let largest = u64::from(u16::MAX >> (16 - self.depth));
+        let inks = std::mem::take(&mut self.row);
+        self.row.reserve(inks.len());
+        for pixel in inks.chunks_exact(4) {
+            let &[cyan, magenta, yellow, black] = pixel else { continue };
+            let through = |ink: u16| {
+                let product = (largest - u64::from(ink)) * (largest - u64::from(black));
+                ((2 * product + largest) / (2 * largest)) as u16
+            };
+            self.row.extend([cyan, magenta, yellow].map(through));
+        }
+    }
+}
+
+/// Bytes of so many samples.
+fn packed(count: usize, depth: u8) -> usize {
+    (count * usize::from(depth)).div_ceil(8)
+}

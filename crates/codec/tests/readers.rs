@@ -1,0 +1,246 @@
+//! PLY, OBJ, STL and GLB as trimesh and meshio read them, and JSON as anybody reads it.
+
+// A test is told that something is wrong by a panic, helpers of tests too.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
+
+mod samples;
+
+use pixmesh_codec::{
+    Geometry, GltfOptions, LengthUnit, Relief, ReliefHeight, ReliefSource, write_glb, write_json,
+    write_obj, write_ply, write_stl,
+};
+use pixmesh_meshing::{Fidelity, Mesh};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use samples::{lattice, meshes, skip};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What the libraries say of files; `None` where they are not installed.
+fn read_by_libraries(paths: &[PathBuf]) -> Option<Vec<Value>> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/readers"));
+    let python = folder.join("venv/bin/python");
+    if !python.is_file() {
+        skip("trimesh and meshio are not installed (a venv in crates/codec/tests/readers)");
+        return None;
+    }
+    let output = Command::new(python).arg(folder.join("read.py")).args(paths).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // meshio prints blank lines of its own.
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let lines = lines.lines().filter(|line| line.starts_with('{'));
+    Some(lines.map(|line| serde_json::from_str(line).unwrap()).collect())
+}
+
+/// A lithophane in millimetres.
+fn lithophane() -> Geometry {
+    let height = ReliefHeight::Total(2.2);
+    Geometry {
+        pixel_size: 0.25,
+        relief: Some(Relief { source: ReliefSource::Luma, height, invert: true }),
+        base: 0.8,
+        unit: LengthUnit::Millimetre,
+    }
+}
+
+/// An elevation model: a metre a step, thirty metres a pixel.
+fn elevation() -> Geometry {
+    let height = ReliefHeight::PerSample(1.0);
+    Geometry {
+        pixel_size: 30.0,
+        relief: Some(Relief { height, ..Relief::default() }),
+        ..Geometry::default()
+    }
+}
+
+type Writer = fn(&Mesh, &Geometry, &mut Vec<u8>);
+
+const WRITERS: [(&str, Writer); 4] = [
+    ("ply", |mesh, geometry, bytes| write_ply(mesh, geometry, bytes).unwrap()),
+    ("obj", |mesh, geometry, bytes| write_obj(mesh, geometry, bytes).unwrap()),
+    ("stl", |mesh, geometry, bytes| write_stl(mesh, geometry, bytes).unwrap()),
+    ("glb", |mesh, geometry, bytes| {
+        let options = GltfOptions { geometry: *geometry, ..GltfOptions::default() };
+        write_glb(mesh, &options, bytes).unwrap();
+    }),
+];
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        number => vec![number.as_f64().unwrap()],
+    }
+}
+
+fn close(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-5 * (1.0 + b.abs()))
+}
+
+#[test]
+fn trimesh_and_meshio_read_what_was_written() {
+    let folder = std::env::temp_dir().join(format!("pixmesh-readers-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut meshes_ = vec![lattice(9, 6, 1, 16), lattice(9, 6, 3, 8), lattice(5, 7, 4, 8)];
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let drawn = (0..4).map(|_| meshes().new_tree(&mut runner).unwrap().current());
+    meshes_.extend(drawn);
+    let geometries =
+        [("flat", Geometry::default()), ("elevation", elevation()), ("litho", lithophane())];
+    let mut cases = Vec::new();
+    for (number, mesh) in meshes_.iter().enumerate() {
+        for (name, geometry) in geometries {
+            for (extension, write) in WRITERS {
+                let path = folder.join(format!("{number}_{name}.{extension}"));
+                let mut bytes = Vec::new();
+                write(mesh, &geometry, &mut bytes);
+                std::fs::write(&path, bytes).unwrap();
+                cases.push((path, mesh, geometry, extension));
+            }
+        }
+    }
+    let paths: Vec<PathBuf> = cases.iter().map(|case| case.0.clone()).collect();
+    let reports = read_by_libraries(&paths);
+    std::fs::remove_dir_all(&folder).unwrap();
+    let Some(reports) = reports else { return };
+    assert_eq!(reports.len(), cases.len());
+    for ((path, mesh, geometry, extension), report) in cases.into_iter().zip(&reports) {
+        check(&path, mesh, geometry, extension, report);
+    }
+}
+
+/// Checks what the libraries say of one file.
+fn check(path: &Path, mesh: &Mesh, geometry: Geometry, extension: &str, report: &Value) {
+    let shape = mesh.shape();
+    // STL is always a solid, others are where they have a base.
+    let geometry = if extension == "stl" {
+        let relief = Some(geometry.relief.unwrap_or_default());
+        Geometry { relief, ..geometry }.with_base(shape)
+    } else {
+        geometry
+    };
+    let solid = geometry.base > 0.0;
+    let rim = 2 * (mesh.points().len() - 1) - mesh.faces().len();
+    let faces = mesh.faces().len() + if solid { 3 * rim } else { 0 };
+    let vertices = mesh.points().len() + if solid { rim + 1 } else { 0 };
+    let metres = match (extension, geometry.unit) {
+        ("glb", LengthUnit::Millimetre) => 0.001,
+        _ => 1.0,
+    };
+    let by_trimesh = &report["trimesh"];
+    assert_eq!(by_trimesh["faces"], faces, "{path:?}");
+    assert_eq!(by_trimesh["vertices"], vertices, "{path:?}");
+    assert_eq!(by_trimesh["watertight"], solid, "{path:?}: {report}");
+    assert_eq!(by_trimesh["winding"], true, "{path:?}");
+    let bounds = numbers(&by_trimesh["bounds"]);
+    let side = |side: usize| (side - 1) as f64 * geometry.pixel_size * metres;
+    assert!(close(&bounds[..2], &[0.0, 0.0]), "{path:?}: {bounds:?}");
+    assert!(close(&bounds[3..5], &[side(shape.width), side(shape.height)]), "{path:?}: {bounds:?}");
+    if solid {
+        assert!(close(&bounds[2..3], &[-geometry.base * metres]), "{path:?}: {bounds:?}");
+        let area = side(shape.width) * side(shape.height);
+        let volume = by_trimesh["volume"].as_f64().unwrap();
+        let (least, most) =
+            (geometry.base * metres, (geometry.base + geometry.total_height(shape)) * metres);
+        assert!(
+            volume > 0.999 * area * least && volume < 1.001 * area * most,
+            "{path:?}: {volume}"
+        );
+    } else if geometry.relief.is_some() {
+        let largest = mesh.samples().iter().max().unwrap();
+        assert!(bounds[5] <= f64::from(*largest) + 1e-6, "{path:?}: {bounds:?}");
+    } else {
+        assert!(close(&[bounds[2], bounds[5]], &[0.0, 0.0]), "{path:?}: {bounds:?}");
+    }
+    if matches!(extension, "ply" | "obj") && shape.precision == 8 && shape.component_count >= 3 {
+        let expected = mesh.vertex_samples(0).iter().map(|&sample| f64::from(sample));
+        let expected: Vec<f64> = expected.take(3).collect();
+        assert!(close(&numbers(&by_trimesh["color"])[..3], &expected), "{path:?}: {report}");
+    }
+    if extension != "glb" {
+        let by_meshio = &report["meshio"];
+        assert_eq!(by_meshio["faces"], faces, "{path:?}");
+        // meshio does not unite the corners of STL's triangles.
+        if extension != "stl" {
+            assert_eq!(by_meshio["vertices"], vertices, "{path:?}");
+        }
+        assert!(close(&numbers(&by_meshio["bounds"]), &bounds), "{path:?}: {report}");
+    }
+}
+
+#[test]
+fn a_solid_is_written_in_the_order_of_its_parts() {
+    let mesh = samples::crossings(&[0, 2], &[0, 2], 1, 8, |i| [0, 255, 51, 102][i]);
+    let mut obj = Vec::new();
+    let relief = Relief { height: ReliefHeight::Total(5.0), ..Relief::default() };
+    let geometry = Geometry { relief: Some(relief), base: 0.5, ..Geometry::default() };
+    write_obj(&mesh, &geometry, &mut obj).unwrap();
+    let expected = "\
+        # lengths in m\no picture\n\
+        v 0 0 0 0.0000 0.0000 0.0000\nv 2 0 5 1.0000 1.0000 1.0000\n\
+        v 0 2 1 0.2000 0.2000 0.2000\nv 2 2 2 0.4000 0.4000 0.4000\n\
+        v 0 0 -0.5 0.0000 0.0000 0.0000\nv 2 0 -0.5 1.0000 1.0000 1.0000\n\
+        v 2 2 -0.5 0.4000 0.4000 0.4000\nv 0 2 -0.5 0.2000 0.2000 0.2000\n\
+        v 1 1 -0.5 0.0000 0.0000 0.0000\n\
+        f 1 2 4\nf 1 4 3\n\
+        f 2 1 5\nf 2 5 6\nf 6 5 9\nf 4 2 6\nf 4 6 7\nf 7 6 9\n\
+        f 3 4 7\nf 3 7 8\nf 8 7 9\nf 1 3 8\nf 1 8 5\nf 5 8 9\n";
+    assert_eq!(String::from_utf8(obj).unwrap(), expected);
+}
+
+proptest! {
+    #[test]
+    fn json_holds_the_mesh(mesh in meshes(), squared_error in 0..1000_u64) {
+        let shape = mesh.shape();
+        let sample_count = (shape.width * shape.height * shape.component_count) as u64;
+        let fidelity = Fidelity { squared_error, sample_count, precision: shape.precision };
+        let mut bytes = Vec::new();
+        write_json(&mesh, Some(&fidelity), &Geometry::default(), &mut bytes).unwrap();
+        let parsed: Value = serde_json::from_slice(&bytes).unwrap();
+        for (name, value) in [
+            ("width", shape.width), ("height", shape.height), ("components", shape.component_count),
+            ("precision", shape.precision.into()), ("vertices", mesh.points().len()),
+            ("faces", mesh.faces().len()),
+        ] {
+            prop_assert_eq!(&parsed[name], value);
+        }
+        prop_assert!(close(&[parsed["mse"].as_f64().unwrap()], &[fidelity.mse()]));
+        let psnr = parsed["psnr_db"].as_f64().unwrap_or(f64::INFINITY);
+        prop_assert!((psnr - fidelity.psnr_db()).abs() < 1e-9 || psnr == fidelity.psnr_db());
+        let positions: Vec<f64> =
+            mesh.points().iter().flat_map(|p| [p.x.into(), p.y.into(), 0.0]).collect();
+        prop_assert_eq!(numbers(&parsed["positions"]), positions);
+        let samples: Vec<f64> = mesh.samples().iter().map(|&sample| sample.into()).collect();
+        prop_assert_eq!(numbers(&parsed["samples"]), samples);
+        let triangles: Vec<f64> = mesh.faces().iter().flatten().map(|&i| i.into()).collect();
+        prop_assert_eq!(numbers(&parsed["triangles"]), triangles);
+        prop_assert_eq!(numbers(&parsed["colors"]).len(), 4 * mesh.points().len());
+    }
+
+    #[test]
+    fn the_same_mesh_gives_the_same_bytes_in_every_format(mesh in meshes()) {
+        for geometry in [Geometry::default(), elevation(), lithophane()] {
+            for (extension, write) in WRITERS {
+                let once = |mesh: &Mesh| {
+                    let mut bytes = Vec::new();
+                    write(mesh, &geometry, &mut bytes);
+                    bytes
+                };
+                prop_assert_eq!(once(&mesh), once(&mesh.clone()), "{}", extension);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_relief_of_a_component_that_is_not_there_is_refused() {
+    let relief = Relief { source: ReliefSource::Third, ..Relief::default() };
+    let geometry = Geometry { relief: Some(relief), ..Geometry::default() };
+    let mesh = lattice(3, 3, 2, 8);
+    let message = "the relief is to follow component 2 (counted from 0) of 2";
+    assert_eq!(geometry.check(2).unwrap_err().to_string(), message);
+    let mut bytes = Vec::new();
+    assert_eq!(write_ply(&mesh, &geometry, &mut bytes).unwrap_err().to_string(), message);
+    assert_eq!(write_stl(&mesh, &geometry, &mut bytes).unwrap_err().to_string(), message);
+    assert!(geometry.check(3).is_ok());
+}

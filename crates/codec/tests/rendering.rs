@@ -1,0 +1,291 @@
+//! SVG and glTF as Chromium draws them, the latter with three.js, beside our own rasteriser.
+
+// A test is told that something is wrong by a panic, helpers of tests too.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
+
+mod samples;
+
+use pixmesh_codec::{
+    Compression, Geometry, GltfOptions, Limits, Relief, Shading, Texture, decode, write_glb,
+    write_gltf, write_png, write_svg,
+};
+use pixmesh_meshing::{Image, Mesh, Method, Target, Unattended, generate, rasterize};
+use samples::skip;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+const WIDTH: usize = 160;
+const HEIGHT: usize = 120;
+
+/// A landscape of a bright disc over a gradient, with a dark stripe: edges, curves and slopes.
+fn picture(component_count: usize) -> Image {
+    let sample = |x: i32, y: i32, c: usize| -> u16 {
+        let disc = (x - 60).pow(2) + (y - 70).pow(2) < 900;
+        let stripe = (x + 2 * y) % 90 < 12;
+        match (disc, stripe, c) {
+            (true, _, 0) => 240,
+            (true, _, 1) => 200,
+            (true, _, _) => 60,
+            (_, true, _) => 20,
+            (.., 0) => (40 + x) as u16,
+            (.., 1) => (50 + y) as u16,
+            (.., 2) => (250 - x) as u16,
+            _ => (255 - y) as u16,
+        }
+    };
+    let plane = |c: usize| -> Vec<u16> {
+        let places = (0..HEIGHT as i32).flat_map(|y| (0..WIDTH as i32).map(move |x| (x, y)));
+        places.map(|(x, y)| sample(x, y, c)).collect()
+    };
+    Image::new(WIDTH, HEIGHT, 8, (0..component_count).map(plane).collect()).unwrap()
+}
+
+fn mesh_of(image: &Image) -> Mesh {
+    let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
+    generate(image, &parameters, &Unattended).unwrap().mesh
+}
+
+/// A folder that is gone with the test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("pixmesh-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn write(&self, name: &str, write: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
+        let mut bytes = Vec::new();
+        write(&mut bytes);
+        let path = self.0.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // `PIXMESH_KEEP_RENDERINGS` names a folder for those who want to look at the pictures.
+        if let Some(kept) = std::env::var_os("PIXMESH_KEEP_RENDERINGS") {
+            std::fs::create_dir_all(&kept).unwrap();
+            for entry in std::fs::read_dir(&self.0).unwrap() {
+                let path = entry.unwrap().path();
+                std::fs::copy(&path, Path::new(&kept).join(path.file_name().unwrap())).unwrap();
+            }
+        }
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Draws files on a background and gives the pictures; `None` where there is no browser.
+fn render(jobs: &[(PathBuf, &str)]) -> Option<Vec<Image>> {
+    render_tilted(&jobs.iter().map(|(path, b)| (path.clone(), *b, 0.0)).collect::<Vec<_>>())
+}
+
+fn render_tilted(jobs: &[(PathBuf, &str, f64)]) -> Option<Vec<Image>> {
+    let programs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/web"));
+    let chromium = chromium()?;
+    if !programs.join("node_modules/playwright-core").is_dir() {
+        skip("playwright-core is not installed (npm ci in crates/codec/tests/web)");
+        return None;
+    }
+    let out = |index: usize| jobs[index].0.with_extension(format!("{index}.png"));
+    let job = |(index, (path, background, tilt)): (usize, &(PathBuf, &str, f64))| {
+        json!({
+            "path": path, "width": WIDTH, "height": HEIGHT, "background": background,
+            "out": out(index), "tilt": tilt,
+        })
+    };
+    let list: Vec<Value> = jobs.iter().enumerate().map(job).collect();
+    let mut command = Command::new("node");
+    command.arg("render.mjs").current_dir(programs).env("CHROMIUM", chromium);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let Ok(mut child) = command.spawn() else {
+        skip("node is not installed, so that nothing is drawn in a browser");
+        return None;
+    };
+    child.stdin.take().unwrap().write_all(json!(list).to_string().as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for line in String::from_utf8(output.stdout).unwrap().lines() {
+        let report: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(report["errors"], json!([]), "{line}");
+    }
+    let read = |index: usize| decode(&std::fs::read(out(index)).unwrap(), &Limits::default());
+    Some((0..jobs.len()).map(|index| read(index).unwrap()).collect())
+}
+
+/// The browser: `CHROMIUM` names it, else Debian's is looked for.
+fn chromium() -> Option<PathBuf> {
+    let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
+    let usual = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].map(PathBuf::from);
+    let found = named.into_iter().chain(usual).find(|path| path.is_file());
+    if found.is_none() {
+        skip("Chromium is not installed, so that nothing is drawn in a browser");
+    }
+    found
+}
+
+/// The sample of a component that a drawn picture shows where the mesh has a lattice point, gray
+/// pictures being drawn as RGB.
+fn shown(drawn: &Image, c: usize, x: usize, y: usize) -> i32 {
+    drawn.sample(c, x, y).into()
+}
+
+/// How far two pictures differ: the mean and the largest difference of a sample, without the
+/// outermost pixels, whose middles lie on the mesh's border.
+fn difference(drawn: &Image, expected: &Image) -> (f64, i32) {
+    let (mut sum, mut largest, mut count) = (0_i64, 0, 0);
+    for c in 0..3 {
+        for y in 1..HEIGHT - 1 {
+            for x in 1..WIDTH - 1 {
+                let component = if expected.component_count() < 3 { 0 } else { c };
+                let wanted = i32::from(expected.sample(component, x, y));
+                let off = (shown(drawn, c, x, y) - wanted).abs();
+                sum += i64::from(off);
+                largest = largest.max(off);
+                count += 1;
+            }
+        }
+    }
+    (sum as f64 / f64::from(count), largest)
+}
+
+/// sRGB of 8 bits as linear light of 16 bits, and back.
+fn linear(sample: u16) -> u16 {
+    let value = f64::from(sample) / 255.0;
+    let light = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
+    (light * 65535.0).round() as u16
+}
+
+fn gamma(light: u16) -> u16 {
+    let light = f64::from(light) / 65535.0;
+    let value =
+        if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
+    (value * 255.0).round() as u16
+}
+
+/// What our rasteriser makes of a mesh whose colours are interpolated in linear light, as clients
+/// of glTF do it.
+fn rasterized_in_linear_light(mesh: &Mesh) -> Image {
+    let shape = pixmesh_meshing::Shape { precision: 16, ..mesh.shape() };
+    let samples = mesh.samples().iter().map(|&sample| linear(sample)).collect();
+    let linear = Mesh::new(shape, mesh.points().to_vec(), samples, mesh.faces().to_vec()).unwrap();
+    let light = rasterize(&linear, &Unattended).unwrap();
+    let planes = light.components().iter();
+    let planes = planes.map(|plane| plane.iter().map(|&sample| gamma(sample)).collect()).collect();
+    Image::new(light.width(), light.height(), 8, planes).unwrap()
+}
+
+#[test]
+fn three_js_draws_what_our_rasteriser_makes_of_the_same_mesh() {
+    let folder = Folder::new("three");
+    let (gray, rgb) = (mesh_of(&picture(1)), mesh_of(&picture(3)));
+    let texture = Texture::of_image(&picture(3)).unwrap();
+    let mut jobs = Vec::new();
+    for (name, mesh) in [("gray", &gray), ("rgb", &rgb)] {
+        for compression in Compression::ALL {
+            let options = GltfOptions { compression: *compression, ..GltfOptions::default() };
+            jobs.push(folder.write(&format!("{name}_{compression}.glb"), |bytes| {
+                write_glb(mesh, &options, bytes).unwrap();
+            }));
+        }
+    }
+    let textured = GltfOptions { texture: Some(&texture), ..GltfOptions::default() };
+    jobs.push(folder.write("texture.glb", |bytes| write_glb(&rgb, &textured, bytes).unwrap()));
+    let quantized = GltfOptions { compression: Compression::Quantized, ..textured };
+    jobs.push(folder.write("texture_q.gltf", |bytes| write_gltf(&rgb, &quantized, bytes).unwrap()));
+    let jobs: Vec<_> = jobs.into_iter().map(|path| (path, "#f0f")).collect();
+    let Some(drawn) = render(&jobs) else { return };
+    let (gray, rgb) = (rasterized_in_linear_light(&gray), rasterized_in_linear_light(&rgb));
+    let original = picture(3);
+    let expected = [&gray, &gray, &gray, &rgb, &rgb, &rgb, &original, &original];
+    for ((drawn, expected), (path, _)) in drawn.iter().zip(expected).zip(&jobs) {
+        let (mean, largest) = difference(drawn, expected);
+        println!("{path:?}: mean {mean:.4}, largest {largest}");
+        assert!(mean < 0.02, "{path:?}: {mean}");
+        assert!(largest <= 4, "{path:?}: {largest}");
+    }
+}
+
+#[test]
+fn a_relief_is_lit_by_its_slopes() {
+    let folder = Folder::new("relief");
+    let mesh = mesh_of(&picture(1));
+    let flat = Geometry::default();
+    let relief = Geometry { relief: Some(Relief::default()), ..flat };
+    let solid = relief.with_base(mesh.shape());
+    let mut jobs = Vec::new();
+    for (name, geometry) in [("flat", flat), ("relief", relief), ("solid", solid)] {
+        for compression in [Compression::None, Compression::Meshopt] {
+            let options = GltfOptions { geometry, compression, ..GltfOptions::default() };
+            let path = folder.write(&format!("{name}_{compression}.glb"), |bytes| {
+                write_glb(&mesh, &options, bytes).unwrap();
+            });
+            jobs.push((path, "#003", 0.9));
+        }
+    }
+    let Some(drawn) = render_tilted(&jobs) else { return };
+    let [flat, flat_m, relief, relief_m, solid, solid_m] = &drawn[..] else { panic!() };
+    for (plain, compressed) in [(flat, flat_m), (relief, relief_m), (solid, solid_m)] {
+        let (mean, _) = difference(plain, compressed);
+        assert!(mean < 1.5, "{mean}");
+    }
+    assert!(difference(flat, relief).0 > 5.0);
+    assert!(difference(solid, relief).0 > 0.3);
+}
+
+#[test]
+fn svg_has_no_seams_and_gradients_show_what_our_rasteriser_shows() {
+    let folder = Folder::new("svg");
+    let images: Vec<Image> = (1..=4).map(picture).collect();
+    let meshes: Vec<Mesh> = images.iter().map(mesh_of).collect();
+    let one_colour = {
+        let mesh = &meshes[0];
+        let samples = vec![0; mesh.samples().len()];
+        Mesh::new(mesh.shape(), mesh.points().to_vec(), samples, mesh.faces().to_vec()).unwrap()
+    };
+    let mut jobs = Vec::new();
+    for shading in Shading::ALL {
+        // Black on white: whatever is not black is a seam.
+        let path = folder.write(&format!("seams_{shading}.svg"), |bytes| {
+            write_svg(&one_colour, *shading, bytes).unwrap();
+        });
+        jobs.push((path, "#fff"));
+        for (count, mesh) in (1..).zip(&meshes) {
+            let path = folder.write(&format!("picture_{count}_{shading}.svg"), |bytes| {
+                write_svg(mesh, *shading, bytes).unwrap();
+            });
+            jobs.push((path, "#f0f"));
+        }
+    }
+    let Some(drawn) = render(&jobs) else { return };
+    let mut drawn = drawn.iter();
+    for shading in Shading::ALL {
+        let seams = drawn.next().unwrap();
+        let bright = seams.components().concat().into_iter().filter(|&sample| sample > 0).count();
+        assert_eq!(bright, 0, "{shading}: samples of seams");
+        for (mesh, drawn) in meshes.iter().zip(drawn.by_ref()) {
+            let expected = over_magenta(&rasterize(mesh, &Unattended).unwrap());
+            let (mean, largest) = difference(drawn, &expected);
+            let count = mesh.shape().component_count;
+            println!("{shading}, {count} components: mean {mean:.3}, largest {largest}");
+            let bound = if *shading == Shading::Flat { 8.0 } else { 1.5 };
+            assert!(mean < bound, "{shading}, {count} components: {mean}");
+        }
+    }
+}
+
+/// The picture as it is seen on the background that the pages have.
+fn over_magenta(image: &Image) -> Image {
+    let mut png = Vec::new();
+    write_png(image, &mut png).unwrap();
+    let options = pixmesh_codec::DecodeOptions {
+        alpha: pixmesh_codec::Alpha::Over([255, 0, 255]),
+        ..pixmesh_codec::DecodeOptions::default()
+    };
+    options.decode(&png).unwrap()
+}

@@ -1,0 +1,91 @@
+//! The mesh as the bytes of an answer.
+
+use crate::extract::accept::Format;
+use crate::extract::params::Output;
+use crate::pool::Watch;
+use crate::problem::Problem;
+use pixmesh_codec::{
+    EncodeError, GltfOptions, Shading, Texture, write_glb, write_gltf, write_json, write_model,
+    write_obj, write_ply, write_png_with, write_pnm, write_stl, write_svg,
+};
+use pixmesh_meshing::{Fidelity, Mesh, Shape, rasterize};
+
+/// Room in bytes for what is in an answer whatever its size, such as the header of a file.
+const FRAME: usize = 4096;
+
+/// What is to be written, and how.
+#[derive(Clone, Copy)]
+pub(super) struct Writing<'a> {
+    pub(super) format: Format,
+    pub(super) output: &'a Output,
+    /// The image to show in it.
+    pub(super) texture: Option<&'a Texture>,
+    /// How close the mesh is to the image.
+    pub(super) fidelity: Option<&'a Fidelity>,
+}
+
+/// The mesh, or the picture rebuilt from it, in a format.
+pub(super) fn encode(
+    mesh: &Mesh,
+    writing: &Writing<'_>,
+    watch: &Watch,
+) -> Result<Vec<u8>, Problem> {
+    let room = room(mesh, writing);
+    let Writing { format, output, texture, fidelity } = *writing;
+    let Output { geometry, compression, shading, png_compression, .. } = *output;
+    let gltf = GltfOptions { geometry, compression, texture };
+    match format {
+        Format::Model => encoded(room, watch, |bytes| write_model(mesh, bytes)),
+        Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, &gltf, bytes)),
+        Format::Gltf => encoded(room, watch, |bytes| write_gltf(mesh, &gltf, bytes)),
+        Format::Svg => encoded(room, watch, |bytes| write_svg(mesh, shading, bytes)),
+        Format::Ply => encoded(room, watch, |bytes| write_ply(mesh, &geometry, bytes)),
+        Format::Obj => encoded(room, watch, |bytes| write_obj(mesh, &geometry, bytes)),
+        Format::Stl => encoded(room, watch, |bytes| write_stl(mesh, &geometry, bytes)),
+        Format::Json => encoded(room, watch, |bytes| write_json(mesh, fidelity, &geometry, bytes)),
+        Format::Png => {
+            let picture = rasterize(mesh, watch)?;
+            encoded(room, watch, |bytes| write_png_with(&picture, png_compression, bytes))
+        }
+        Format::Pnm => {
+            let picture = rasterize(mesh, watch)?;
+            encoded(room, watch, |bytes| write_pnm(&picture, bytes))
+        }
+    }
+}
+
+/// About the most bytes that an answer takes: one that must not be copied while it grows.
+fn room(mesh: &Mesh, writing: &Writing<'_>) -> usize {
+    let Shape { width, height, component_count, precision } = mesh.shape();
+    let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
+    let picture = width * height * component_count * usize::from(precision).div_ceil(8);
+    let texture = writing.texture.map_or(0, |texture| texture.bytes().len());
+    let gltf = vertices * 32 + faces * 12 + texture;
+    let bytes = match writing.format {
+        Format::Model => vertices * (12 + 6 * component_count) + faces * 27,
+        Format::Glb => gltf,
+        Format::Gltf => gltf / 3 * 4,
+        Format::Svg if writing.output.shading == Shading::Flat => faces * 70,
+        Format::Svg => faces * 330 * component_count,
+        Format::Ply => vertices * 16 + faces * 13,
+        Format::Obj => vertices * 55 + faces * 24,
+        Format::Stl => faces * 50,
+        Format::Json => vertices * (40 + 6 * component_count) + faces * 24,
+        // What does not compress becomes a little longer.
+        Format::Png | Format::Pnm => picture + picture / 8,
+    };
+    bytes + FRAME
+}
+
+/// The bytes of an answer; it gives back the room that it did not need.
+fn encoded<E: Into<EncodeError>>(
+    room: usize,
+    watch: &Watch,
+    write: impl FnOnce(&mut Vec<u8>) -> Result<(), E>,
+) -> Result<Vec<u8>, Problem> {
+    watch.begin("encode");
+    let mut bytes = Vec::with_capacity(room);
+    write(&mut bytes).map_err(Into::into)?;
+    bytes.shrink_to_fit();
+    Ok(bytes)
+}

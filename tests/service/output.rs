@@ -1,0 +1,119 @@
+//! The parameters that change how the image is read and how the mesh is written.
+
+use crate::pictures::{disc, disc_image};
+use crate::server::Server;
+use pixmesh_codec::{DecodeOptions, Geometry, Relief, ReliefHeight, write_ply, write_png};
+use pixmesh_meshing::{Image, Method, Target, Unattended, generate};
+use serde_json::Value;
+
+fn number(bytes: &[u8], at: usize) -> f32 {
+    f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+/// The document within a GLB.
+fn document(glb: &[u8]) -> Value {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&glb[20..20 + length]).unwrap()
+}
+
+#[test]
+fn a_relief_has_the_height_asked_for_and_says_so() {
+    let server = Server::start(&[]);
+    let image = disc(40, 30, 1);
+    let answer = server.mesh("format=ply&height=7.5&pixel_size=0.5&base=2&density=4", &[], &image);
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    let ran = answer.header("mesh-parameters").to_owned();
+    assert!(ran.contains("relief=luma&height=7.5&base=2&pixel_size=0.5"), "{ran}");
+    let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
+    let model = generate(&disc_image(40, 30, 1), &parameters, &Unattended).unwrap();
+    let relief = Relief { height: ReliefHeight::Total(7.5), ..Relief::default() };
+    let geometry =
+        Geometry { relief: Some(relief), pixel_size: 0.5, base: 2.0, ..Geometry::default() };
+    let mut expected = Vec::new();
+    write_ply(&model.mesh, &geometry, &mut expected).unwrap();
+    assert_eq!(answer.body, expected);
+    // What was run gives the same again.
+    assert_eq!(server.mesh(&ran, &[], &image).body, expected);
+}
+
+#[test]
+fn an_elevation_model_becomes_metres() {
+    let samples = (0..20_u16 * 10).map(|i| 1000 * (i % 20)).collect();
+    let mut png = Vec::new();
+    write_png(&Image::new(20, 10, 16, vec![samples]).unwrap(), &mut png).unwrap();
+    let server = Server::start(&[]);
+    let stl = server.mesh("format=stl&z_scale=0.1&pixel_size=30&base=5&density=50", &[], &png);
+    let triangles = stl.body[84..].chunks_exact(50);
+    let lengths: Vec<[f32; 3]> = triangles
+        .flat_map(|t| (0..3).map(|i| [0, 4, 8].map(|axis| number(t, 12 + 12 * i + axis))))
+        .collect();
+    let most = |axis: usize| lengths.iter().map(|l| l[axis]).fold(f32::MIN, f32::max);
+    let least = lengths.iter().map(|l| l[2]).fold(f32::MAX, f32::min);
+    assert_eq!([most(0), most(1), most(2), least], [570.0, 270.0, 1900.0, -5.0]);
+    let glb = server.mesh("format=glb&z_scale=100&pixel_size=30&unit=mm", &[], &png);
+    assert_eq!(document(&glb.body)["nodes"][0]["scale"], serde_json::json!([0.001, 0.001, 0.001]));
+}
+
+#[test]
+fn gltf_is_compressed_and_textured_on_request() {
+    let server = Server::start(&[]);
+    let image = disc(60, 40, 3);
+    let plain = server.mesh("format=glb&density=20", &[], &image).body;
+    let packed = server.mesh("format=glb&density=20&compression=meshopt", &[], &image).body;
+    assert!(2 * packed.len() < plain.len(), "{} and {}", packed.len(), plain.len());
+    let extensions = &document(&packed)["extensionsRequired"];
+    let required = ["KHR_mesh_quantization", "EXT_meshopt_compression"];
+    assert_eq!(extensions, &serde_json::json!(required));
+    let textured = server.mesh("format=glb&texture=embed", &[], &image).body;
+    assert_eq!(document(&textured)["images"][0]["mimeType"], "image/png");
+    assert!(document(&plain)["images"].is_null());
+}
+
+#[test]
+fn alpha_is_kept_dropped_or_composed() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 4);
+    let start = |query: &str| {
+        let answer = server.mesh(query, &[], &image);
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        (answer.text()[..8].to_owned(), answer.header("mesh-parameters").to_owned())
+    };
+    assert_eq!(start("").0, "20 20 4 ");
+    assert_eq!(start("alpha=drop").0, "20 20 3 ");
+    let (text, ran) = start("alpha=over:%23ff8000");
+    assert_eq!(text, "20 20 3 ");
+    assert!(ran.contains("alpha=over:%23ff8000"), "{ran}");
+    assert_eq!(start(&ran).0, text);
+    // A method for three components, which the image has without its alpha.
+    assert_eq!(start("alpha=drop&method=ced").0, "20 20 3 ");
+    let problem = server.mesh("alpha=over:red", &[], &image).problem(422, "unknown-value");
+    assert_eq!(problem["param"], "alpha");
+}
+
+#[test]
+fn an_image_that_ends_early_is_only_taken_when_asked_to() {
+    let server = Server::start(&[]);
+    let image = disc(60, 40, 1);
+    let cut = &image[..image.len() - 40];
+    server.mesh("", &[], cut).problem(422, "image-decode-failed");
+    let answer = server.mesh("lenient=true&format=json", &[], cut);
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    let json: Value = serde_json::from_slice(&answer.body).unwrap();
+    assert_eq!((&json["width"], &json["height"]), (&60.into(), &40.into()));
+    assert!(DecodeOptions::default().decode(cut).is_err());
+}
+
+#[test]
+fn what_cannot_be_is_refused_before_any_work() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let refused = |query: &str, status: u16, kind: &str| {
+        server.mesh(query, &[], &image).problem(status, kind)["param"].clone()
+    };
+    assert_eq!(refused("relief=c1&format=stl", 422, "format-not-possible"), "relief");
+    assert_eq!(refused("height=1&z_scale=1", 422, "conflicting-parameters"), "z_scale");
+    assert_eq!(refused("height=-1", 422, "parameter-out-of-range"), "height");
+    assert_eq!(refused("pixel_size=0", 422, "parameter-out-of-range"), "pixel_size");
+    assert_eq!(refused("unit=inch", 422, "unknown-value"), "unit");
+    assert_eq!(refused("compression=draco", 422, "unknown-value"), "compression");
+}
