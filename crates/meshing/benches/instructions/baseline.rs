@@ -1,0 +1,132 @@
+//! The counts that those of today are compared with.
+
+use crate::Fallible;
+use crate::callgrind::Counts;
+use crate::part::Part;
+use std::collections::BTreeMap;
+use std::fmt::{self, Write};
+
+/// A part may take so many per cent more than in the baseline.
+pub(crate) const MOST_RISE_PERCENT: u64 = 5;
+
+/// Functions with less than this share of a part, in thousandths, are left out.
+const LEAST_SHARE: u64 = 5;
+
+/// Functions named where a part fails.
+const NAMED_FUNCTIONS: usize = 6;
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions/baseline.txt");
+
+const HEAD: &str = "\
+# Instructions of each part, and of the functions that have the most of their own.
+# Written by: cargo bench -p pixmesh-meshing --bench instructions -- --record
+";
+
+/// What was recorded.
+pub(crate) struct Baseline {
+    /// The architecture and the vectors that the kernels chose.
+    pub(crate) machine: String,
+    /// The version of the compiler.
+    pub(crate) compiler: String,
+    parts: BTreeMap<String, Counts>,
+}
+
+impl Baseline {
+    pub(crate) fn new(machine: String, compiler: String, counts: Vec<(Part, Counts)>) -> Self {
+        let parts = counts.into_iter().map(|(part, counts)| (part.to_string(), counts)).collect();
+        Self { machine, compiler, parts }
+    }
+
+    /// Reads the file: lines of a keyword and its values, functions below their part.
+    pub(crate) fn read() -> Fallible<Self> {
+        let text = std::fs::read_to_string(FILE).map_err(|error| format!("{FILE}: {error}"))?;
+        let (mut machine, mut compiler) = (String::new(), String::new());
+        let mut parts: BTreeMap<String, Counts> = BTreeMap::new();
+        let mut last = String::new();
+        for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            let (keyword, values) = line.trim_start().split_once(' ').unwrap_or((line, ""));
+            match (keyword, values.split_once(' ')) {
+                ("machine", _) => values.clone_into(&mut machine),
+                ("compiler", _) => values.clone_into(&mut compiler),
+                ("part", Some((count, name))) => {
+                    name.clone_into(&mut last);
+                    let counts = Counts { total: count.parse()?, of_functions: BTreeMap::new() };
+                    parts.insert(name.to_owned(), counts);
+                }
+                ("own", Some((count, name))) if parts.contains_key(&last) => {
+                    let functions = parts.get_mut(&last).map(|part| &mut part.of_functions);
+                    functions.map(|f| f.insert(name.to_owned(), count.parse().unwrap_or(0)));
+                }
+                _ => return Err(format!("{FILE}: unknown line: {line}").into()),
+            }
+        }
+        Ok(Self { machine, compiler, parts })
+    }
+
+    pub(crate) fn write(&self) -> Fallible<()> {
+        let mut text = HEAD.to_owned();
+        writeln!(text, "machine {}\ncompiler {}", self.machine, self.compiler)?;
+        for (part, counts) in &self.parts {
+            writeln!(text, "\npart {} {part}", counts.total)?;
+            let mut functions: Vec<_> = counts.of_functions.iter().collect();
+            functions.retain(|&(_, &own)| own * 1000 >= counts.total * LEAST_SHARE);
+            functions.sort_by_key(|&(name, &own)| (std::cmp::Reverse(own), name));
+            for (name, own) in functions {
+                writeln!(text, "    own {own} {name}")?;
+            }
+        }
+        std::fs::write(FILE, text).map_err(|error| format!("{FILE}: {error}").into())
+    }
+}
+
+/// A part then and now.
+pub(crate) struct Comparison {
+    part: Part,
+    before: u64,
+    after: u64,
+    /// Functions and their own counts then and now, the largest rise first.
+    risen: Vec<(String, u64, u64)>,
+}
+
+impl Comparison {
+    pub(crate) fn new(part: Part, counts: &Counts, baseline: &Baseline) -> Fallible<Self> {
+        let before = baseline
+            .parts
+            .get(&part.to_string())
+            .ok_or_else(|| format!("the baseline has no part {part}: record it again"))?;
+        let mut risen: Vec<(String, u64, u64)> = counts
+            .of_functions
+            .iter()
+            .map(|(name, &own)| {
+                (name.clone(), before.of_functions.get(name).copied().unwrap_or(0), own)
+            })
+            .filter(|(_, before, after)| after > before)
+            .collect();
+        risen.sort_by_key(|(_, before, after)| std::cmp::Reverse(after - before));
+        risen.truncate(NAMED_FUNCTIONS);
+        Ok(Self { part, before: before.total, after: counts.total, risen })
+    }
+
+    pub(crate) fn has_failed(&self) -> bool {
+        self.after * 100 > self.before * (100 + MOST_RISE_PERCENT)
+    }
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { part, before, after, risen } = self;
+        let rise = (*after as f64 / *before as f64 - 1.0) * 100.0;
+        let title = part.to_string();
+        write!(formatter, "{title:<22} {before:>12} -> {after:>12} {rise:>+7.2} %")?;
+        if rise < -(MOST_RISE_PERCENT as f64) {
+            write!(formatter, "  less than the baseline's: record it again to keep that")?;
+        }
+        if self.has_failed() {
+            write!(formatter, "  FAILED; the functions whose own counts rose most:")?;
+            for (name, before, after) in risen {
+                write!(formatter, "\n    {before:>12} -> {after:>12}  {name}")?;
+            }
+        }
+        Ok(())
+    }
+}
