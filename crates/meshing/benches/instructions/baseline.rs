@@ -9,8 +9,8 @@ use std::fmt::{self, Write};
 /// A part may take so many per cent more than in the baseline.
 pub(crate) const MOST_RISE_PERCENT: u64 = 5;
 
-/// Functions with less than this share of a part, in thousandths, are left out.
-const LEAST_SHARE: u64 = 5;
+/// Functions with less than one of so many instructions of a part are left out.
+const PARTS_OF_LEAST: u64 = 2000;
 
 /// Functions named where a part fails.
 const NAMED_FUNCTIONS: usize = 6;
@@ -69,7 +69,7 @@ impl Baseline {
         for (part, counts) in &self.parts {
             writeln!(text, "\npart {} {part}", counts.total)?;
             let mut functions: Vec<_> = counts.of_functions.iter().collect();
-            functions.retain(|&(_, &own)| own * 1000 >= counts.total * LEAST_SHARE);
+            functions.retain(|&(_, &own)| own >= counts.total / PARTS_OF_LEAST);
             functions.sort_by_key(|&(name, &own)| (std::cmp::Reverse(own), name));
             for (name, own) in functions {
                 writeln!(text, "    own {own} {name}")?;
@@ -79,13 +79,23 @@ impl Baseline {
     }
 }
 
+/// A function with more instructions of its own than in the baseline.
+struct Risen {
+    name: String,
+    /// Those of the baseline, where the function was worth recording.
+    before: Option<u64>,
+    after: u64,
+    /// By how much it rose at least.
+    rise: u64,
+}
+
 /// A part then and now.
 pub(crate) struct Comparison {
     part: Part,
     before: u64,
     after: u64,
-    /// Functions and their own counts then and now, the largest rise first.
-    risen: Vec<(String, u64, u64)>,
+    /// The functions whose own counts rose most, the largest rise first.
+    risen: Vec<Risen>,
 }
 
 impl Comparison {
@@ -94,15 +104,16 @@ impl Comparison {
             .parts
             .get(&part.to_string())
             .ok_or_else(|| format!("the baseline has no part {part}: record it again"))?;
-        let mut risen: Vec<(String, u64, u64)> = counts
-            .of_functions
-            .iter()
-            .map(|(name, &own)| {
-                (name.clone(), before.of_functions.get(name).copied().unwrap_or(0), own)
-            })
-            .filter(|(_, before, after)| after > before)
-            .collect();
-        risen.sort_by_key(|(_, before, after)| std::cmp::Reverse(after - before));
+        let unrecorded = before.total / PARTS_OF_LEAST;
+        let mut risen = Vec::new();
+        for (name, &after) in &counts.of_functions {
+            let before = before.of_functions.get(name).copied();
+            let rise = after.saturating_sub(before.unwrap_or(unrecorded));
+            if rise > 0 {
+                risen.push(Risen { name: name.clone(), before, after, rise });
+            }
+        }
+        risen.sort_by_key(|function| std::cmp::Reverse(function.rise));
         risen.truncate(NAMED_FUNCTIONS);
         Ok(Self { part, before: before.total, after: counts.total, risen })
     }
@@ -123,7 +134,8 @@ impl fmt::Display for Comparison {
         }
         if self.has_failed() {
             write!(formatter, "  FAILED; the functions whose own counts rose most:")?;
-            for (name, before, after) in risen {
+            for Risen { name, before, after, .. } in risen {
+                let before = before.map_or("not recorded".to_owned(), |before| before.to_string());
                 write!(formatter, "\n    {before:>12} -> {after:>12}  {name}")?;
             }
         }
