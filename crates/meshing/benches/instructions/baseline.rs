@@ -53,9 +53,9 @@ impl Baseline {
                     let counts = Counts { total: count.parse()?, of_functions: BTreeMap::new() };
                     parts.insert(name.to_owned(), counts);
                 }
-                ("own", Some((count, name))) if parts.contains_key(&last) => {
-                    let functions = parts.get_mut(&last).map(|part| &mut part.of_functions);
-                    functions.map(|f| f.insert(name.to_owned(), count.parse().unwrap_or(0)));
+                ("own", Some((count, name))) => {
+                    let part = parts.get_mut(&last).ok_or("a function above all parts")?;
+                    part.of_functions.insert(name.to_owned(), count.parse()?);
                 }
                 _ => return Err(format!("{FILE}: unknown line: {line}").into()),
             }

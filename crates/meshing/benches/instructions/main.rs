@@ -4,8 +4,8 @@
 //!
 //! Each part runs once on one thread under valgrind's callgrind, which counts its instructions
 //! alone, to within a few, on a busy machine too. The baseline is `baseline.txt` beside this file;
-//! `--record` rewrites it. Counts of other architectures, vector levels than the baseline's can't
-//! be compared: exit status 77 says that nothing was, and standard error why.
+//! `--record` rewrites it. With another architecture or other vectors than the baseline's nothing
+//! can be compared: exit status 77 says so, and standard error why.
 
 #![allow(
     clippy::print_stdout,
