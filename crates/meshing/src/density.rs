@@ -149,15 +149,13 @@ fn aggregate(
         let poll = |y: usize| poll_row(control, c * height + y, count * height);
         if SecondDerivatives::new(parameters, component, width).is_some() {
             let threads = control.threads();
-            in_row_bands(field, width, threads, |first_row, band, is_own| {
+            in_row_bands(field, width, threads, poll, |first_row, band, poll| {
                 let sweep = SecondDerivatives::new(parameters, component, width);
                 let (Some(mut sweep), mut values) = (sweep, vec![0.0; width]) else {
                     return Ok(());
                 };
                 for (y, row) in (first_row..).zip(band.chunks_exact_mut(width)) {
-                    if is_own {
-                        poll(y)?;
-                    }
+                    poll(y)?;
                     sweep.evaluate(significance, y, &mut values);
                     merge(row, &values, aggregation);
                 }

@@ -2,6 +2,7 @@
 
 use crate::control::Cancelled;
 use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 /// Less than this many elements are not worth a thread.
@@ -31,23 +32,31 @@ pub(crate) fn in_parallel<A: Sync, B: Send>(
     });
 }
 
-/// Calls `work` on bands of whole rows of a field: with the first row of each, the band, and whether
-/// it is the caller's own, the only one that may poll a control and be cancelled.
+/// What a band asks before each of its rows: whether to go on.
+pub(crate) type Poll<'a> = &'a dyn Fn(usize) -> Result<(), Cancelled>;
+
+/// Calls `work` on bands of whole rows of a field: with the first row of each, the band, and what to
+/// ask before each row. In the caller's own band, the first, that is `poll`, and in the others
+/// whether it has cancelled the work.
 pub(crate) fn in_row_bands<T: Send>(
     field: &mut [T],
     width: usize,
     threads: NonZeroUsize,
-    work: impl Fn(usize, &mut [T], bool) -> Result<(), Cancelled> + Sync,
+    poll: impl Fn(usize) -> Result<(), Cancelled>,
+    work: impl Fn(usize, &mut [T], Poll<'_>) -> Result<(), Cancelled> + Sync,
 ) -> Result<(), Cancelled> {
     let rows = (field.len() / width).div_ceil(threads.get()).max(LEAST_ROWS);
     let mut bands = field.chunks_mut(rows * width).enumerate();
     let own = bands.next();
+    let is_cancelled = AtomicBool::new(false);
+    let hear = &|_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
+    let ask = |y| poll(y).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed));
     thread::scope(|scope| {
         for (i, band) in bands {
             let work = &work;
-            scope.spawn(move || work(i * rows, band, false));
+            scope.spawn(move || work(i * rows, band, hear));
         }
-        own.map_or(Ok(()), |(_, band)| work(0, band, true))
+        own.map_or(Ok(()), |(_, band)| work(0, band, &ask))
     })
 }
 
@@ -70,18 +79,37 @@ mod tests {
     }
 
     #[test]
-    fn every_row_is_in_one_band_and_the_caller_s_own_tells_of_the_end() {
+    fn every_row_is_in_one_band() {
         for threads in [1, 2, 5] {
-            let threads = NonZeroUsize::new(threads).unwrap();
             let mut field = vec![0; 3 * 1000];
-            let number = |first: usize, band: &mut [usize], is_own| {
+            let threads = NonZeroUsize::new(threads).unwrap();
+            let number = |first: usize, band: &mut [usize], poll: Poll<'_>| {
                 for (y, row) in (first..).zip(band.chunks_exact_mut(3)) {
+                    poll(y)?;
                     row.iter_mut().for_each(|place| *place += y);
                 }
-                if is_own { Err(Cancelled) } else { Ok(()) }
+                Ok(())
             };
-            assert_eq!(in_row_bands(&mut field, 3, threads, number), Err(Cancelled));
+            assert_eq!(in_row_bands(&mut field, 3, threads, |_| Ok(()), number), Ok(()));
             assert!(field.iter().enumerate().all(|(i, &y)| y == i / 3));
+        }
+    }
+
+    #[test]
+    fn all_bands_end_when_the_caller_s_own_is_cancelled() {
+        for threads in [1, 2, 5] {
+            let mut field = vec![0; 3 * 1000];
+            let threads = NonZeroUsize::new(threads).unwrap();
+            let cancel = |y| if y < 10 { Ok(()) } else { Err(Cancelled) };
+            // The others would never end by themselves.
+            let wait = |_, _: &mut [usize], poll: Poll<'_>| {
+                for y in 0.. {
+                    poll(y)?;
+                    thread::yield_now();
+                }
+                Ok(())
+            };
+            assert_eq!(in_row_bands(&mut field, 3, threads, cancel, wait), Err(Cancelled));
         }
     }
 }

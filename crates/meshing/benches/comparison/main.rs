@@ -13,13 +13,14 @@ mod contest;
 mod picture;
 
 use contest::{Contest, Yardstick};
-use picture::Picture;
+use image::{ImageFormat, RgbImage};
 use pixmesh_meshing::{
     Image, Method, Parameters, Point, Target, Unattended, generate, rasterize, sample_points,
     triangulate,
 };
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::error::Error;
+use std::io::Cursor;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -27,18 +28,26 @@ type Outcome = Result<(), Box<dyn Error>>;
 const ROUNDS: usize = 15;
 /// The full grid is slow: it runs once in so many rounds.
 const ROUNDS_PER_GRID: usize = 5;
+/// The side of the picture made up.
+const MADE_UP_SIDE: u32 = 512;
 /// The density of the meshes in per cent.
 const DENSITY: f64 = 2.0;
 
 fn main() -> Outcome {
     // `cargo bench` adds a flag of its own.
     let mut arguments = std::env::args().skip(1).filter(|argument| argument != "--bench");
-    let picture = Picture::new(arguments.next().as_deref())?;
+    let path = arguments.next();
+    let png = match &path {
+        Some(path) => std::fs::read(path)?,
+        None => encoded(&picture::made_up(MADE_UP_SIDE))?,
+    };
+    let pixels = image::load_from_memory(&png)?.to_rgb8();
+    let pictures = [("gray", picture::gray(&pixels)?), ("colour", picture::colour(&pixels)?)];
     let rounds = arguments.next().map_or(Ok(ROUNDS), |rounds| rounds.parse())?;
     let mut contest = Contest::default();
     for round in 0..rounds {
-        contest.time_yardstick(Yardstick::Decode, || Ok(image::load_from_memory(&picture.png)?))?;
-        for (colours, image) in [("gray", &picture.gray), ("colour", &picture.colour)] {
+        contest.time_yardstick(Yardstick::Decode, || Ok(image::load_from_memory(&png)?))?;
+        for (colours, image) in &pictures {
             one_shot(colours, image, &mut contest)?;
             simplified(colours, image, &mut contest)?;
             if round % ROUNDS_PER_GRID == 0 {
@@ -46,8 +55,14 @@ fn main() -> Outcome {
             }
         }
     }
-    println!("{}, {rounds} rounds\n{contest}", picture.name);
+    println!("{}, {rounds} rounds\n{contest}", path.as_deref().unwrap_or("a picture made up"));
     Ok(())
+}
+
+fn encoded(pixels: &RgbImage) -> Result<Vec<u8>, Box<dyn Error>> {
+    let mut png = Cursor::new(Vec::new());
+    pixels.write_to(&mut png, ImageFormat::Png)?;
+    Ok(png.into_inner())
 }
 
 /// MED, and the picture rebuilt from its mesh.

@@ -15,3 +15,4 @@ mod mesh_invariants;
 mod pictures;
 mod preferred_directions;
 mod thin_and_dense;
+mod threads;

@@ -1,0 +1,155 @@
+//! Several threads: the same models as one, and a prompt end when cancelled.
+//!
+//! The pictures are large enough for work to be shared: removals are from 30,000 vertices on, rows
+//! by the hundred, faces and vertices by the thousand.
+
+use crate::pictures::{image, noise};
+use pixmesh_meshing::{
+    Cancelled, Control, ErrorMetric, GenerateError, Image, Method, Model, OnThreads, Parameters,
+    Policy, Stage, Target, Unattended, generate, rasterize,
+};
+use std::num::NonZeroUsize;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+const WIDTH: usize = 128;
+const HEIGHT: usize = 400;
+
+/// Numbers of threads, those beside 1.
+const THREADS: [usize; 3] = [2, 3, 8];
+
+/// Discs with noise: some areas of one colour, edges, and places where any point matters.
+fn picture(component_count: usize) -> Image {
+    let component = |c: usize| {
+        let sample = |i: usize| {
+            let (x, y) = (i % WIDTH, i / WIDTH);
+            let disc = (x as i32 % 40 - 20).pow(2) + (y as i32 % 50 - 25).pow(2) < 250;
+            let grain = if x < WIDTH / 2 { noise(x + 7 * c, y) % 16 } else { 0 };
+            40 * c as u16 + grain + if disc { 90 } else { (y / 8) as u16 }
+        };
+        (0..WIDTH * HEIGHT).map(sample).collect()
+    };
+    image(WIDTH, HEIGHT, 8, (0..component_count).map(component).collect())
+}
+
+fn on_threads<C>(control: C, threads: usize) -> OnThreads<C> {
+    OnThreads(control, NonZeroUsize::new(threads).unwrap())
+}
+
+fn model_on(threads: usize, picture: &Image, parameters: &Parameters) -> Model {
+    generate(picture, parameters, &on_threads(Unattended, threads)).unwrap()
+}
+
+fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> Model {
+    let expected = model_on(1, picture, parameters);
+    for threads in THREADS {
+        // No `assert_eq`: nobody wants to read two models.
+        let made = model_on(threads, picture, parameters);
+        assert!(made == expected, "{title} on {threads} threads");
+    }
+    expected
+}
+
+#[test]
+fn removal_from_all_points_does_not_depend_on_the_number_of_threads() {
+    for component_count in [1, 3] {
+        let parameters = Method::Mgpr.parameters(Target::Density(50.0));
+        let title = format!("MGPR of {component_count} components");
+        let model = assert_same_on_all(&picture(component_count), &parameters, &title);
+        assert_eq!(model.plan.initial_size, WIDTH * HEIGHT);
+        assert_eq!(model.mesh.points().len(), WIDTH * HEIGHT / 2);
+    }
+}
+
+#[test]
+fn simplified_error_diffusion_does_not_depend_on_the_number_of_threads() {
+    use Policy::{PsaL, PsbD, Psc, PsdAvgL, PsdMaxD, PseD};
+    for (component_count, policy) in
+        [(1, PsaL), (2, PsdAvgL), (3, PsbD), (3, Psc), (4, PsdMaxD), (4, PseD)]
+    {
+        // 4 times 18 % is more than 30,000 points.
+        let own = Method::Mgprfs.parameters(Target::Density(18.0));
+        let parameters = Parameters { policy, ..own };
+        let title = format!("MGPRFS of {component_count} components by {policy}");
+        let model = assert_same_on_all(&picture(component_count), &parameters, &title);
+        assert!(model.removals.len() + model.mesh.points().len() > 32_000, "{title}");
+    }
+}
+
+#[test]
+fn bounds_and_metrics_do_not_depend_on_the_number_of_threads() {
+    let picture = picture(3);
+    let of = |target, error_metric, bad_point_removal| {
+        let own = Method::Mgpr.parameters(target);
+        Parameters { error_metric, bad_point_removal, ..own }
+    };
+    let mut sets: Vec<Parameters> = ErrorMetric::ALL
+        .iter()
+        .map(|&metric| of(Target::Density(60.0), metric, metric == ErrorMetric::VecSe))
+        .collect();
+    sets.push(of(Target::Psnr(45.0), ErrorMetric::MeanCompSe, false));
+    for parameters in sets {
+        let expected = model_on(1, &picture, &parameters);
+        assert!(!expected.removals.is_empty());
+        let made = model_on(3, &picture, &parameters);
+        assert!(made == expected, "{} to {:?}", parameters.error_metric, parameters.target);
+    }
+}
+
+#[test]
+fn one_shot_meshes_and_their_pictures_do_not_depend_on_the_number_of_threads() {
+    for component_count in [1, 3, 4] {
+        let parameters = Method::Med.parameters(Target::Density(30.0));
+        let title = format!("MED of {component_count} components");
+        let mesh = assert_same_on_all(&picture(component_count), &parameters, &title).mesh;
+        let expected = rasterize(&mesh, &Unattended).unwrap();
+        for threads in THREADS {
+            let rebuilt = rasterize(&mesh, &on_threads(Unattended, threads)).unwrap();
+            assert!(rebuilt == expected, "{title} on {threads} threads");
+        }
+    }
+}
+
+/// A control that cancels from some step of a stage on, and notes when.
+struct CancelAt {
+    stage: Stage,
+    done: usize,
+    said: Mutex<Vec<Instant>>,
+}
+
+impl Control for CancelAt {
+    fn poll(&self, stage: Stage, done: usize, _: usize) -> Result<(), Cancelled> {
+        if stage != self.stage || done < self.done {
+            return Ok(());
+        }
+        self.said.lock().unwrap().push(Instant::now());
+        Err(Cancelled)
+    }
+}
+
+#[test]
+fn a_cancelled_run_on_several_threads_ends_promptly() {
+    let picture = picture(3);
+    let parameters = Method::Mgpr.parameters(Target::Density(10.0));
+    let diffused = Method::Mgprfs.parameters(Target::Density(18.0));
+    // 5000 removals later there are still enough vertices for threads.
+    let moments = [
+        (&diffused, Stage::Density, 150),
+        (&diffused, Stage::Diffuse, 1),
+        (&parameters, Stage::Simplify, 0),
+        (&parameters, Stage::Simplify, 5000),
+    ];
+    for (parameters, stage, done) in moments {
+        for threads in THREADS {
+            let control = CancelAt { stage, done, said: Mutex::default() };
+            let made = generate(&picture, parameters, &on_threads(&control, threads));
+            let ended = Instant::now();
+            assert_eq!(made, Err(GenerateError::Cancelled(Cancelled)), "{stage} {done}");
+            let said = control.said.into_inner().unwrap();
+            assert_eq!(said.len(), 1, "nothing is asked after a cancellation");
+            // The whole takes seconds in such a build.
+            let took = ended - said[0];
+            assert!(took < Duration::from_millis(500), "{stage} {done}: {took:?}");
+        }
+    }
+}
