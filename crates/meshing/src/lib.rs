@@ -36,6 +36,10 @@
 //! them. `simplify` removes points, in the order of `removal_queue`: it fills each `hole`,
 //! remembered in `hole_memory`, and asks `face_error` for the errors of the new faces, which
 //! `error_metric` defines and `face_rows`, `interpolant`, `small_face` and `flat_areas` compute.
+//! `search` makes meshes of several sizes where a quality is asked for, and `largest_error` follows
+//! removals up to the first that breaks a bound. `refine` goes beyond the thesis: it moves the vertices that are left.
+//! Other ways: [`FlatColors`] gives each face one colour, [`preview`] makes a mesh in a moment,
+//! [`Progression`] holds every size of a mesh, [`ssim`] compares pictures as eyes do.
 //! [`rasterize`] rebuilds the picture; [`generate`] is all of it in order, as
 //! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
 //! [`Method`].
@@ -49,6 +53,7 @@ mod face_error;
 mod face_rows;
 mod filter;
 mod flat_areas;
+mod flat_color;
 mod floyd_steinberg;
 mod foresight;
 mod generate;
@@ -56,6 +61,7 @@ mod hole;
 mod hole_memory;
 mod image;
 mod interpolant;
+mod largest_error;
 mod luma;
 mod mesh;
 mod method;
@@ -63,27 +69,34 @@ mod metrics;
 mod parallel;
 mod parameters;
 mod predicates;
+mod preview;
+mod progressive;
 mod rasterize;
+mod refine;
 mod removal;
 mod removal_queue;
 mod sample_points;
+mod search;
 mod second_derivatives;
 mod significance;
 mod simplify;
 mod small_face;
 mod small_face_plane;
 mod small_face_rows;
+mod ssim;
 mod star;
 mod threshold_search;
 mod tile_order;
 mod triangulation;
+mod weighted_error;
 
 pub use choices::{
-    Boundary, ErrorMetric, Generator, Meshed, Policy, PscTie, Scan, Smoothing, SmoothingDirection,
-    Startup,
+    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Policy, PscTie, Reconstruction, Scan,
+    Smoothing, SmoothingDirection, Startup, Values,
 };
 pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
 pub use density::Density;
+pub use flat_color::FlatColors;
 pub use generate::{GenerateError, Model, generate};
 pub use image::{Image, ImageError, MAX_SIDE};
 pub use mesh::{Face, Mesh, MeshError, Point, Shape};
@@ -94,7 +107,11 @@ pub use parameters::{
     MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, ParameterError, Parameters, Plan, Target,
 };
 pub use predicates::{in_circle, orientation};
+pub use preview::preview;
+pub use progressive::{Progression, ProgressionError};
 pub use rasterize::rasterize;
+pub use refine::schedule::MAX_EFFORT;
 pub use sample_points::sample_points;
 pub use simplify::Removal;
+pub use ssim::ssim;
 pub use triangulation::triangulate;

@@ -14,4 +14,5 @@ mod greedy_removal;
 mod mesh_invariants;
 mod pictures;
 mod preferred_directions;
+mod refinement;
 mod thin_and_dense;
