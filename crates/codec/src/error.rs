@@ -80,6 +80,12 @@ pub enum EncodeError {
         /// The most that the format stores.
         maximum: usize,
     },
+    /// The format holds meshes of the preferred-directions Delaunay triangulation only.
+    #[error("{format} holds no faces, and those of this mesh are not what its points determine")]
+    Connectivity {
+        /// Name of the format.
+        format: &'static str,
+    },
     /// The file would be longer than its format can say.
     #[error("the {format} file would take {bytes} bytes, more than the {limit} that it can have")]
     TooLarge {

@@ -10,6 +10,7 @@
 //! | JPEG | [`decode`] | |
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
 //! | MODEL | [`read_model`] | [`write_model`] |
+//! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_progression`] |
 //! | glTF 2.0, binary | | [`write_glb`] |
 //!
 //! Rows of a file come from the top, those of an [`Image`](pixmesh_meshing::Image) from the bottom:
@@ -43,6 +44,7 @@ mod jpeg;
 mod limits;
 mod model;
 mod orientation;
+mod pmesh;
 mod png;
 mod pnm;
 
@@ -52,6 +54,9 @@ pub use format::PictureFormat;
 pub use gltf::write_glb;
 pub use header::Header;
 pub use limits::Limits;
-pub use model::{ModelDefect, ModelError, read_model, write_model};
+pub use model::{ModelDefect, ModelError, read_model, write_model, write_model_with_comments};
+pub use pmesh::{
+    PmeshError, is_pmesh, read_pmesh, read_progression, write_pmesh, write_progression,
+};
 pub use png::write_png;
 pub use pnm::write_pnm;

@@ -12,11 +12,28 @@ const BUFFER_BYTES: usize = 1 << 16;
 /// # Errors
 /// Whatever `out` fails with.
 pub fn write_model(mesh: &Mesh, out: &mut impl Write) -> io::Result<()> {
+    write_model_with_comments(mesh, &[], out)
+}
+
+/// Writes a mesh as [`write_model`] does, with comments, one line each, after the word `OFF`.
+///
+/// # Errors
+/// Whatever `out` fails with.
+pub fn write_model_with_comments(
+    mesh: &Mesh,
+    comments: &[&str],
+    out: &mut impl Write,
+) -> io::Result<()> {
     let shape = mesh.shape();
     let mut lines = Lines { out, buffer: Vec::with_capacity(BUFFER_BYTES) };
     let (components, precision) = (shape.component_count, usize::from(shape.precision));
     lines.write([shape.width, shape.height, components, precision])?;
     lines.buffer.extend_from_slice(b"OFF\n");
+    for line in comments.iter().flat_map(|comment| comment.lines()) {
+        lines.buffer.extend_from_slice(b"# ");
+        lines.buffer.extend_from_slice(line.as_bytes());
+        lines.buffer.push(b'\n');
+    }
     lines.write([mesh.points().len(), mesh.faces().len(), mesh.edge_count()])?;
     for (point, samples) in mesh.points().iter().zip(mesh.samples().chunks_exact(components)) {
         let place = [point.x, point.y].into_iter();
