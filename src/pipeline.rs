@@ -9,9 +9,12 @@ use crate::extract::upload::Upload;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
-use pixmesh_codec::{EncodeError, Limits, decode, write_glb, write_model, write_png, write_pnm};
-use pixmesh_meshing::{Mesh, Shape, generate, rasterize};
+use pixmesh_codec::{
+    EncodeError, Limits, decode, write_glb, write_model_with_comments, write_png, write_pnm,
+};
+use pixmesh_meshing::{Image, Mesh, Model, Shape, generate, rasterize};
 use sha2::{Digest, Sha256};
+use std::borrow::Cow;
 use std::fmt::Write;
 use std::time::Duration;
 
@@ -57,7 +60,7 @@ pub fn mesh(
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
     drop(image);
-    let bytes = encode(&model.mesh, representation.format, watch)?;
+    let bytes = encode(&model, representation.format, watch)?;
     let answer = Answer {
         digest: digest(&bytes),
         bytes,
@@ -84,19 +87,29 @@ impl Answer {
 }
 
 /// The mesh, or the picture rebuilt from it, in a format.
-fn encode(mesh: &Mesh, format: Format, watch: &Watch) -> Result<Vec<u8>, Problem> {
-    let room = room(mesh, format);
+fn encode(model: &Model, format: Format, watch: &Watch) -> Result<Vec<u8>, Problem> {
+    let (mesh, room) = (&model.mesh, room(&model.mesh, format));
     match format {
-        Format::Model => encoded(room, watch, |bytes| write_model(mesh, bytes)),
+        Format::Model => {
+            encoded(room, watch, |bytes| write_model_with_comments(mesh, &model.remarks, bytes))
+        }
         Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, bytes)),
         Format::Png => {
-            let picture = rasterize(mesh, watch)?;
+            let picture = picture(model, watch)?;
             encoded(room, watch, |bytes| write_png(&picture, bytes))
         }
         Format::Pnm => {
-            let picture = rasterize(mesh, watch)?;
+            let picture = picture(model, watch)?;
             encoded(room, watch, |bytes| write_pnm(&picture, bytes))
         }
+    }
+}
+
+/// The picture rebuilt from a mesh, or that of one colour for each face.
+fn picture<'m>(model: &'m Model, watch: &Watch) -> Result<Cow<'m, Image>, Problem> {
+    match &model.flat {
+        Some(flat) => Ok(Cow::Borrowed(&flat.picture)),
+        None => Ok(Cow::Owned(rasterize(&model.mesh, watch)?)),
     }
 }
 

@@ -32,6 +32,10 @@ const MAX_COPIED_COMPONENTS: u64 = 4;
 const AREAS: u64 = 4;
 /// Bytes per initial point: while they are triangulated, and later with what removal knows of each.
 const POINT: u64 = 240;
+/// Bytes per final vertex while it is refined: twice what is known of it and its faces.
+const REFINED: u64 = 640;
+/// Bytes per pixel of the marks of vertices while they are refined, twice.
+const REFINED_MARKS: u64 = 2;
 /// Bytes per initial point of the list of removed ones, kept to the end.
 const REMOVAL: u64 = 16;
 /// Bytes per final vertex with its two faces: in memory, as MODEL without samples, as GLB.
@@ -131,7 +135,12 @@ impl<'a> Footprint<'a> {
     /// removal, and without it when the error is measured at the end.
     fn triangulating(&self) -> u64 {
         let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
-        self.image() + self.meshed_luma() + measured_by + self.initial * POINT
+        let refining = match self.parameters.effort {
+            0 => 0,
+            _ => self.most * REFINED + self.pixels * REFINED_MARKS,
+        };
+        let meshing = refining.max(self.initial * POINT);
+        self.image() + self.meshed_luma() + measured_by + meshing
     }
 
     /// Pictures of few bits are measured against a copy with the samples of a point side by side.
@@ -175,7 +184,10 @@ impl<'a> Footprint<'a> {
 
 /// Whether vertices are removed from the first mesh.
 pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
-    plan.initial_size > plan.size || plan.bound.is_some() || parameters.bad_point_removal
+    plan.initial_size > plan.size
+        || plan.bound.is_some()
+        || parameters.bad_point_removal
+        || parameters.effort > 0
 }
 
 #[cfg(test)]
