@@ -25,6 +25,7 @@ use crate::control::{Cancelled, Control, Stage};
 use measured_mesh::{FaceMeasure, MeasuredMesh};
 use relocation::{Relocation, Window};
 use schedule::Step;
+use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A round of growth pays when it takes off at least this part of the error: 0.0009 dB.
@@ -74,6 +75,10 @@ impl Control for Part<'_> {
         let part = done.min(total) * PARTS / total.max(1);
         let reached = self.reached.fetch_max(part, Ordering::Relaxed).max(part);
         self.control.poll(stage, self.done * PARTS + reached, self.count * PARTS)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.control.threads()
     }
 }
 

@@ -13,6 +13,7 @@ use crate::image::Image;
 use crate::mesh::Mesh;
 use crate::parameters::{ErrorBound, MIN_SIZE, Parameters, Target};
 use crate::rasterize::rasterize;
+use std::num::NonZeroUsize;
 
 /// The first size tried is this part of the lattice points.
 const FIRST_PART: usize = 64;
@@ -118,6 +119,10 @@ struct Quietly<'a> {
 impl Control for Quietly<'_> {
     fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
         self.control.poll(Stage::Search, self.meshes.min(MOST_MESHES), MOST_MESHES)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.control.threads()
     }
 }
 
