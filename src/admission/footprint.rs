@@ -7,7 +7,7 @@
 
 use crate::extract::accept::Format;
 use pixmesh_codec::{Header, PictureFormat};
-use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy};
+use pixmesh_meshing::{ErrorMetric, Generator, Meshed, Parameters, Plan, Policy};
 
 /// Bytes per sample of an image.
 const SAMPLE: u64 = 2;
@@ -36,6 +36,10 @@ const POINT: u64 = 240;
 const REFINED: u64 = 640;
 /// Bytes per pixel of the marks of vertices while they are refined, twice.
 const REFINED_MARKS: u64 = 2;
+/// Bytes per sample of the running sums that flat faces are measured by.
+const ROW_SUMS: u64 = 16;
+/// Bytes per pixel of the means that the weights of the structural similarity come from.
+const WINDOW_MEANS: u64 = 56;
 /// Bytes per initial point of the list of removed ones, kept to the end.
 const REMOVAL: u64 = 16;
 /// Bytes per final vertex with its two faces: in memory, as MODEL without samples, as GLB.
@@ -140,7 +144,13 @@ impl<'a> Footprint<'a> {
             _ => self.most * REFINED + self.pixels * REFINED_MARKS,
         };
         let meshing = refining.max(self.initial * POINT);
-        self.image() + self.meshed_luma() + measured_by + meshing
+        let sums =
+            if self.parameters.is_flat() { self.pixels * self.components * ROW_SUMS } else { 0 };
+        let weights = match self.parameters.error_metric {
+            ErrorMetric::Ssim => self.pixels * WINDOW_MEANS,
+            _ => 0,
+        };
+        self.image() + self.meshed_luma() + measured_by + meshing + sums + weights
     }
 
     /// Pictures of few bits are measured against a copy with the samples of a point side by side.

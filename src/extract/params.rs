@@ -18,7 +18,7 @@ use crate::problem::{Kind, Problem};
 use pixmesh_codec::Header;
 use pixmesh_meshing::{
     Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan,
-    Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target, Values,
+    Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Target, Values,
 };
 
 /// The density in percent, where no other target is given.
