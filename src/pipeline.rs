@@ -63,12 +63,8 @@ pub fn mesh(
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
     drop(image);
-    let writing = Writing {
-        format,
-        output: &order.output,
-        texture: texture.as_ref(),
-        fidelity: Some(&model.fidelity),
-    };
+    let writing =
+        Writing { format, output: &order.output, texture: texture.as_ref(), model: Some(&model) };
     let bytes = encode(&model.mesh, &writing, watch)?;
     let answer = Answer {
         digest: Digest::of(&bytes),

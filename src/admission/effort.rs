@@ -8,6 +8,9 @@ use pixmesh_meshing::{Parameters, Plan, Shape};
 /// Samples that are decoded and filtered in about the time in which one point is removed.
 const SAMPLES_PER_REMOVAL: f64 = 100.0;
 
+/// Removals that take about as long as the refinement of one vertex of the mesh, by effort.
+const REMOVALS_PER_REFINED: [f64; 10] = [0.0, 4.0, 6.0, 8.0, 12.0, 15.0, 22.0, 32.0, 44.0, 80.0];
+
 /// Kinds of work whose units take different times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum WorkKind {
@@ -53,7 +56,8 @@ impl Effort {
             return Self { kind: WorkKind::OneShot, units: samples };
         }
         let removals = plan.initial_size.saturating_sub(plan.size) as f64;
-        let units = removals + samples / SAMPLES_PER_REMOVAL;
+        let refined = plan.size as f64 * REMOVALS_PER_REFINED[usize::from(parameters.effort)];
+        let units = removals + refined + samples / SAMPLES_PER_REMOVAL;
         Self { kind: WorkKind::Simplifying, units }
     }
 }

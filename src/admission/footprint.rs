@@ -8,7 +8,7 @@
 use super::cost::Compared;
 use crate::extract::accept::Format;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{Generator, Meshed, Parameters, Plan, Policy, Shape};
+use pixmesh_meshing::{ErrorMetric, Generator, Meshed, Parameters, Plan, Policy, Shape};
 
 /// Bytes per sample of an image.
 const SAMPLE: u64 = 2;
@@ -33,6 +33,14 @@ const MAX_COPIED_COMPONENTS: u64 = 4;
 const AREAS: u64 = 4;
 /// Bytes per initial point: while they are triangulated, and later with what removal knows of each.
 const POINT: u64 = 240;
+/// Bytes per final vertex while it is refined: twice what is known of it and its faces.
+const REFINED: u64 = 640;
+/// Bytes per pixel of the marks of vertices while they are refined, twice.
+const REFINED_MARKS: u64 = 2;
+/// Bytes per sample of the running sums that flat faces are measured by.
+const ROW_SUMS: u64 = 16;
+/// Bytes per pixel of the means that the weights of the structural similarity come from.
+const WINDOW_MEANS: u64 = 56;
 /// Bytes per initial point of the list of removed ones, kept to the end.
 const REMOVAL: u64 = 16;
 /// Bytes per final vertex with its two faces, in memory.
@@ -142,7 +150,18 @@ impl<'a> Footprint<'a> {
     /// removal, and without it when the error is measured at the end.
     fn triangulating(&self) -> u64 {
         let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
-        self.image() + self.meshed_luma() + measured_by + self.initial * POINT
+        let refining = match self.parameters.effort {
+            0 => 0,
+            _ => self.most * REFINED + self.pixels * REFINED_MARKS,
+        };
+        let meshing = refining.max(self.initial * POINT);
+        let sums =
+            if self.parameters.is_flat() { self.pixels * self.components * ROW_SUMS } else { 0 };
+        let weights = match self.parameters.error_metric {
+            ErrorMetric::Ssim => self.pixels * WINDOW_MEANS,
+            _ => 0,
+        };
+        self.image() + self.meshed_luma() + measured_by + meshing + sums + weights
     }
 
     /// Pictures of few bits are measured against a copy with the samples of a point side by side.
@@ -236,7 +255,10 @@ pub(super) fn shown_image(header: &Header) -> u64 {
 
 /// Whether vertices are removed from the first mesh.
 pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
-    plan.initial_size > plan.size || plan.bound.is_some() || parameters.bad_point_removal
+    plan.initial_size > plan.size
+        || plan.bound.is_some()
+        || parameters.bad_point_removal
+        || parameters.effort > 0
 }
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ use pixmesh_codec::{
     Alpha, Compression, Header, LengthUnit, PngCompression, ReliefSource, Shading, Texturing,
 };
 use pixmesh_meshing::{
-    Boundary, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan, Policy,
-    PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
+    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan,
+    Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Target, Values,
 };
 use serde_json::{Map, Value};
 
@@ -49,6 +49,7 @@ struct Choices {
     size: Option<usize>,
     target_psnr: Option<f64>,
     target_error: Option<f64>,
+    max_error: Option<u16>,
     gamma: Option<f64>,
     initial_density: Option<f64>,
     initial_size: Option<usize>,
@@ -68,6 +69,10 @@ struct Choices {
     meshed: Option<Meshed>,
     error_metric: Option<ErrorMetric>,
     bad_point_removal: Option<bool>,
+    effort: Option<u8>,
+    connectivity: Option<Connectivity>,
+    values: Option<Values>,
+    reconstruction: Option<Reconstruction>,
     seed: Option<u64>,
     alpha: Option<Alpha>,
     lenient: Option<bool>,
@@ -122,7 +127,7 @@ impl ParameterSet {
     /// `conflicting-parameters` for more than one target or initial size, and whatever the methods
     /// refuse before they see an image.
     pub fn finish(&self) -> Result<Order, Problem> {
-        self.at_most_one_of(&["density", "size", "target_psnr", "target_error"])?;
+        self.at_most_one_of(&["density", "size", "target_psnr", "target_error", "max_error"])?;
         self.at_most_one_of(&["gamma", "initial_density", "initial_size"])?;
         self.at_most_one_of(&["height", "z_scale"])?;
         let method = self.choices.method.unwrap_or(DEFAULT_METHOD);
@@ -153,7 +158,11 @@ impl Choices {
         let size = self.size.map(Target::Size);
         let psnr = self.target_psnr.map(Target::Psnr);
         let error = self.target_error.map(Target::MeanError);
-        size.or(psnr).or(error).unwrap_or(Target::Density(self.density.unwrap_or(DEFAULT_DENSITY)))
+        let largest = self.max_error.map(Target::MaxError);
+        size.or(psnr)
+            .or(error)
+            .or(largest)
+            .unwrap_or(Target::Density(self.density.unwrap_or(DEFAULT_DENSITY)))
     }
 
     /// The parameters of a method, but for those given explicitly.
@@ -179,6 +188,10 @@ impl Choices {
             meshed: self.meshed.unwrap_or(method.meshed),
             error_metric: self.error_metric.unwrap_or(method.error_metric),
             bad_point_removal: self.bad_point_removal.unwrap_or(method.bad_point_removal),
+            effort: self.effort.unwrap_or(method.effort),
+            connectivity: self.connectivity.unwrap_or(method.connectivity),
+            values: self.values.unwrap_or(method.values),
+            reconstruction: self.reconstruction.unwrap_or(method.reconstruction),
             seed: self.seed.unwrap_or(method.seed),
             ..*method
         }

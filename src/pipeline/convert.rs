@@ -23,5 +23,5 @@ pub fn convert(
     let mesh = read_model(model.as_ref(), limits)?;
     drop(model);
     watch.check()?;
-    encode(&mesh, &Writing { format, output, texture: None, fidelity: None }, watch)
+    encode(&mesh, &Writing { format, output, texture: None, model: None }, watch)
 }

@@ -5,10 +5,12 @@ use crate::extract::params::Output;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use pixmesh_codec::{
-    EncodeError, GltfOptions, Shading, Texture, write_glb, write_gltf, write_json, write_model,
-    write_obj, write_ply, write_png_with, write_pnm, write_stl, write_svg,
+    EncodeError, GltfOptions, Shading, Texture, write_glb, write_gltf, write_json,
+    write_model_with_comments, write_obj, write_ply, write_png_with, write_pnm, write_stl,
+    write_svg,
 };
-use pixmesh_meshing::{Fidelity, Mesh, Shape, rasterize};
+use pixmesh_meshing::{Image, Mesh, Model, Shape, rasterize};
+use std::borrow::Cow;
 
 /// Room in bytes for what is in an answer whatever its size, such as the header of a file.
 const FRAME: usize = 4096;
@@ -20,8 +22,8 @@ pub(super) struct Writing<'a> {
     pub(super) output: &'a Output,
     /// The image to show in it.
     pub(super) texture: Option<&'a Texture>,
-    /// How close the mesh is to the image.
-    pub(super) fidelity: Option<&'a Fidelity>,
+    /// What is known of the mesh where it has just been made.
+    pub(super) model: Option<&'a Model>,
 }
 
 /// The mesh, or the picture rebuilt from it, in a format.
@@ -31,26 +33,44 @@ pub(super) fn encode(
     watch: &Watch,
 ) -> Result<Vec<u8>, Problem> {
     let room = room(mesh, writing);
-    let Writing { format, output, texture, fidelity } = *writing;
+    let Writing { format, output, texture, model } = *writing;
     let Output { geometry, compression, shading, png_compression, .. } = *output;
     let gltf = GltfOptions { geometry, compression, texture };
     match format {
-        Format::Model => encoded(room, watch, |bytes| write_model(mesh, bytes)),
+        Format::Model => {
+            let remarks = model.map_or(&[][..], |model| &model.remarks);
+            encoded(room, watch, |bytes| write_model_with_comments(mesh, remarks, bytes))
+        }
         Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, &gltf, bytes)),
         Format::Gltf => encoded(room, watch, |bytes| write_gltf(mesh, &gltf, bytes)),
         Format::Svg => encoded(room, watch, |bytes| write_svg(mesh, shading, bytes)),
         Format::Ply => encoded(room, watch, |bytes| write_ply(mesh, &geometry, bytes)),
         Format::Obj => encoded(room, watch, |bytes| write_obj(mesh, &geometry, bytes)),
         Format::Stl => encoded(room, watch, |bytes| write_stl(mesh, &geometry, bytes)),
-        Format::Json => encoded(room, watch, |bytes| write_json(mesh, fidelity, &geometry, bytes)),
+        Format::Json => {
+            let fidelity = model.map(|model| &model.fidelity);
+            encoded(room, watch, |bytes| write_json(mesh, fidelity, &geometry, bytes))
+        }
         Format::Png => {
-            let picture = rasterize(mesh, watch)?;
+            let picture = picture(mesh, model, watch)?;
             encoded(room, watch, |bytes| write_png_with(&picture, png_compression, bytes))
         }
         Format::Pnm => {
-            let picture = rasterize(mesh, watch)?;
+            let picture = picture(mesh, model, watch)?;
             encoded(room, watch, |bytes| write_pnm(&picture, bytes))
         }
+    }
+}
+
+/// The picture rebuilt from a mesh, or that of one colour for each face.
+fn picture<'m>(
+    mesh: &Mesh,
+    model: Option<&'m Model>,
+    watch: &Watch,
+) -> Result<Cow<'m, Image>, Problem> {
+    match model.and_then(|model| model.flat.as_ref()) {
+        Some(flat) => Ok(Cow::Borrowed(&flat.picture)),
+        None => Ok(Cow::Owned(rasterize(mesh, watch)?)),
     }
 }
 

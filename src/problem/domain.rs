@@ -86,9 +86,6 @@ impl From<ParameterError> for Problem {
                     .allowed(&allowed)
                     .member("actual", actual)
             }
-            E::TargetNeedsSimplification => {
-                Self::new(Kind::ConflictingParameters, detail).param("method")
-            }
             E::TargetNeedsSquaredError(_) => {
                 Self::new(Kind::ConflictingParameters, detail).param("target_psnr")
             }

@@ -50,6 +50,20 @@ pub enum CliError {
         /// What is wrong with it.
         source: pixmesh_codec::ModelError,
     },
+    /// The weights do not fit the picture.
+    #[error("{name}: the weights must be a picture of one component and of the same size")]
+    Weights {
+        /// The file's name.
+        name: String,
+    },
+    /// The input is not a pmesh, or holds no mesh of the size asked for.
+    #[error("{name}: {source}")]
+    Pmesh {
+        /// The file's name, or that of the stream.
+        name: String,
+        /// What is wrong with it.
+        source: pixmesh_codec::PmeshError,
+    },
     /// The picture cannot be written in this format.
     #[error(transparent)]
     Encode(#[from] pixmesh_codec::EncodeError),

@@ -7,7 +7,10 @@ use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, Texture};
-use pixmesh_meshing::{GenerateError, Model, OnThreads, Removal, Stage, generate};
+use pixmesh_meshing::{
+    ErrorMetric, GenerateError, Image, Model, OnThreads, Progression, Removal, Stage, Unattended,
+    generate, rasterize,
+};
 use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -19,7 +22,8 @@ use std::time::{Duration, Instant};
 /// standard output, as MODEL text: width, height, number of components and bits per sample, then the
 /// mesh as OFF. --format and the ending of --output choose glTF, SVG, PLY, OBJ, STL, JSON or the
 /// rebuilt picture instead.
-/// One of --density, --size, --psnr and --error says how large or how good the mesh is to be.
+/// One of --density, --size, --psnr, --error and --max-error says how large or how good the mesh
+/// is to be.
 ///
 /// Points are chosen by error diffusion of a density that follows the picture's second derivatives,
 /// connected by the preferred-directions Delaunay triangulation, and removed one by one, the least
@@ -48,6 +52,20 @@ pub struct MakeModel {
     /// the change of the error in whole numbers
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     history_file: Option<PathBuf>,
+    /// File to write the mesh to as pmesh, the compact binary form; not of --connectivity free
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
+    pmesh: Option<PathBuf>,
+    /// File to write the mesh to as pmesh with the order of importance of its vertices, from which
+    /// rasterize_model --size makes the mesh of any smaller size; not of --connectivity free
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
+    progressive: Option<PathBuf>,
+    /// Picture of one component and the same size: how much each point matters, black not at all
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
+    weights: Option<PathBuf>,
+    /// File to write the picture to that the model gives, as PNG; that of --reconstruction flat
+    /// needs the best colour of each face, which a MODEL does not hold
+    #[arg(long, help_heading = FILES, value_name = "FILE")]
+    picture: Option<PathBuf>,
     /// Print vertices, faces, MSE, PSNR and the time of each stage on standard error
     #[arg(long, help_heading = FILES)]
     stats: bool,
@@ -119,6 +137,7 @@ impl MakeModel {
         let decoding = start.elapsed();
         let texture = self.written.texture(self.output.as_deref(), &bytes, &image)?;
         drop(bytes);
+        let image = self.weigh(image)?;
         self.written.check(image.component_count())?;
         let parameters = self.mesh.parameters(image.component_count());
         let parameters = parameters.map_err(GenerateError::from)?;
@@ -127,9 +146,50 @@ impl MakeModel {
         let model = generate(&image, &parameters, &control)?;
         let stages = attendant.finish();
         let encoding = self.write(&model, texture.as_ref())?;
+        self.write_compact(&image, &model)?;
         if self.stats {
             // Statistics that nobody can read are no reason to fail.
             let _ = print_statistics(&model, decoding, &stages, encoding);
+        }
+        Ok(())
+    }
+
+    /// The picture with the weights of another one, if one is given.
+    fn weigh(&self, image: Image) -> Result<Image, CliError> {
+        let Some(file) = &self.weights else { return Ok(image) };
+        let bytes = files::read(Some(file))?;
+        let mask = pixmesh_codec::decode(&bytes, &files::LIMITS).map_err(|source| {
+            CliError::Picture { name: files::name(Some(file), "weights"), source }
+        })?;
+        let fits = (mask.width(), mask.height(), mask.component_count())
+            == (image.width(), image.height(), 1);
+        if !fits {
+            return Err(CliError::Weights { name: files::name(Some(file), "weights") });
+        }
+        let largest = u32::from(mask.max_sample());
+        let scaled = |&sample: &u16| ((u32::from(sample) * 255 + largest / 2) / largest) as u8;
+        let weights = mask.components()[0].iter().map(scaled).collect();
+        image
+            .with_weights(weights)
+            .map_err(|_| CliError::Weights { name: files::name(Some(file), "weights") })
+    }
+
+    /// Writes the mesh in the compact forms asked for.
+    fn write_compact(&self, image: &Image, model: &Model) -> Result<(), CliError> {
+        if let Some(file) = &self.pmesh {
+            let mut bytes = Vec::new();
+            pixmesh_codec::write_pmesh(&model.mesh, &mut bytes)?;
+            files::write(Some(file), &bytes)?;
+        }
+        if let Some(file) = &self.progressive {
+            if !model.mesh.is_preferred_delaunay() {
+                return Err(pixmesh_codec::EncodeError::Connectivity { format: "pmesh" }.into());
+            }
+            let metric = self.mesh.error_metric.unwrap_or(ErrorMetric::MeanCompSe);
+            let progression = Progression::new(image, &model.mesh, metric, &Unattended)?;
+            let mut bytes = Vec::new();
+            pixmesh_codec::write_progression(&progression, &mut bytes)?;
+            files::write(Some(file), &bytes)?;
         }
         Ok(())
     }
@@ -140,6 +200,15 @@ impl MakeModel {
         let bytes = self.written.write(model, self.output.as_deref(), texture)?;
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
+        if let Some(file) = &self.picture {
+            let rebuilt = match &model.flat {
+                Some(flat) => flat.picture.clone(),
+                None => rasterize(&model.mesh, &Unattended).map_err(GenerateError::from)?,
+            };
+            let mut png = Vec::new();
+            pixmesh_codec::write_png(&rebuilt, &mut png)?;
+            files::write(Some(file), &png)?;
+        }
         if self.history_file.is_some() {
             files::write(self.history_file.as_ref(), history(&model.removals).as_bytes())?;
         }

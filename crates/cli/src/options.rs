@@ -3,8 +3,9 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
 use pixmesh_meshing::{
-    Boundary, ErrorMetric, Generator, InitialSize, Meshed, Method, ParameterError, Parameters,
-    Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
+    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, ParameterError,
+    Parameters, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup,
+    Target, Values,
 };
 
 /// The choices that decide the mesh.
@@ -13,14 +14,15 @@ use pixmesh_meshing::{
 /// default that its help names.
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("target")
-    .args(["density", "size", "psnr", "error"]))]
+    .args(["density", "size", "psnr", "error", "max_error"]))]
 pub struct MeshOptions {
-    /// Method whose parameters are the defaults of all other options: med is fast, mgprfs good
+    /// Method whose parameters are the defaults of all other options: med is fast,
+    /// mgprfs good, optimal best
     #[arg(long, help_heading = SIZE, value_parser = named(Method::NAMES, Method::ALL))]
     pub method: Option<Method>,
     /// Vertices of the mesh, in percent of the picture's points (over 0, at most 100)
     #[arg(long, help_heading = SIZE, value_name = "PERCENT",
-        required_unless_present_any = ["size", "psnr", "error", "completions", "man_page"])]
+        required_unless_present_any = ["size", "psnr", "error", "max_error", "completions", "man_page"])]
     pub density: Option<f64>,
     /// Vertices of the mesh (at least 4)
     #[arg(long, help_heading = SIZE, value_name = "COUNT")]
@@ -31,6 +33,9 @@ pub struct MeshOptions {
     /// Largest mean error per point, by --error-metric: removal stops before it would be exceeded
     #[arg(long, help_heading = SIZE, value_name = "ERROR")]
     pub error: Option<f64>,
+    /// Largest difference of any sample between the picture and its model, 0 to 65535
+    #[arg(long, help_heading = SIZE, value_name = "DIFFERENCE")]
+    pub max_error: Option<u16>,
     /// Points to start with, in percent of the vertices of the mesh: 400 is gamma = 4
     #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial")]
     pub relative_initial_density: Option<f64>,
@@ -101,6 +106,24 @@ pub struct MeshOptions {
     /// [default: 1]
     #[arg(long, help_heading = REMOVAL, value_parser = choice(SWITCH))]
     pub bad_point_removal: Option<bool>,
+    /// Effort of refinement, 0 (none) to 9: vertices move and change places while that lowers the
+    /// error [default: 0, for the method optimal 5]
+    #[arg(long, help_heading = REFINEMENT, value_name = "LEVEL")]
+    pub effort: Option<u8>,
+    /// What decides the faces: the preferred-directions Delaunay triangulation, or flips of edges
+    /// that lower the squared error [default: delaunay]
+    #[arg(long, help_heading = REFINEMENT,
+        value_parser = named(Connectivity::NAMES, Connectivity::ALL))]
+    pub connectivity: Option<Connectivity>,
+    /// What the vertices carry: the picture's samples, or the values that fit it best
+    /// [default: sampled]
+    #[arg(long, help_heading = REFINEMENT, value_parser = named(Values::NAMES, Values::ALL))]
+    pub values: Option<Values>,
+    /// How the picture is rebuilt, which the error of faces is measured by: linear interpolation, or
+    /// one colour for each face [default: linear, for the method flat flat]
+    #[arg(long, help_heading = REFINEMENT,
+        value_parser = named(Reconstruction::NAMES, Reconstruction::ALL))]
+    pub reconstruction: Option<Reconstruction>,
 }
 
 /// Headings of the help, in order.
@@ -109,6 +132,7 @@ const INITIAL: &str = "Points to start with";
 const DIFFUSION: &str = "Error diffusion";
 const FILTERS: &str = "Filters";
 const REMOVAL: &str = "Removal of points";
+const REFINEMENT: &str = "Refinement";
 
 /// A policy by the name of the thesis's program, which means one thing for colour pictures and
 /// another for gray ones.
@@ -215,13 +239,14 @@ impl MeshOptions {
         Ok(parameters)
     }
 
-    /// How large or good the mesh is to be; one of the four is given.
+    /// How large or good the mesh is to be; one of the five is given.
     fn target(&self) -> Target {
         let density = self.density.map(Target::Density);
         let size = self.size.map(Target::Size);
         let psnr_db = self.psnr.map(Target::Psnr);
+        let largest = self.max_error.map(Target::MaxError);
         let error = || Target::MeanError(self.error.unwrap_or_default());
-        density.or(size).or(psnr_db).unwrap_or_else(error)
+        density.or(size).or(psnr_db).or(largest).unwrap_or_else(error)
     }
 
     /// What the thesis's program does when nothing but the target is given.
@@ -260,6 +285,10 @@ impl MeshOptions {
         set(&mut parameters.meshed, policy);
         set(&mut parameters.error_metric, self.error_metric);
         set(&mut parameters.bad_point_removal, self.bad_point_removal);
+        set(&mut parameters.effort, self.effort);
+        set(&mut parameters.connectivity, self.connectivity);
+        set(&mut parameters.values, self.values);
+        set(&mut parameters.reconstruction, self.reconstruction);
     }
 
     /// Sets how the picture is smoothed and differentiated.

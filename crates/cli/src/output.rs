@@ -150,7 +150,8 @@ impl OutputOptions {
         let out = &mut bytes;
         match self.format(path) {
             MeshFormat::Model => {
-                pixmesh_codec::write_model(mesh, out).map_err(EncodeError::from)?;
+                pixmesh_codec::write_model_with_comments(mesh, &model.remarks, out)
+                    .map_err(EncodeError::from)?;
             }
             MeshFormat::Glb => pixmesh_codec::write_glb(mesh, &gltf, out)?,
             MeshFormat::Gltf => pixmesh_codec::write_gltf(mesh, &gltf, out)?,
@@ -162,7 +163,10 @@ impl OutputOptions {
                 pixmesh_codec::write_json(mesh, Some(&model.fidelity), &geometry, out)?;
             }
             MeshFormat::Png => {
-                let picture = rasterize(mesh, &Unattended)?;
+                let picture = match &model.flat {
+                    Some(flat) => flat.picture.clone(),
+                    None => rasterize(mesh, &Unattended)?,
+                };
                 pixmesh_codec::write_png_with(&picture, self.png_compression, out)?;
             }
             MeshFormat::Pnm => pixmesh_codec::write_pnm(&rasterize(mesh, &Unattended)?, out)?,

@@ -6,12 +6,12 @@ use crate::options::named;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser, ValueEnum};
 use pixmesh_codec::PngCompression;
-use pixmesh_meshing::rasterize;
+use pixmesh_meshing::{Mesh, rasterize};
 use std::path::PathBuf;
 
 /// Rebuilds the picture that a mesh model describes.
 ///
-/// Reads MODEL text on standard input and writes the picture on standard output: PGM for one
+/// Reads MODEL text or a pmesh on standard input and writes the picture on standard output: PGM for one
 /// component, PPM for three, PAM for any other number.
 #[derive(Parser, Debug)]
 #[command(name = "rasterize_model", version, after_long_help = MANUAL)]
@@ -29,6 +29,9 @@ pub struct RasterizeModel {
     #[arg(long, default_value = "fast",
         value_parser = named(PngCompression::NAMES, PngCompression::ALL))]
     png_compression: PngCompression,
+    /// Vertices of the mesh, of those of a pmesh that keeps the order of their importance
+    #[arg(long, value_name = "COUNT")]
+    size: Option<usize>,
     #[command(flatten)]
     document: DocumentOptions,
 }
@@ -66,9 +69,7 @@ impl RasterizeModel {
         }
         let input = self.input.as_deref();
         let bytes = files::read(input)?;
-        let mesh = pixmesh_codec::read_model(&bytes, &files::LIMITS).map_err(|source| {
-            CliError::Model { name: files::name(input, "standard input"), source }
-        })?;
+        let mesh = self.mesh(&bytes)?;
         drop(bytes);
         let attendant = Attendant::new();
         let image = rasterize(&mesh, &attendant)?;
@@ -88,5 +89,21 @@ impl RasterizeModel {
         let ending = self.output.as_deref().and_then(|path| path.extension());
         let is_png = ending.is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
         self.format.unwrap_or(if is_png { PictureOut::Png } else { PictureOut::Pnm })
+    }
+
+    /// The mesh that a file holds, or the one of a smaller size.
+    fn mesh(&self, bytes: &[u8]) -> Result<Mesh, CliError> {
+        let name = || files::name(self.input.as_deref(), "standard input");
+        let damaged = |source| CliError::Pmesh { name: name(), source };
+        if let Some(size) = self.size {
+            let read = pixmesh_codec::read_progression(bytes, &files::LIMITS);
+            let mesh = read.map_err(damaged)?.mesh(size);
+            return mesh.map_err(|source| damaged(source.into()));
+        }
+        if pixmesh_codec::is_pmesh(bytes) {
+            return pixmesh_codec::read_pmesh(bytes, &files::LIMITS).map_err(damaged);
+        }
+        pixmesh_codec::read_model(bytes, &files::LIMITS)
+            .map_err(|source| CliError::Model { name: name(), source })
     }
 }

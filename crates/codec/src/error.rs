@@ -80,6 +80,12 @@ pub enum EncodeError {
         /// The most that the format stores.
         maximum: usize,
     },
+    /// The format holds meshes of the preferred-directions Delaunay triangulation only.
+    #[error("{format} holds no faces, and those of this mesh are not what its points determine")]
+    Connectivity {
+        /// Name of the format.
+        format: &'static str,
+    },
     /// A relief is to follow a component that the image does not have.
     #[error("the relief is to follow component {component} (counted from 0) of {count}")]
     NoSuchComponent {

@@ -10,6 +10,7 @@
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
 //! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
+//! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_progression`] |
 //! | glTF 2.0 | | [`write_glb`], [`write_gltf`] |
 //! | SVG | | [`write_svg`] |
 //! | PLY, OBJ, STL | | [`write_ply`], [`write_obj`], [`write_stl`] |
@@ -61,6 +62,7 @@ mod model;
 mod obj;
 mod orientation;
 mod ply;
+mod pmesh;
 mod png;
 mod pnm;
 mod stl;
@@ -78,9 +80,14 @@ pub use gltf::{GltfOptions, Texture, write_glb, write_gltf};
 pub use header::Header;
 pub use json::write_json;
 pub use limits::Limits;
-pub use model::{ModelDefect, ModelError, probe_model, read_model, write_model};
+pub use model::{
+    ModelDefect, ModelError, probe_model, read_model, write_model, write_model_with_comments,
+};
 pub use obj::write_obj;
 pub use ply::write_ply;
+pub use pmesh::{
+    PmeshError, is_pmesh, read_pmesh, read_progression, write_pmesh, write_progression,
+};
 pub use png::{write_png, write_png_with};
 pub use pnm::write_pnm;
 pub use stl::write_stl;

@@ -11,4 +11,4 @@ mod write;
 
 pub use defect::{ModelDefect, ModelError};
 pub use read::{probe_model, read_model};
-pub use write::write_model;
+pub use write::{write_model, write_model_with_comments};

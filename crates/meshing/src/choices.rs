@@ -171,6 +171,8 @@ named_values! {
         YcbcrVecAe = "ycbcr_vec_ae",
         /// Squared length of the difference of two sample vectors.
         VecSe = "vec_se",
+        /// Squared error, times how much it lowers the structural similarity where it is.
+        Ssim = "ssim",
     }
 }
 
@@ -193,6 +195,36 @@ named_values! {
         Components = "components",
         /// The luma of its three components; the mesh carries their colours all the same.
         Luma = "luma",
+    }
+}
+
+named_values! {
+    /// What decides the faces over the vertices.
+    "connectivity" Connectivity {
+        /// The preferred-directions Delaunay triangulation.
+        Delaunay = "delaunay",
+        /// Edges are flipped where that lowers the squared error.
+        Free = "free",
+    }
+}
+
+named_values! {
+    /// What the vertices carry.
+    "values" Values {
+        /// The image's samples.
+        Sampled = "sampled",
+        /// The values that fit the image best: least squares.
+        Fitted = "fitted",
+    }
+}
+
+named_values! {
+    /// How a picture is rebuilt from a mesh.
+    "reconstruction" Reconstruction {
+        /// The linear interpolant of the vertices' values.
+        Linear = "linear",
+        /// One colour for each face, the one that fits best.
+        Flat = "flat",
     }
 }
 
@@ -224,7 +256,7 @@ impl ErrorMetric {
     #[must_use]
     pub fn component_count(self) -> Option<usize> {
         match self {
-            Self::MeanCompSe | Self::MeanCompAe | Self::VecSe => None,
+            Self::MeanCompSe | Self::MeanCompAe | Self::VecSe | Self::Ssim => None,
             Self::LumaSe | Self::LumaAe | Self::YcbcrVecSe | Self::YcbcrVecAe => Some(3),
         }
     }
@@ -233,6 +265,7 @@ impl ErrorMetric {
     pub(crate) fn of_one_component(self) -> Self {
         match self {
             Self::MeanCompAe | Self::LumaAe | Self::YcbcrVecAe => Self::MeanCompAe,
+            Self::Ssim => Self::Ssim,
             Self::MeanCompSe | Self::LumaSe | Self::YcbcrVecSe | Self::VecSe => Self::MeanCompSe,
         }
     }

@@ -12,6 +12,8 @@ use thiserror::Error;
 /// The stages of a method, in the order in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
+    /// Meshes of several sizes, one after the other, until the smallest of a quality is found.
+    Search,
     /// Significance of every lattice point, normalised to a density.
     Density,
     /// Choice of the initial points by error diffusion.
@@ -20,6 +22,8 @@ pub enum Stage {
     Triangulate,
     /// Greedy point removal.
     Simplify,
+    /// Refinement: vertices moved, swapped and fitted, edges flipped.
+    Refine,
     /// The squared error of the mesh, where removal has not kept account of it.
     Measure,
     /// The picture rebuilt from the mesh.
@@ -28,11 +32,13 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
+        Self::Search,
         Self::Density,
         Self::Diffuse,
         Self::Triangulate,
         Self::Simplify,
+        Self::Refine,
         Self::Measure,
         Self::Rasterize,
     ];
@@ -41,10 +47,12 @@ impl Stage {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Search => "search",
             Self::Density => "density",
             Self::Diffuse => "diffuse",
             Self::Triangulate => "triangulate",
             Self::Simplify => "simplify",
+            Self::Refine => "refine",
             Self::Measure => "measure",
             Self::Rasterize => "rasterize",
         }

@@ -27,7 +27,8 @@ impl ErrorMetric {
     /// The metric of this name.
     pub(crate) fn metric(self) -> &'static dyn Metric {
         match self {
-            Self::MeanCompSe => &squared::MeanOverComponents,
+            // How much a point matters to the similarity is in the image's weights.
+            Self::MeanCompSe | Self::Ssim => &squared::MeanOverComponents,
             Self::MeanCompAe => &absolute::MeanOverComponents,
             Self::LumaSe => &luma::Squared,
             Self::LumaAe => &luma::Absolute,
@@ -47,6 +48,22 @@ impl ErrorMetric {
         let per_unit = self.metric().per_unit(image.component_count());
         sum as f64 / (per_unit * image.pixel_count() as f64)
     }
+}
+
+/// The mean error per point of an approximation of an image, by a metric; of three components by a
+/// metric of one the luma counts.
+pub(crate) fn mean_error(image: &Image, approximation: &Image, metric: ErrorMetric) -> f64 {
+    let sum = (0..image.height())
+        .map(|y| {
+            let row = |image: &Image| -> Vec<Vec<u16>> {
+                (0..image.component_count()).map(|c| image.row(c, y).to_vec()).collect()
+            };
+            let (before, after) = (row(image), row(approximation));
+            let before: Vec<&[u16]> = before.iter().map(Vec::as_slice).collect();
+            metric.metric().error(&before, &after)
+        })
+        .sum();
+    metric.mean(sum, image)
 }
 
 /// Sums a function of the differences of all components.

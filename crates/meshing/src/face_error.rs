@@ -9,6 +9,7 @@ use crate::interpolant::Interpolant;
 use crate::mesh::Point;
 use crate::predicates::orientation;
 use crate::small_face::{Pixels, TOO_LARGE};
+use crate::weighted_error::weighted_error;
 
 /// What faces are measured against: an image, its tables and a metric.
 pub(crate) struct Measure<'a> {
@@ -17,15 +18,21 @@ pub(crate) struct Measure<'a> {
     metric: Option<&'static dyn Metric>,
     pixels: Option<Pixels>,
     flat: Option<FlatAreas>,
+    /// How much each point matters, where that differs.
+    weights: Option<&'a [u8]>,
 }
 
 impl<'a> Measure<'a> {
     /// Errors of approximations of `image` by a metric, for many more faces than cover it once.
     pub(crate) fn new(image: &'a Image, metric: ErrorMetric) -> Self {
+        if image.weights().is_some() {
+            // Weighted errors have no tables.
+            return Self { weights: image.weights(), pixels: None, ..Self::for_few(image, metric) };
+        }
         Self { flat: FlatAreas::new(image), ..Self::for_few(image, metric) }
     }
 
-    /// The same without the tables that only pay for many faces.
+    /// The same without the tables that only pay for many faces, and without the image's weights.
     pub(crate) fn for_few(image: &'a Image, metric: ErrorMetric) -> Self {
         let is_squared = metric.is_squared_difference();
         Self {
@@ -33,6 +40,7 @@ impl<'a> Measure<'a> {
             metric: (!is_squared).then(|| metric.metric()),
             pixels: if is_squared { Pixels::new(image) } else { None },
             flat: None,
+            weights: None,
         }
     }
 }
@@ -96,6 +104,9 @@ impl<'m> FaceErrors<'m> {
 
     /// The error of a face of any size.
     fn error_of_any(&mut self, corners: [Point; 3]) -> u64 {
+        if let Some(weights) = self.measure.weights {
+            return weighted_error(self.measure.image, weights, corners);
+        }
         self.prepare(corners);
         match self.measure.metric {
             None => self.squared_error(corners),

@@ -1,17 +1,28 @@
 //! From an image to its mesh: the stages of every method, in order.
 
-use crate::choices::{ErrorMetric, Meshed};
-use crate::control::{Cancelled, Control, Stage};
+use crate::choices::{Connectivity, ErrorMetric, Meshed, Values};
+use crate::control::{Cancelled, Control, Stage, Unattended};
 use crate::face_error::{FaceErrors, Measure};
+use crate::flat_color::{FlatColors, FlatFaces, RowSums};
 use crate::image::Image;
+use crate::largest_error::removals_within;
 use crate::luma::luma;
 use crate::mesh::{Face, Mesh, Point, Shape};
 use crate::metrics::Fidelity;
 use crate::parallel::in_parallel;
-use crate::parameters::{ParameterError, Parameters, Plan};
+use crate::parameters::{ErrorBound, ParameterError, Parameters, Plan};
+use crate::refine::growth::shrink;
+use crate::refine::liberation::liberate;
+use crate::refine::measured_mesh::MeasuredMesh;
+use crate::refine::refine;
+use crate::refine::valued_mesh::ValuedMesh;
+use crate::refine::vertex_moves::Freedom;
 use crate::sample_points::sample_points;
+use crate::search::smallest_within;
+use crate::sensitivity::sensitivity;
 use crate::simplify::{Removal, Simplified, StopRule, simplify};
 use crate::triangulation::Triangulation;
+use std::collections::HashSet;
 use thiserror::Error;
 
 /// Faces measured between two polls of the control.
@@ -28,6 +39,10 @@ pub struct Model {
     pub plan: Plan,
     /// The vertices that greedy removal took out, in order.
     pub removals: Vec<Removal>,
+    /// In what the mesh goes beyond the model of the thesis, for whoever reads it.
+    pub remarks: Vec<&'static str>,
+    /// The best colours of the faces, where these have one each: then the fidelity is theirs.
+    pub flat: Option<FlatColors>,
 }
 
 /// Why no mesh was made.
@@ -42,8 +57,8 @@ pub enum GenerateError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Makes a mesh of an image: chooses the initial points, triangulates them and removes the least
-/// useful ones.
+/// Makes a mesh of an image: chooses the initial points, triangulates them, removes the least
+/// useful ones and refines what is left.
 ///
 /// The same image and parameters give the same mesh, vertices by row, then column, faces in
 /// ascending order, on every machine.
@@ -56,20 +71,57 @@ pub fn generate(
     control: &dyn Control,
 ) -> Result<Model, GenerateError> {
     let plan = parameters.plan(image.shape())?;
+    if let Some(bound) = plan.bound {
+        if parameters.searches() || image.weights().is_some() {
+            return smallest_within(image, parameters, bound, control);
+        }
+    }
+    let ruling = ruling_image(image, parameters, control)?;
+    let ruling = ruling.as_ref().unwrap_or(image);
     let Made { points, faces, removals, squared_error } = match parameters.meshed {
-        Meshed::Components => triangulate_image(image, parameters, plan, control)?,
+        Meshed::Components => triangulate_image(ruling, parameters, plan, control)?,
         Meshed::Luma => {
-            let made = triangulate_image(&luma(image), &on_luma(parameters), plan, control)?;
+            let made = triangulate_image(&luma(ruling), &on_luma(parameters), plan, control)?;
             Made { squared_error: None, ..made }
         }
     };
-    let squared_error = match squared_error {
-        Some(known) => known,
-        None => measure(image, &points, &faces, control)?,
-    };
-    let fidelity = Fidelity::of_sum(squared_error, image);
-    let mesh = carry_samples(image, points, faces);
-    Ok(Model { mesh, fidelity, plan, removals })
+    let mut model =
+        if parameters.connectivity == Connectivity::Free || parameters.values == Values::Fitted {
+            let (mesh, squared_error) = liberate_mesh(image, points, &faces, parameters, control)?;
+            let fidelity = Fidelity::of_sum(squared_error, image);
+            Model { mesh, fidelity, plan, removals, remarks: remarks(parameters), flat: None }
+        } else {
+            let squared_error = match squared_error {
+                Some(known) if ruling.weights().is_none() => known,
+                _ => measure(image, &points, &faces, control)?,
+            };
+            let fidelity = Fidelity::of_sum(squared_error, image);
+            let mesh = Mesh::of_samples(image, points, faces);
+            Model { mesh, fidelity, plan, removals, remarks: remarks(parameters), flat: None }
+        };
+    if parameters.is_flat() {
+        let flat = FlatColors::new(image, &model.mesh, control)?;
+        model.fidelity = flat.fidelity;
+        model.flat = Some(flat);
+    }
+    Ok(model)
+}
+
+/// The image with weights by which a metric of the squared error becomes another one, where the
+/// metric is such.
+fn ruling_image(
+    image: &Image,
+    parameters: &Parameters,
+    control: &dyn Control,
+) -> Result<Option<Image>, Cancelled> {
+    if parameters.error_metric != ErrorMetric::Ssim || parameters.is_flat() {
+        return Ok(None);
+    }
+    let mut weights = sensitivity(image, control)?;
+    for (weight, &given) in weights.iter_mut().zip(image.weights().unwrap_or_default()) {
+        *weight = (u16::from(*weight) * u16::from(given)).div_ceil(u16::from(u8::MAX)) as u8;
+    }
+    Ok(image.clone().with_weights(weights).ok())
 }
 
 /// A triangulation made of an image.
@@ -83,8 +135,52 @@ struct Made {
     squared_error: Option<u64>,
 }
 
-/// Chooses, triangulates and simplifies.
+/// Chooses, triangulates, simplifies and refines.
 fn triangulate_image(
+    image: &Image,
+    parameters: &Parameters,
+    plan: Plan,
+    control: &dyn Control,
+) -> Result<Made, Cancelled> {
+    if parameters.is_flat() {
+        return triangulate_for_flat(image, parameters, plan, control);
+    }
+    let made = simplify_image(image, parameters, plan, control)?;
+    if parameters.effort == 0 {
+        return Ok(made);
+    }
+    let Made { points, faces, removals, .. } = made;
+    let (metric, size) = (parameters.error_metric, (image.width(), image.height()));
+    let measure = Measure::new(image, metric);
+    let mesh = MeasuredMesh::new(points, &faces, size, FaceErrors::new(&measure));
+    let refined = refine(mesh, parameters.effort, control)?;
+    let squared_error = metric.is_squared_difference().then_some(refined.total_error());
+    let (points, faces, _) = refined.triangulation.mesh();
+    Ok(Made { points, faces, removals, squared_error })
+}
+
+/// Chooses and triangulates, then simplifies and refines by the errors of flat faces.
+fn triangulate_for_flat(
+    image: &Image,
+    parameters: &Parameters,
+    plan: Plan,
+    control: &dyn Control,
+) -> Result<Made, Cancelled> {
+    let points = sample_points(image, parameters, plan.initial_size, control)?;
+    let triangulation = Triangulation::new(points, control)?;
+    let (faces, size) = (triangulation.faces(), (image.width(), image.height()));
+    let sums = RowSums::new(image);
+    let mut mesh = MeasuredMesh::new(triangulation.points, &faces, size, FlatFaces::new(&sums));
+    let surplus = mesh.vertex_count().saturating_sub(plan.size);
+    let removals = if plan.initial_size == plan.size { 0 } else { surplus };
+    let removals = shrink(&mut mesh, removals, |_| {}, control)?;
+    let refined = refine(mesh, parameters.effort, control)?;
+    let (points, faces, _) = refined.triangulation.mesh();
+    Ok(Made { points, faces, removals, squared_error: None })
+}
+
+/// Chooses, triangulates and simplifies.
+fn simplify_image(
     image: &Image,
     parameters: &Parameters,
     plan: Plan,
@@ -101,10 +197,62 @@ fn triangulate_image(
         return Ok(Made { points, faces, removals: Vec::new(), squared_error: None });
     }
     let rule = StopRule { size, bound, metric: parameters.error_metric, bad_point_removal };
+    if let Some(ErrorBound::MaxError(most)) = bound {
+        return simplify_within(image, triangulation, rule, most, control);
+    }
     let Simplified { points, faces, removals, error } =
         simplify(image, triangulation, rule, control)?;
     let squared_error = parameters.error_metric.is_squared_difference().then_some(error);
     Ok(Made { points, faces, removals, squared_error })
+}
+
+/// What a mesh of these parameters is that one of the thesis is not.
+fn remarks(parameters: &Parameters) -> Vec<&'static str> {
+    let free = "connectivity free: the faces need not be those of the Delaunay triangulation";
+    let fitted = "values fitted: the values need not be the image's samples";
+    let free = (parameters.connectivity == Connectivity::Free).then_some(free);
+    let fitted = (parameters.values == Values::Fitted).then_some(fitted);
+    let flat = "reconstruction flat: made for one colour in each face";
+    let flat = parameters.is_flat().then_some(flat);
+    free.into_iter().chain(fitted).chain(flat).collect()
+}
+
+/// Flips edges and fits values as the parameters say; tells the squared error too.
+fn liberate_mesh(
+    image: &Image,
+    points: Vec<Point>,
+    faces: &[Face],
+    parameters: &Parameters,
+    control: &dyn Control,
+) -> Result<(Mesh, u64), Cancelled> {
+    let freedom = Freedom {
+        connectivity: parameters.connectivity == Connectivity::Free,
+        values: parameters.values == Values::Fitted,
+    };
+    let mut mesh = ValuedMesh::new(image, points, faces);
+    liberate(&mut mesh, freedom, parameters.effort, control)?;
+    let (points, faces, order) = mesh.triangulation.mesh();
+    let samples = order.iter().flat_map(|&v| mesh.values_of(v).iter().copied()).collect();
+    Ok((Mesh::from_kernel(image.shape(), points, samples, faces), mesh.total_error))
+}
+
+/// Simplifies as far as no sample's error goes beyond a bound.
+fn simplify_within(
+    image: &Image,
+    triangulation: Triangulation,
+    rule: StopRule,
+    most: u16,
+    control: &dyn Control,
+) -> Result<Made, Cancelled> {
+    let (initial, faces) = (triangulation.points.clone(), triangulation.faces());
+    let mut removals = simplify(image, triangulation, rule, control)?.removals;
+    let count = removals_within(image, initial.clone(), &faces, &removals, most, control)?;
+    removals.truncate(count);
+    let gone: HashSet<Point> = removals.iter().map(|removal| removal.point).collect();
+    let kept = initial.into_iter().filter(|point| !gone.contains(point)).collect();
+    let triangulation = Triangulation::new(kept, &Unattended)?;
+    let faces = triangulation.faces();
+    Ok(Made { points: triangulation.points, faces, removals, squared_error: None })
 }
 
 /// The parameters of a colour method for the luma, an image of one component.
@@ -137,18 +285,6 @@ fn measure(
         sum += errors.iter().sum::<u64>();
     }
     Ok(sum)
-}
-
-/// The mesh whose vertices carry the image's samples.
-fn carry_samples(image: &Image, points: Vec<Point>, faces: Vec<Face>) -> Mesh {
-    let samples = points
-        .iter()
-        .flat_map(|p| {
-            let components = 0..image.component_count();
-            components.map(|c| image.sample(c, p.x as usize, p.y as usize))
-        })
-        .collect();
-    Mesh::from_kernel(image.shape(), points, samples, faces)
 }
 
 impl Image {

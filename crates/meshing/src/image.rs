@@ -20,6 +20,8 @@ pub struct Image {
     height: usize,
     precision: u8,
     components: Vec<Vec<u16>>,
+    /// How much each lattice point matters; all the same where there are none.
+    weights: Option<Vec<u8>>,
 }
 
 /// Why samples do not make an image.
@@ -58,6 +60,14 @@ pub enum ImageError {
         /// Samples found.
         actual: usize,
         /// Samples needed.
+        expected: usize,
+    },
+    /// There is not one weight for each lattice point.
+    #[error("{actual} weights where {expected} are needed")]
+    WeightCount {
+        /// Weights found.
+        actual: usize,
+        /// Weights needed.
         expected: usize,
     },
     /// A sample does not fit the precision.
@@ -106,7 +116,7 @@ impl Image {
                 return Err(ImageError::SampleRange { component, sample, maximum, precision });
             }
         }
-        Ok(Self { width, height, precision, components })
+        Ok(Self { width, height, precision, components, weights: None })
     }
 
     /// Makes an image of components whose rows run from the top to the bottom, as files have
@@ -134,13 +144,34 @@ impl Image {
         precision: u8,
         components: Vec<Vec<u16>>,
     ) -> Self {
-        Self { width, height, precision, components }
+        Self { width, height, precision, components, weights: None }
     }
 
     /// An image of the same shape but for its components, which a kernel of this crate made of
     /// this image's samples.
     pub(crate) fn with_components(&self, components: Vec<Vec<u16>>) -> Self {
-        Self { components, ..*self }
+        Self { components, weights: self.weights.clone(), ..*self }
+    }
+
+    /// The same image whose lattice points matter more or less: a squared error counts that many
+    /// times where vertices are removed and moved. Fidelity is that of the image without weights.
+    ///
+    /// `weights[y * width + x]` is that of the point at `(x, y)`, row 0 at the bottom.
+    ///
+    /// # Errors
+    /// When there is not one weight for each lattice point.
+    pub fn with_weights(self, weights: Vec<u8>) -> Result<Self, ImageError> {
+        let (actual, expected) = (weights.len(), self.pixel_count());
+        if actual != expected {
+            return Err(ImageError::WeightCount { actual, expected });
+        }
+        Ok(Self { weights: Some(weights), ..self })
+    }
+
+    /// How much each lattice point matters, where that differs.
+    #[must_use]
+    pub fn weights(&self) -> Option<&[u8]> {
+        self.weights.as_deref()
     }
 
     /// Tells whether every component is one sample repeated.

@@ -38,9 +38,16 @@
 //! each one `removal` fills its `hole`, remembered in `hole_memory`, and asks `face_error` for the
 //! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
 //! `small_face` (with its rows and planes) and `flat_areas` compute. [`rasterize`] rebuilds the
-//! picture, [`Fidelity`] and [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as [`Parameters`] say, whose values are in `choices`
-//! and whose named sets, the methods, in [`Method`]. Where the [`Control`] allows several threads,
-//! `parallel` shares out what is independent and `foresight` prepares removals ahead of their turn.
+//! picture, [`Fidelity`] and [`structural_similarity`] say how close it is; [`generate`] is all of
+//! it in order, as [`Parameters`] say, whose values are in `choices` and whose named sets, the
+//! methods, in [`Method`]. Where the [`Control`] allows several threads, `parallel` shares out what
+//! is independent and `foresight` prepares removals ahead of their turn.
+//!
+//! `search` makes meshes of several sizes where a quality is asked for, and `largest_error` follows
+//! removals up to the first that breaks a bound. `refine` goes beyond the thesis: it moves the
+//! vertices that are left. Other ways: [`FlatColors`] gives each face one colour, [`preview`] makes a
+//! mesh in a moment, [`Progression`] holds every size of a mesh, and `sensitivity` says which points
+//! matter to the structural similarity.
 
 mod choices;
 mod control;
@@ -51,6 +58,7 @@ mod face_error;
 mod face_rows;
 mod filter;
 mod flat_areas;
+mod flat_color;
 mod floyd_steinberg;
 mod foresight;
 mod generate;
@@ -58,6 +66,7 @@ mod hole;
 mod hole_memory;
 mod image;
 mod interpolant;
+mod largest_error;
 mod luma;
 mod mesh;
 mod method;
@@ -65,11 +74,16 @@ mod metrics;
 mod parallel;
 mod parameters;
 mod predicates;
+mod preview;
+mod progressive;
 mod rasterize;
+mod refine;
 mod removal;
 mod removal_queue;
 mod sample_points;
+mod search;
 mod second_derivatives;
+mod sensitivity;
 mod significance;
 mod simplify;
 mod small_face;
@@ -80,13 +94,15 @@ mod star;
 mod threshold_search;
 mod tile_order;
 mod triangulation;
+mod weighted_error;
 
 pub use choices::{
-    Boundary, ErrorMetric, Generator, Meshed, Policy, PscTie, Scan, Smoothing, SmoothingDirection,
-    Startup,
+    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Policy, PscTie, Reconstruction, Scan,
+    Smoothing, SmoothingDirection, Startup, Values,
 };
 pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
 pub use density::Density;
+pub use flat_color::FlatColors;
 pub use generate::{GenerateError, Model, generate};
 pub use image::{Image, ImageError, MAX_SIDE};
 pub use mesh::{Face, Mesh, MeshError, Point, Shape};
@@ -97,7 +113,10 @@ pub use parameters::{
     MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, ParameterError, Parameters, Plan, Target,
 };
 pub use predicates::{in_circle, orientation};
+pub use preview::preview;
+pub use progressive::{Progression, ProgressionError};
 pub use rasterize::rasterize;
+pub use refine::schedule::MAX_EFFORT;
 pub use sample_points::sample_points;
 pub use simplify::Removal;
 pub use ssim::structural_similarity;

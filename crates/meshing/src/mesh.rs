@@ -1,7 +1,7 @@
 //! The mesh model of an image: sample points, their samples and the triangulation.
 
-use crate::image::{ImageError, check_shape, largest_sample};
-use crate::predicates::orientation;
+use crate::image::{Image, ImageError, check_shape, largest_sample};
+use crate::predicates::{in_circle, orientation};
 use thiserror::Error;
 
 /// A point of the image's lattice; `y` grows upwards.
@@ -201,6 +201,16 @@ impl Mesh {
         mesh
     }
 
+    /// The mesh of these points and faces, which a kernel has made valid, with the image's samples.
+    pub(crate) fn of_samples(image: &Image, points: Vec<Point>, faces: Vec<Face>) -> Self {
+        let sample = |&Point { x, y }: &Point| {
+            let components = 0..image.component_count();
+            components.map(move |c| image.sample(c, x as usize, y as usize))
+        };
+        let samples = points.iter().flat_map(sample).collect();
+        Self::from_kernel(image.shape(), points, samples, faces)
+    }
+
     /// Shape of the image that the mesh models.
     #[must_use]
     pub fn shape(&self) -> Shape {
@@ -262,6 +272,28 @@ impl Mesh {
         self.check_edges()?;
         self.check_area()?;
         self.check_vertices_used()
+    }
+
+    /// Tells whether the faces are those of the preferred-directions Delaunay triangulation of the
+    /// points, so that these alone say what the faces are. A mesh of another triangulation is no
+    /// less valid.
+    ///
+    /// Costs one sort of the edges: a triangulation is Delaunay when each of its edges is.
+    #[must_use]
+    pub fn is_preferred_delaunay(&self) -> bool {
+        let mut edges = Vec::with_capacity(3 * self.faces.len());
+        for &[a, b, c] in &self.faces {
+            for (from, to, apex) in [(a, b, c), (b, c, a), (c, a, b)] {
+                edges.push((from.min(to), from.max(to), from > to, apex));
+            }
+        }
+        edges.sort_unstable();
+        edges.windows(2).all(|pair| {
+            let [(from, to, _, left), (same_from, same_to, _, right)] = [pair[0], pair[1]];
+            let place = |v: u32| self.points[v as usize];
+            (from, to) != (same_from, same_to)
+                || !in_circle(place(from), place(to), place(left), place(right))
+        })
     }
 
     /// Shape and samples.

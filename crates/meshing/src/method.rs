@@ -1,12 +1,14 @@
-//! The methods as data: the sets of parameters that the thesis names.
+//! The methods as data: the sets of parameters that the thesis names, and two beyond it.
 //!
 //! "Effective Techniques for Generating Delaunay Mesh Models of Single- and Multi-Component
 //! Images" (thesis, University of Victoria) describes one framework: a policy turns the image
 //! into a density, error diffusion picks initial points of that density, and greedy point removal
 //! simplifies their triangulation. A [`Method`] is a named set of [`Parameters`].
 
-use crate::choices::{Generator, Meshed, Policy, Startup, named_values};
-use crate::parameters::{InitialSize, ParameterError, Parameters, Target, check_count};
+use crate::choices::{Generator, Meshed, Policy, Reconstruction, Startup, named_values};
+use crate::parameters::{
+    DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target, check_count,
+};
 use std::fmt;
 use std::str::FromStr;
 
@@ -17,11 +19,18 @@ named_values! {
         Ed = "ed",
         /// Modified error diffusion of any number of components; no simplification: fast.
         Med = "med",
+        /// MED, then the points that only raise the error are removed: better, with fewer points.
+        MedPlus = "med+",
         /// Error diffusion of one component to 4 times the points, then greedy point removal.
         Gprfsed = "gprfsed",
         /// Modified error diffusion of any number of components to 4 times the points, then greedy
         /// point removal: good.
         Mgprfs = "mgprfs",
+        /// MGPRFS, then refinement: vertices move and change places while that lowers the error, as
+        /// long as the effort says: best.
+        Optimal = "optimal",
+        /// Points removed, then refined, by the error of the best single colour of each face.
+        Flat = "flat",
         /// Greedy point removal from all lattice points, one component.
         Gpr = "gpr",
         /// Greedy point removal from all lattice points, any number of components.
@@ -42,12 +51,18 @@ impl Method {
         use Method as M;
         let simplifying = InitialSize::Gamma(4.0);
         let (generator, initial_size) = match self {
-            M::Ed | M::Med | M::Ced => (Generator::ErrorDiffusion, InitialSize::Target),
-            M::Gprfsed | M::Mgprfs | M::Cgprfsed => (Generator::ErrorDiffusion, simplifying),
+            M::Ed | M::Med | M::MedPlus | M::Ced => {
+                (Generator::ErrorDiffusion, InitialSize::Target)
+            }
+            M::Gprfsed | M::Mgprfs | M::Optimal | M::Flat | M::Cgprfsed => {
+                (Generator::ErrorDiffusion, simplifying)
+            }
             M::Gpr | M::Mgpr | M::Cgpr => (Generator::All, InitialSize::Density(100.0)),
         };
         let (policy, startup) = match self {
-            M::Med | M::Mgprfs | M::Mgpr => (Policy::PsdMaxD, Startup::Mirroring),
+            M::Med | M::MedPlus | M::Mgprfs | M::Optimal | M::Flat | M::Mgpr => {
+                (Policy::PsdMaxD, Startup::Mirroring)
+            }
             M::Ed | M::Gprfsed | M::Gpr => (Policy::PsaD, Startup::Classic),
             M::Ced | M::Cgprfsed | M::Cgpr => (Policy::PsbD, Startup::Classic),
         };
@@ -55,14 +70,36 @@ impl Method {
             M::Ced | M::Cgprfsed | M::Cgpr => Meshed::Luma,
             _ => Meshed::Components,
         };
-        Parameters { initial_size, generator, policy, startup, meshed, ..Parameters::new(target) }
+        let effort = match self {
+            M::Optimal => DEFAULT_EFFORT,
+            M::Flat => FLAT_EFFORT,
+            _ => 0,
+        };
+        let reconstruction = match self {
+            M::Flat => Reconstruction::Flat,
+            _ => Reconstruction::Linear,
+        };
+        let bad_point_removal = self == M::MedPlus;
+        Parameters {
+            initial_size,
+            generator,
+            policy,
+            startup,
+            meshed,
+            bad_point_removal,
+            effort,
+            reconstruction,
+            ..Parameters::new(target)
+        }
     }
 
     /// The number of components this method is made for; `None` for any.
     #[must_use]
     pub fn component_count(self) -> Option<usize> {
         match self {
-            Self::Med | Self::Mgprfs | Self::Mgpr => None,
+            Self::Med | Self::MedPlus | Self::Mgprfs | Self::Optimal | Self::Flat | Self::Mgpr => {
+                None
+            }
             Self::Ed | Self::Gprfsed | Self::Gpr => Some(1),
             Self::Ced | Self::Cgprfsed | Self::Cgpr => Some(3),
         }

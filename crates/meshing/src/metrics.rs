@@ -22,15 +22,23 @@ pub struct ShapeMismatch {
     second: String,
 }
 
+impl ShapeMismatch {
+    /// Checks that two images have the same shape.
+    pub(crate) fn check(first: &Image, second: &Image) -> Result<(), Self> {
+        if shape(first) == shape(second) {
+            return Ok(());
+        }
+        Err(Self { first: describe(first), second: describe(second) })
+    }
+}
+
 impl Fidelity {
     /// Compares two images of the same shape sample by sample.
     ///
     /// # Errors
     /// When width, height, number of components or precision differ.
     pub fn between(first: &Image, second: &Image) -> Result<Self, ShapeMismatch> {
-        if shape(first) != shape(second) {
-            return Err(ShapeMismatch { first: describe(first), second: describe(second) });
-        }
+        ShapeMismatch::check(first, second)?;
         let pairs = first.components().iter().zip(second.components());
         Ok(Self::of_sum(pairs.map(|(a, b)| sum_of_squares(a, b)).sum(), first))
     }

@@ -1,11 +1,12 @@
 //! Everything that decides which mesh is made of an image, its bounds, and what it means for one.
 
 use crate::choices::{
-    Boundary, ErrorMetric, Generator, Meshed, Policy, PscTie, Scan, Smoothing, SmoothingDirection,
-    Startup,
+    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Policy, PscTie, Reconstruction, Scan,
+    Smoothing, SmoothingDirection, Startup, Values,
 };
 use crate::image::{ImageError, MAX_SIDE, check_shape};
 use crate::mesh::Shape;
+use crate::refine::schedule::MAX_EFFORT;
 use thiserror::Error;
 
 /// The fewest vertices a mesh may have: the image's corners.
@@ -31,6 +32,12 @@ pub const MAX_GAMMA: f64 = 1000.0;
 
 /// The largest smoothing order.
 pub const MAX_SMOOTHING_ORDER: usize = 21;
+
+/// The effort of refinement where the method refines and none is given.
+pub(crate) const DEFAULT_EFFORT: u8 = 5;
+
+/// The effort of refinement of the method for flat colours.
+pub(crate) const FLAT_EFFORT: u8 = 6;
 
 /// A value that a parameter does not allow.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -86,11 +93,6 @@ pub enum ParameterError {
         /// Values allowed for this image.
         allowed: Vec<&'static str>,
     },
-    /// A target PSNR or error with a method that does not simplify.
-    #[error(
-        "a target PSNR or error needs a method that simplifies, which this set of parameters does not: its initial size is its final size"
-    )]
-    TargetNeedsSimplification,
     /// A target PSNR with a metric that is not the squared error.
     #[error(
         "target_psnr needs the error_metric mean_comp_se or vec_se, not {0}: give target_error instead"
@@ -115,6 +117,9 @@ pub enum Target {
     /// At most this mean error per point in the unit of the error metric: greedy removal stops
     /// before the first vertex that would take the mesh above it.
     MeanError(f64),
+    /// No sample of the approximation may differ from the image's by more than this: greedy removal
+    /// stops before the first vertex that would take the mesh there.
+    MaxError(u16),
 }
 
 /// How many points the mesh starts with.
@@ -171,6 +176,15 @@ pub struct Parameters {
     pub error_metric: ErrorMetric,
     /// Whether removal goes on below the target while it lowers the error.
     pub bad_point_removal: bool,
+    /// Effort of refinement, 0 (none) to [`MAX_EFFORT`]: each level does all that the one before
+    /// does, and more.
+    pub effort: u8,
+    /// What decides the faces over the vertices.
+    pub connectivity: Connectivity,
+    /// What the vertices carry.
+    pub values: Values,
+    /// How the picture is rebuilt, which the error of faces is measured by.
+    pub reconstruction: Reconstruction,
     /// Seed of [`Generator::Random`] and [`Startup::Random`].
     pub seed: u64,
 }
@@ -193,6 +207,8 @@ pub enum ErrorBound {
     PsnrDb(f64),
     /// At most this mean error per point, in the unit of the error metric.
     MeanError(f64),
+    /// At most this difference of any sample.
+    MaxError(u16),
 }
 
 impl Parameters {
@@ -218,6 +234,10 @@ impl Parameters {
             meshed: Meshed::Components,
             error_metric: ErrorMetric::MeanCompSe,
             bad_point_removal: false,
+            effort: 0,
+            connectivity: Connectivity::Delaunay,
+            values: Values::Sampled,
+            reconstruction: Reconstruction::Linear,
             seed: 0,
         }
     }
@@ -235,6 +255,7 @@ impl Parameters {
                 self.check_metric_of_psnr()?;
             }
             Target::MeanError(error) => check_range("target_error", error, 0.0, MAX_MEAN_ERROR)?,
+            Target::MaxError(_) => {}
         }
         match self.initial_size {
             InitialSize::Target => {}
@@ -242,6 +263,7 @@ impl Parameters {
             InitialSize::Density(density) => check_density("initial_density", density)?,
             InitialSize::Size(size) => check_size("initial_size", size, MAX_POINTS)?,
         }
+        check_range("effort", self.effort.into(), 0.0, MAX_EFFORT.into())?;
         let (parameter, value) = ("smoothing_order", self.smoothing_order);
         check_range(parameter, value as f64, 1.0, MAX_SMOOTHING_ORDER as f64)?;
         if value.is_multiple_of(2) {
@@ -270,6 +292,7 @@ impl Parameters {
             Target::Size(size) => (size, None),
             Target::Psnr(psnr_db) => (MIN_SIZE, Some(ErrorBound::PsnrDb(psnr_db))),
             Target::MeanError(error) => (MIN_SIZE, Some(ErrorBound::MeanError(error))),
+            Target::MaxError(error) => (MIN_SIZE, Some(ErrorBound::MaxError(error))),
         };
         let initial_size = self.initial_points(size, shape)?;
         self.check_initial_size(initial_size, size, all)?;
@@ -308,10 +331,10 @@ impl Parameters {
         match (self.initial_size, self.target) {
             (InitialSize::Size(size), _) => Ok(size),
             (InitialSize::Density(density), _) => Ok(points_of_density(density, shape)),
-            (InitialSize::Gamma(_), Target::Psnr(_) | Target::MeanError(_)) => Ok(all),
-            (InitialSize::Target, Target::Psnr(_) | Target::MeanError(_)) => {
-                Err(ParameterError::TargetNeedsSimplification)
-            }
+            (
+                InitialSize::Gamma(_) | InitialSize::Target,
+                Target::Psnr(_) | Target::MeanError(_) | Target::MaxError(_),
+            ) => Ok(all),
             (InitialSize::Gamma(gamma), Target::Density(density)) => {
                 Ok(points_of_density(gamma * density, shape).max(size))
             }
@@ -320,6 +343,26 @@ impl Parameters {
             }
             (InitialSize::Target, _) => Ok(size),
         }
+    }
+
+    /// Tells whether the mesh is improved after its points have been chosen and removed.
+    #[must_use]
+    pub fn refines(&self) -> bool {
+        self.effort > 0 || self.connectivity == Connectivity::Free || self.values == Values::Fitted
+    }
+
+    /// Tells whether faces have one colour each.
+    #[must_use]
+    pub fn is_flat(&self) -> bool {
+        self.reconstruction == Reconstruction::Flat
+    }
+
+    /// Tells whether a quality is reached by making meshes of several sizes: the method does not
+    /// simplify, or refines what simplification leaves.
+    #[must_use]
+    pub fn searches(&self) -> bool {
+        let by_quality = !matches!(self.target, Target::Density(_) | Target::Size(_));
+        by_quality && (self.refines() || self.is_flat() || self.initial_size == InitialSize::Target)
     }
 
     /// A PSNR is one of the squared error.
@@ -489,7 +532,10 @@ mod tests {
         assert!(error.to_string().contains("policy 'psa_d'"), "{error}");
         assert!(error.to_string().contains("psd_max_d"), "{error}");
         let error = Method::Ced.check_component_count(1).unwrap_err();
-        assert!(error.to_string().contains("ed, med, gprfsed, mgprfs, gpr, mgpr"), "{error}");
+        assert!(
+            error.to_string().contains("ed, med, med+, gprfsed, mgprfs, optimal, flat, gpr, mgpr"),
+            "{error}"
+        );
         assert_eq!(Method::Mgpr.check_component_count(7), Ok(()));
     }
 

@@ -187,6 +187,8 @@ impl<'a> Simplification<'a> {
             Some(ErrorBound::PsnrDb(least)) => {
                 Fidelity::of_sum(error, self.image).psnr_db() < least
             }
+            // Looked after by whoever follows the removals.
+            Some(ErrorBound::MaxError(_)) => false,
             Some(ErrorBound::MeanError(most)) => rule.metric.mean(error, self.image) > most,
         }
     }

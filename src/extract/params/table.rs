@@ -10,9 +10,10 @@ use pixmesh_codec::{
     Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
 };
 use pixmesh_meshing::{
-    Boundary, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_MEAN_ERROR,
-    MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed, Method, ParameterError,
-    Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup, Target,
+    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_EFFORT,
+    MAX_GAMMA, MAX_MEAN_ERROR, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed,
+    Method, ParameterError, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection,
+    Startup, Target, Values,
 };
 use serde_json::Value;
 use std::str::FromStr;
@@ -167,18 +168,30 @@ fn put_word<T: FromStr<Err = ParameterError>>(
     Ok(())
 }
 
+/// In a query or a form an unescaped plus means a blank, and no method's name ends with one.
+fn plus_of_a_form(name: &str) -> &str {
+    if name == "med " { Method::MedPlus.name() } else { name }
+}
+
 /// The most vertices: indices of vertices have 32 bits.
 const MAX_SIZE: u64 = u32::MAX as u64;
 const LEAST_SIZE: u64 = MIN_SIZE as u64;
+const MOST_ERROR: u64 = u16::MAX as u64;
+const MOST_EFFORT: u64 = MAX_EFFORT as u64;
 const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 /// The longest length, whatever the unit, and the smallest pixel: 32-bit floating-point positions
 /// hold both.
 const MAX_LENGTH: f64 = 1e9;
 const MIN_PIXEL_SIZE: f64 = 1e-9;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 39] = [
-    word!(method: Method, "The method, which sets every other parameter; one given explicitly wins. Default: mgprfs.",
-        |order| Some(order.method.to_string())),
+pub static TABLE: [Parameter; 44] = [
+    Parameter {
+        name: "method",
+        about: "The method, which sets every other parameter; one given explicitly wins. Default: mgprfs.",
+        takes: Takes::Word(Method::NAMES),
+        read: Reader::Word(|choices, text| put_word(&mut choices.method, plus_of_a_form(text))),
+        show: |order| Some(order.method.to_string()),
+    },
     decimal!(
         density,
         "Vertices in percent of the image's pixels, the four corners at least. The default is 2, where no other target is given.",
@@ -201,7 +214,7 @@ pub static TABLE: [Parameter; 39] = [
     ),
     decimal!(
         target_psnr,
-        "At least this PSNR in decibels: removal stops before it would fall below; instead of density, for methods that simplify.",
+        "At least this PSNR in decibels: removal stops before it would fall below, methods that do not simplify and those that refine search for the smallest mesh; instead of density.",
         0.0,
         MAX_PSNR_DB,
         |order| match order.parameters.target {
@@ -211,11 +224,21 @@ pub static TABLE: [Parameter; 39] = [
     ),
     decimal!(
         target_error,
-        "At most this mean error per pixel in the unit of error_metric: removal stops before it would be exceeded; instead of density, for methods that simplify.",
+        "At most this mean error per pixel in the unit of error_metric: removal stops before it would be exceeded, methods that do not simplify and those that refine search for the smallest mesh; instead of density.",
         0.0,
         MAX_MEAN_ERROR,
         |order| match order.parameters.target {
             Target::MeanError(error) => Some(error.to_string()),
+            _ => None,
+        }
+    ),
+    whole!(
+        max_error,
+        "No sample of the picture that the mesh models may differ from the image's by more than this; instead of density.",
+        0,
+        MOST_ERROR,
+        |order| match order.parameters.target {
+            Target::MaxError(error) => Some(error.to_string()),
             _ => None,
         }
     ),
@@ -298,6 +321,19 @@ pub static TABLE: [Parameter; 39] = [
         "Whether removal goes on below the target while it lowers the error.",
         |order| Some(order.parameters.bad_point_removal.to_string())
     ),
+    whole!(
+        effort,
+        "Effort of refinement after removal, from 0 (none): vertices move and change places while that lowers the error.",
+        0,
+        MOST_EFFORT,
+        |order| Some(order.parameters.effort.to_string())
+    ),
+    word!(connectivity: Connectivity, "What decides the faces: the preferred-directions Delaunay triangulation, or flips of edges that lower the squared error.",
+        |order| Some(order.parameters.connectivity.to_string())),
+    word!(values: Values, "What the vertices carry: the image's samples, or the values that fit it best.",
+        |order| Some(order.parameters.values.to_string())),
+    word!(reconstruction: Reconstruction, "How the picture is rebuilt, which the error of faces is measured by: linear interpolation, or one colour for each face.",
+        |order| Some(order.parameters.reconstruction.to_string())),
     whole!(seed, "Seed of the random initial points.", 0, u64::MAX, |order| Some(
         order.parameters.seed.to_string()
     )),

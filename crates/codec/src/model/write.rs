@@ -10,11 +10,28 @@ use std::io::{self, Write};
 /// # Errors
 /// Whatever `out` fails with.
 pub fn write_model(mesh: &Mesh, out: &mut impl Write) -> io::Result<()> {
+    write_model_with_comments(mesh, &[], out)
+}
+
+/// Writes a mesh as [`write_model`] does, with comments, one line each, after the word `OFF`.
+///
+/// # Errors
+/// Whatever `out` fails with.
+pub fn write_model_with_comments(
+    mesh: &Mesh,
+    comments: &[&str],
+    out: &mut impl Write,
+) -> io::Result<()> {
     let shape = mesh.shape();
     let mut lines = Lines::new(out);
     let (components, precision) = (shape.component_count, usize::from(shape.precision));
     put_line([shape.width, shape.height, components, precision], &mut lines)?;
     lines.end("OFF\n")?;
+    for line in comments.iter().flat_map(|comment| comment.lines()) {
+        lines.text("# ");
+        lines.text(line);
+        lines.end("\n")?;
+    }
     put_line([mesh.points().len(), mesh.faces().len(), mesh.edge_count()], &mut lines)?;
     for (point, samples) in mesh.points().iter().zip(mesh.samples().chunks_exact(components)) {
         let place = [point.x, point.y].into_iter();

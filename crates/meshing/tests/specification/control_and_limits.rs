@@ -3,7 +3,7 @@
 use crate::pictures::{gray, image, methods_for, model, noise};
 use crate::twin::interpolation::rasterise;
 use pixmesh_meshing::{
-    Boundary, Cancelled, Control, GenerateError, Generator, Image, ImageError, InitialSize, Method,
+    Boundary, Cancelled, Control, GenerateError, Generator, Image, ImageError, Method,
     ParameterError, Parameters, Policy, Shape, Stage, Target, Unattended, generate, rasterize,
 };
 use std::sync::Mutex;
@@ -117,14 +117,8 @@ fn two_by_two_pixels_are_meshed_by_every_method() {
         let picture = noisy(2, 2, component_count);
         for method in methods_for(component_count) {
             for target in [Target::Size(4), Target::Density(100.0), Target::Psnr(40.0)] {
-                let made = generate(&picture, &method.parameters(target), &Unattended);
-                match (made, target, method.parameters(target).initial_size) {
-                    (Err(error), Target::Psnr(_), InitialSize::Target) => assert_eq!(
-                        error,
-                        GenerateError::Parameter(ParameterError::TargetNeedsSimplification)
-                    ),
-                    (made, ..) => assert_eq!(made.unwrap().mesh.points().len(), 4),
-                }
+                let made = model(&picture, &method.parameters(target));
+                assert_eq!(made.mesh.points().len(), 4);
             }
         }
     }
@@ -153,6 +147,9 @@ fn all_points_are_a_perfect_copy() {
     for method in methods_for(3) {
         let made = model(&picture, &method.parameters(Target::Density(100.0)));
         assert_eq!(made.mesh.points().len(), 104);
+        if method == Method::Flat {
+            continue; // One colour for a triangle of three points of different colours.
+        }
         assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
         assert_eq!(rasterize(&made.mesh, &Unattended).unwrap(), picture);
     }
@@ -165,9 +162,9 @@ fn methods_and_policies_for_other_numbers_of_components_are_refused() {
         for &method in Method::ALL {
             let fits = method.check_component_count(component_count).is_ok();
             let expected = match method {
-                Method::Med | Method::Mgprfs | Method::Mgpr => true,
+                Method::Ced | Method::Cgprfsed | Method::Cgpr => component_count == 3,
                 Method::Ed | Method::Gprfsed | Method::Gpr => component_count == 1,
-                _ => component_count == 3,
+                _ => true,
             };
             assert_eq!(fits, expected, "{method} of {component_count}");
         }
@@ -192,7 +189,8 @@ fn generate_is_cancelled_at_whichever_poll_says_so() {
             let parameters = method.parameters(Target::Size(60));
             let count = polls(&picture, &parameters).len();
             assert!(count > 2, "{method} polls {count} times");
-            for k in 0..count {
+            // Refinement polls thousands of times: then not every one of them.
+            for k in (0..count).step_by(1 + count / 40) {
                 let control = Countdown(AtomicUsize::new(k));
                 let made = generate(&picture, &parameters, &control);
                 assert_eq!(made, Err(GenerateError::Cancelled(Cancelled)), "{method}, poll {k}");

@@ -14,5 +14,6 @@ mod greedy_removal;
 mod mesh_invariants;
 mod pictures;
 mod preferred_directions;
+mod refinement;
 mod thin_and_dense;
 mod threads;

@@ -94,6 +94,7 @@ fn check_face_order(mesh: &Mesh) {
 fn check_fidelity(model: &Model, image: &Image) {
     let rebuilt = rasterize(&model.mesh, &Unattended).unwrap();
     assert_eq!(rebuilt.components(), rasterise(&model.mesh));
+    let rebuilt = model.flat.as_ref().map_or(rebuilt, |flat| flat.picture.clone());
     assert_eq!(Fidelity::between(image, &rebuilt), Ok(model.fidelity));
     let pairs = image.components().iter().flatten().zip(rebuilt.components().iter().flatten());
     let squared_error: u64 = pairs.map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2)).sum();
@@ -139,6 +140,8 @@ proptest! {
         let initial = sample_points(&image, &parameters, plan.initial_size, &Unattended).unwrap();
         if plan.initial_size > plan.size {
             prop_assert_eq!(count, initial.len().min(plan.size));
+        } else if parameters.refines() {
+            prop_assert_eq!(count, initial.len());
         } else {
             prop_assert_eq!(made.mesh.points(), initial);
         }

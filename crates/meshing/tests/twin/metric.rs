@@ -7,7 +7,7 @@ pub(crate) fn error(metric: ErrorMetric, before: &[i128], after: &Vec<i128>) -> 
     let differences = || before.iter().zip(after).map(|(a, b)| (a - b).abs());
     let squares = || differences().map(|d| d * d).sum::<i128>();
     let error = match metric {
-        ErrorMetric::MeanCompSe | ErrorMetric::VecSe => squares(),
+        ErrorMetric::MeanCompSe | ErrorMetric::VecSe | ErrorMetric::Ssim => squares(),
         ErrorMetric::MeanCompAe => differences().sum(),
         ErrorMetric::LumaSe => (luma(before) - luma(after)).pow(2),
         ErrorMetric::LumaAe => (luma(before) - luma(after)).abs(),

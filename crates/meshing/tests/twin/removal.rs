@@ -20,6 +20,7 @@ pub(crate) fn simplify(
         let good = match plan.bound {
             None => true,
             Some(ErrorBound::PsnrDb(least)) => psnr_db(image, after) >= least,
+            Some(ErrorBound::MaxError(_)) => unreachable!("tried with other targets only"),
             Some(ErrorBound::MeanError(most)) => metric::mean(metric, after, image) <= most,
         };
         let wanted = points.len() > plan.size && good;

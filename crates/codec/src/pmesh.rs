@@ -1,0 +1,95 @@
+//! pmesh: meshes in few bytes, with every smaller size if wanted.
+//!
+//! The connectivity is that of the preferred-directions Delaunay triangulation, which the points
+//! alone determine, so only points and samples are kept. A header of 24 bytes, numbers little-endian:
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 4 | `PMSH` |
+//! | 1 | version, 1 |
+//! | 1 | 1 when the order of importance is kept, else 0 |
+//! | 1 | bits per sample |
+//! | 1 | number of components |
+//! | 4 | width |
+//! | 4 | height |
+//! | 4 | number of vertices |
+//! | 4 | bytes of what follows once inflated |
+//!
+//! Then a deflate stream (RFC 1951). In it, for the vertices by row, then column: the number of lattice
+//! points skipped before each, in groups of 7 bits from the lowest, the high bit set in all but the
+//! last; then for each component, and where samples have more than 8 bits for their low and high
+//! bytes, how each sample differs from the one predicted, as 2d for d >= 0 and -2d - 1 for d < 0, d
+//! taken modulo the number of samples; then, where kept, the rank of each vertex in the order of
+//! importance, as low, middle and high bytes of 32 bits, those of one kind together.
+//!
+//! A sample is predicted by the nearest vertex before it among the last one of each strip of
+//! columns around; components after the first by that and by how the first one differs there.
+
+mod read;
+mod write;
+
+pub use read::{PmeshError, read_pmesh, read_progression};
+pub use write::{write_pmesh, write_progression};
+
+use pixmesh_meshing::{Point, Shape};
+
+/// Tells whether bytes begin as a pmesh does.
+#[must_use]
+pub fn is_pmesh(bytes: &[u8]) -> bool {
+    bytes.starts_with(&MAGIC)
+}
+
+const MAGIC: [u8; 4] = *b"PMSH";
+const VERSION: u8 = 1;
+const HEADER_BYTES: usize = 24;
+
+/// Bytes of a rank.
+const RANK_BYTES: usize = 4;
+
+/// The strip's width is about the mean distance of the vertices, in columns at least.
+const LEAST_STRIP: usize = 4;
+
+/// Strips looked at to each side.
+const STRIPS: usize = 2;
+
+/// Tells for each vertex the one before it that its samples are predicted by.
+struct Predictor {
+    strip: usize,
+    /// The last vertex of each strip, with its number.
+    last: Vec<Option<(Point, usize)>>,
+}
+
+impl Predictor {
+    fn new(shape: Shape, vertex_count: usize) -> Self {
+        let area = shape.width * shape.height / vertex_count.max(1);
+        let strip = area.isqrt().max(LEAST_STRIP);
+        Self { strip, last: vec![None; shape.width / strip + 1] }
+    }
+
+    /// The nearest vertex among those kept around `point`, which is then kept itself as number
+    /// `vertex`.
+    fn predict(&mut self, point: Point, vertex: usize) -> Option<usize> {
+        let at = point.x as usize / self.strip;
+        let around = at.saturating_sub(STRIPS)..(at + STRIPS + 1).min(self.last.len());
+        let distance = |p: Point| {
+            let (dx, dy) = (i64::from(p.x - point.x), i64::from(p.y - point.y));
+            dx * dx + dy * dy
+        };
+        let nearest = self.last[around].iter().flatten().min_by_key(|(p, v)| (distance(*p), *v));
+        let nearest = nearest.map(|&(_, v)| v);
+        self.last[at] = Some((point, vertex));
+        nearest
+    }
+}
+
+/// What component `c` is predicted by: the sample of the nearest vertex, raised as the first
+/// component is.
+fn predicted(c: usize, nearest: &[u16], first: u16, modulus: u32) -> u32 {
+    let base = u32::from(nearest.get(c).copied().unwrap_or(0));
+    match (c, nearest.first()) {
+        (0, _) | (_, None) => base,
+        (_, Some(&nearest_first)) => {
+            (base + modulus + u32::from(first) - u32::from(nearest_first)) % modulus
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! The pmesh reader.
+
+use super::{HEADER_BYTES, MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
+use crate::error::DecodeError;
+use crate::limits::Limits;
+use flate2::read::DeflateDecoder;
+use pixmesh_meshing::{Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate};
+use std::io::Read;
+use thiserror::Error;
+
+/// Bytes of a gap at most.
+const GAP_BYTES: usize = 6;
+
+/// Why bytes are no pmesh.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum PmeshError {
+    /// The header does not begin as one does, or ends early.
+    #[error("this is no pmesh: the header is wrong")]
+    Header,
+    /// A later version of the format.
+    #[error("pmesh version {0} is not supported: 1 is")]
+    Version(u8),
+    /// The image is larger than the limits allow.
+    #[error(transparent)]
+    Size(#[from] DecodeError),
+    /// The number of vertices cannot be.
+    #[error("{count} vertices are announced, but 4 to {most} are possible")]
+    VertexCount {
+        /// Vertices announced.
+        count: usize,
+        /// Lattice points of the image.
+        most: usize,
+    },
+    /// The stream ends early, goes on too long, or is no deflate stream.
+    #[error("the stream of the pmesh is damaged")]
+    Stream,
+    /// The order of importance is not kept.
+    #[error("this pmesh keeps no order of importance")]
+    NoOrder,
+    /// The points and samples make no mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The points make no progression.
+    #[error(transparent)]
+    Progression(#[from] ProgressionError),
+}
+
+/// Reads a mesh from pmesh, vertices by row, then column, whether an order is kept or not.
+///
+/// # Errors
+/// When the bytes are no pmesh, or one beyond the limits.
+pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
+    let Contents { shape, points, samples, .. } = read(bytes, limits)?;
+    // Only points with the corners among them can be triangulated.
+    let (right, top) = (shape.width as i32 - 1, shape.height as i32 - 1);
+    for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
+        if points.binary_search(&Point::new(x, y)).is_err() {
+            return Err(MeshError::CornerMissing { x, y }.into());
+        }
+    }
+    let faces = triangulate(&points);
+    Ok(Mesh::new(shape, points, samples, faces)?)
+}
+
+/// Reads a progression from pmesh.
+///
+/// # Errors
+/// When the bytes are no pmesh, or one beyond the limits, or keep no order.
+pub fn read_progression(bytes: &[u8], limits: &Limits) -> Result<Progression, PmeshError> {
+    let Contents { shape, points, samples, ranks } = read(bytes, limits)?;
+    let ranks = ranks.ok_or(PmeshError::NoOrder)?;
+    let count = shape.component_count;
+    let mut order = vec![usize::MAX; points.len()];
+    for (v, &rank) in ranks.iter().enumerate() {
+        let place = order.get_mut(rank).ok_or(PmeshError::Stream)?;
+        *place = v;
+    }
+    if order.contains(&usize::MAX) {
+        return Err(PmeshError::Stream);
+    }
+    let ordered = order.iter().map(|&v| points[v]).collect();
+    let values = order.iter().flat_map(|&v| &samples[v * count..][..count]).copied().collect();
+    Ok(Progression::from_parts(shape, ordered, values)?)
+}
+
+/// What a pmesh holds, vertices by row, then column.
+struct Contents {
+    shape: Shape,
+    points: Vec<Point>,
+    samples: Vec<u16>,
+    ranks: Option<Vec<usize>>,
+}
+
+fn read(bytes: &[u8], limits: &Limits) -> Result<Contents, PmeshError> {
+    let (header, deflated) = bytes.split_at_checked(HEADER_BYTES).ok_or(PmeshError::Header)?;
+    if header[..4] != MAGIC {
+        return Err(PmeshError::Header);
+    }
+    if header[4] != VERSION {
+        return Err(PmeshError::Version(header[4]));
+    }
+    let number = |at: usize| {
+        let bytes = [header[at], header[at + 1], header[at + 2], header[at + 3]];
+        u32::from_le_bytes(bytes)
+    };
+    let (width, height) = limits.check(number(8).into(), number(12).into())?;
+    let (ordered, precision, component_count) = (header[5], header[6], usize::from(header[7]));
+    if ordered > 1 || !(1..=16).contains(&precision) || component_count == 0 {
+        return Err(PmeshError::Header);
+    }
+    let shape = Shape { width, height, component_count, precision };
+    let (count, most) = (number(16) as usize, width * height);
+    if !(4..=most).contains(&count) {
+        return Err(PmeshError::VertexCount { count, most });
+    }
+    let planes = component_count * if precision > 8 { 2 } else { 1 };
+    let ranks = if ordered == 1 { RANK_BYTES } else { 0 };
+    let length = number(20) as usize;
+    if length > count * (GAP_BYTES + planes + ranks) {
+        return Err(PmeshError::Stream);
+    }
+    let mut stream = Vec::new();
+    let mut inflate = DeflateDecoder::new(deflated).take(length as u64 + 1);
+    inflate.read_to_end(&mut stream).map_err(|_| PmeshError::Stream)?;
+    if stream.len() != length {
+        return Err(PmeshError::Stream);
+    }
+    let (points, rest) = read_points(shape, count, &stream).ok_or(PmeshError::Stream)?;
+    if rest.len() != count * (planes + ranks) {
+        return Err(PmeshError::Stream);
+    }
+    let (differences, ranks) = rest.split_at(count * planes);
+    let samples = read_samples(shape, &points, differences);
+    let rank = |v: usize| {
+        (0..RANK_BYTES)
+            .fold(0, |rank, byte| rank | usize::from(ranks[byte * count + v]) << (8 * byte))
+    };
+    let ranks = (ordered == 1).then(|| (0..count).map(rank).collect());
+    Ok(Contents { shape, points, samples, ranks })
+}
+
+/// The points, and the rest of the stream; `None` when it ends early or leaves the image.
+fn read_points(shape: Shape, count: usize, mut stream: &[u8]) -> Option<(Vec<Point>, &[u8])> {
+    let mut points = Vec::with_capacity(count.min(stream.len()));
+    let mut next = 0u64;
+    for _ in 0..count {
+        let mut gap = 0;
+        for group in 0..GAP_BYTES {
+            let (&byte, rest) = stream.split_first()?;
+            stream = rest;
+            gap |= u64::from(byte & 0x7f) << (7 * group);
+            if byte < 0x80 {
+                break;
+            }
+        }
+        let place = next + gap;
+        if place >= shape.width as u64 * shape.height as u64 {
+            return None;
+        }
+        let (x, y) = (place % shape.width as u64, place / shape.width as u64);
+        points.push(Point::new(x as i32, y as i32));
+        next = place + 1;
+    }
+    Some((points, stream))
+}
+
+/// The samples of points in order, vertex by vertex.
+fn read_samples(shape: Shape, points: &[Point], differences: &[u8]) -> Vec<u16> {
+    let (count, modulus) = (shape.component_count, 1u32 << shape.precision);
+    let planes_each = if shape.precision > 8 { 2 } else { 1 };
+    let mut predictor = Predictor::new(shape, points.len());
+    let mut samples: Vec<u16> = Vec::with_capacity(points.len() * count);
+    for (v, &point) in points.iter().enumerate() {
+        let nearest = predictor.predict(point, v);
+        for c in 0..count {
+            let byte =
+                |plane: usize| u32::from(differences[(c * planes_each + plane) * points.len() + v]);
+            let folded = if planes_each == 2 { byte(0) | byte(1) << 8 } else { byte(0) };
+            let nearest = nearest.map_or(&[][..], |n| &samples[n * count..][..count]);
+            let first = if c == 0 { 0 } else { samples[v * count] };
+            let expected = predicted(c, nearest, first, modulus);
+            let half = folded.div_ceil(2) % modulus;
+            let difference = if folded % 2 == 0 { half } else { modulus - half };
+            samples.push(((expected + difference) % modulus) as u16);
+        }
+    }
+    samples
+}

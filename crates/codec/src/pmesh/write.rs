@@ -1,0 +1,120 @@
+//! The pmesh writer.
+
+use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
+use crate::error::EncodeError;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use pixmesh_meshing::{Mesh, Point, Progression, Shape};
+use std::io::Write;
+
+/// The format's name in errors.
+const NAME: &str = "pmesh";
+
+/// Writes a mesh as pmesh.
+///
+/// # Errors
+/// [`EncodeError::Connectivity`] when its faces are not those of the preferred-directions Delaunay
+/// triangulation; when it has more than 255 components or too many vertices; and whatever `out` fails with.
+pub fn write_pmesh(mesh: &Mesh, out: &mut impl Write) -> Result<(), EncodeError> {
+    if !mesh.is_preferred_delaunay() {
+        return Err(EncodeError::Connectivity { format: NAME });
+    }
+    write(mesh.shape(), mesh.points(), mesh.samples(), false, out)
+}
+
+/// Writes a progression as pmesh, its order kept: four bytes a vertex more, before deflation.
+///
+/// # Errors
+/// When it has more than 255 components or too many vertices, and whatever `out` fails with.
+pub fn write_progression(
+    progression: &Progression,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    write(progression.shape(), progression.points(), progression.samples(), true, out)
+}
+
+/// Writes header and stream of points in any order.
+fn write(
+    shape: Shape,
+    points: &[Point],
+    samples: &[u16],
+    ordered: bool,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    let actual = shape.component_count;
+    let too_many = EncodeError::ComponentCount { format: NAME, actual, maximum: u8::MAX.into() };
+    let components = u8::try_from(actual).map_err(|_| too_many)?;
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_unstable_by_key(|&v| points[v]);
+    let mut stream = gaps(shape, points, &order);
+    append_samples(shape, points, samples, &order, &mut stream);
+    if ordered {
+        for byte in 0..RANK_BYTES {
+            stream.extend(order.iter().map(|&rank| (rank >> (8 * byte)) as u8));
+        }
+    }
+    let fits = |number: usize| {
+        let (bytes, limit) = (number as u64, u32::MAX.into());
+        u32::try_from(number).map_err(|_| EncodeError::TooLarge { format: NAME, bytes, limit })
+    };
+    let mut header = MAGIC.to_vec();
+    header.extend([VERSION, u8::from(ordered), shape.precision, components]);
+    for number in [shape.width, shape.height, points.len(), stream.len()] {
+        header.extend(fits(number)?.to_le_bytes());
+    }
+    out.write_all(&header)?;
+    let mut deflate = DeflateEncoder::new(out, Compression::best());
+    deflate.write_all(&stream)?;
+    deflate.finish()?;
+    Ok(())
+}
+
+/// The numbers of lattice points skipped before each vertex.
+fn gaps(shape: Shape, points: &[Point], order: &[usize]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(2 * order.len());
+    let mut next = 0;
+    for &v in order {
+        let place = points[v].y as u64 * shape.width as u64 + points[v].x as u64;
+        let mut gap = place - next;
+        while gap >= 0x80 {
+            bytes.push(gap as u8 | 0x80);
+            gap >>= 7;
+        }
+        bytes.push(gap as u8);
+        next = place + 1;
+    }
+    bytes
+}
+
+/// Appends how the samples differ from those predicted, component by component.
+fn append_samples(
+    shape: Shape,
+    points: &[Point],
+    samples: &[u16],
+    order: &[usize],
+    stream: &mut Vec<u8>,
+) {
+    let (count, modulus) = (shape.component_count, 1u32 << shape.precision);
+    let of = |v: usize| &samples[v * count..][..count];
+    let mut predictor = Predictor::new(shape, order.len());
+    let mut differences = vec![Vec::with_capacity(order.len()); count];
+    for (number, &v) in order.iter().enumerate() {
+        let nearest = predictor.predict(points[v], number).map_or(&[][..], |n| of(order[n]));
+        for (c, differences) in differences.iter_mut().enumerate() {
+            let expected = predicted(c, nearest, of(v)[0], modulus);
+            let difference = (u32::from(of(v)[c]) + modulus - expected) % modulus;
+            let folded = if difference < modulus / 2 {
+                2 * difference
+            } else {
+                2 * (modulus - difference) - 1
+            };
+            differences.push(folded);
+        }
+    }
+    for differences in &differences {
+        stream.extend(differences.iter().map(|&difference| difference as u8));
+        if shape.precision > 8 {
+            stream.extend(differences.iter().map(|&difference| (difference >> 8) as u8));
+        }
+    }
+}

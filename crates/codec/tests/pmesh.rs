@@ -1,0 +1,93 @@
+//! pmesh there and back, and damage refused.
+
+// A test is told that something is wrong by a panic.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use pixmesh_codec::{
+    EncodeError, Limits, PmeshError, read_pmesh, read_progression, write_pmesh, write_progression,
+};
+use pixmesh_meshing::{
+    ErrorMetric, Image, Mesh, Method, Point, Progression, Shape, Target, Unattended, generate,
+};
+use proptest::prelude::*;
+
+fn image(width: usize, height: usize, components: usize, precision: u8, seed: usize) -> Image {
+    let plane = |c: usize| {
+        let sample = |i: usize| ((i * 40_503 + c * 9_973 + seed * 7_919) >> 3) as u16;
+        (0..width * height).map(|i| sample(i) >> (16 - precision)).collect()
+    };
+    Image::new(width, height, precision, (0..components).map(plane).collect()).unwrap()
+}
+
+fn mesh(image: &Image, size: usize) -> Mesh {
+    generate(image, &Method::Mgprfs.parameters(Target::Size(size)), &Unattended).unwrap().mesh
+}
+
+fn pmesh(mesh: &Mesh) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_pmesh(mesh, &mut bytes).unwrap();
+    bytes
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn meshes_and_progressions_read_back_as_they_were(
+        (width, height) in (2usize..20, 2usize..20),
+        (components, precision) in (1usize..5, 1u8..=16),
+        (seed, share) in (0usize..99, 0.0..1.0),
+    ) {
+        let image = image(width, height, components, precision, seed);
+        let size = 4 + (share * (width * height - 4) as f64) as usize;
+        let mesh = mesh(&image, size);
+        let limits = Limits::default();
+        prop_assert_eq!(&read_pmesh(&pmesh(&mesh), &limits).unwrap(), &mesh);
+        prop_assert!(matches!(read_progression(&pmesh(&mesh), &limits), Err(PmeshError::NoOrder)));
+        let progression =
+            Progression::new(&image, &mesh, ErrorMetric::MeanCompSe, &Unattended).unwrap();
+        let mut bytes = Vec::new();
+        write_progression(&progression, &mut bytes).unwrap();
+        prop_assert_eq!(read_progression(&bytes, &limits).unwrap(), progression);
+        prop_assert_eq!(read_pmesh(&bytes, &limits).unwrap(), mesh);
+    }
+
+    #[test]
+    fn damaged_bytes_never_panic_and_what_is_read_is_a_mesh(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        cut in any::<prop::sample::Index>(),
+        ordered in any::<bool>(),
+    ) {
+        let image = image(12, 9, 2, 8, 3);
+        let mesh = mesh(&image, 30);
+        let mut bytes = Vec::new();
+        let progression =
+            Progression::new(&image, &mesh, ErrorMetric::MeanCompSe, &Unattended).unwrap();
+        if ordered {
+            write_progression(&progression, &mut bytes).unwrap();
+        } else {
+            bytes = pmesh(&mesh);
+        }
+        for (place, value) in damage {
+            let place = place.index(bytes.len());
+            bytes[place] ^= value;
+        }
+        let cut = if ordered { bytes.len() } else { cut.index(bytes.len() + 1) };
+        let limits = Limits { max_pixels: 10_000, max_side: 1_000 };
+        if let Ok(mesh) = read_pmesh(&bytes[..cut], &limits) {
+            prop_assert_eq!(mesh.validate(), Ok(()));
+        }
+        if let Ok(progression) = read_progression(&bytes[..cut], &limits) {
+            prop_assert!(progression.mesh(4).is_ok());
+        }
+    }
+}
+
+#[test]
+fn a_mesh_of_another_triangulation_is_refused() {
+    let shape = Shape { width: 2, height: 2, component_count: 1, precision: 8 };
+    let points = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
+    let mesh = Mesh::new(shape, points, vec![1, 2, 3, 4], vec![[0, 1, 2], [1, 3, 2]]).unwrap();
+    let refused = write_pmesh(&mesh, &mut Vec::new());
+    assert!(matches!(refused, Err(EncodeError::Connectivity { format: "pmesh" })));
+}

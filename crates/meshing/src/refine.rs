@@ -1,0 +1,215 @@
+//! Refinement: better meshes of the same size, beyond the thesis.
+//!
+//! Greedy removal looks at one vertex at a time and never puts one back. Here the mesh it leaves is
+//! improved by descent: vertices move (`relocation`), change places with better ones (`swaps`), and
+//! the mesh grows and shrinks again (`growth`), each step scored by the true change of the error
+//! over the faces that change (`measured_mesh`, on a `dynamic_triangulation`). The model stays
+//! what it is, a preferred-directions Delaunay triangulation of points that carry the image's own
+//! samples. Beyond that model `liberation` flips edges, fits values (`fitted_values`) and moves
+//! vertices with their values (`vertex_moves`, on a `valued_mesh`). The steps and their order are in `schedule`. Figures are in `docs/quality.md`.
+
+pub(crate) mod dynamic_triangulation;
+mod fitted_values;
+pub(crate) mod growth;
+pub(crate) mod liberation;
+pub(crate) mod measured_mesh;
+mod openings;
+mod relocation;
+mod removal_costs;
+pub(crate) mod schedule;
+mod swaps;
+pub(crate) mod valued_mesh;
+pub(crate) mod vertex_moves;
+
+use crate::control::{Cancelled, Control, Stage};
+use measured_mesh::{FaceMeasure, MeasuredMesh};
+use relocation::{Relocation, Window};
+use schedule::Step;
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A round of growth pays when it takes off at least this part of the error: 0.0009 dB.
+const PAYS: f64 = 2e-4;
+
+/// Rounds of growth of one kind at most.
+const MOST_ROUNDS: usize = 40;
+
+/// Looks around each vertex after a round of growth at most this often.
+const SETTLING_PASSES: usize = 4;
+
+/// Moves the vertices of a mesh so that its error falls, with an effort of 0 (nothing) to 9; their
+/// number stays.
+///
+/// # Errors
+/// When the control cancels.
+pub(crate) fn refine<M: FaceMeasure>(
+    mesh: MeasuredMesh<M>,
+    effort: u8,
+    control: &dyn Control,
+) -> Result<MeasuredMesh<M>, Cancelled> {
+    let relocation = Relocation::new(&mesh);
+    let mut refinement = Refinement { mesh, relocation };
+    let count = schedule::steps(effort).count();
+    for (done, step) in schedule::steps(effort).enumerate() {
+        let control = Part { control, done, count, reached: AtomicUsize::new(0) };
+        control.poll(Stage::Refine, 0, 1)?;
+        refinement.take(step, &control)?;
+    }
+    Ok(refinement.mesh)
+}
+
+/// Parts of a step that progress is told in.
+const PARTS: usize = 1000;
+
+/// Tells of the progress of one step as part of all; never of less than before.
+struct Part<'a> {
+    control: &'a dyn Control,
+    done: usize,
+    count: usize,
+    /// Parts of this step that have been told of.
+    reached: AtomicUsize,
+}
+
+impl Control for Part<'_> {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        let part = done.min(total) * PARTS / total.max(1);
+        let reached = self.reached.fetch_max(part, Ordering::Relaxed).max(part);
+        self.control.poll(stage, self.done * PARTS + reached, self.count * PARTS)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.control.threads()
+    }
+}
+
+/// A mesh being refined.
+struct Refinement<M> {
+    mesh: MeasuredMesh<M>,
+    relocation: Relocation,
+}
+
+impl<M: FaceMeasure> Refinement<M> {
+    fn take(&mut self, step: Step, control: &dyn Control) -> Result<(), Cancelled> {
+        match step {
+            Step::Relocate(window) => self.relocate(window, control),
+            Step::RelocateAll(window) => {
+                self.relocation.restart();
+                self.relocate(window, control)
+            }
+            Step::Swap => {
+                let face_count = self.mesh.triangulation.slot_count() / 4;
+                swaps::swap_vertices(&mut self.mesh, face_count, &mut self.relocation, control)
+            }
+            Step::Grow(percent) => self.grow(percent, control).map(|_| ()),
+            Step::GrowWhileItPays(percent) => {
+                for _ in 0..MOST_ROUNDS {
+                    if !self.grow(percent, control)? {
+                        break;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn relocate(&mut self, window: Window, control: &dyn Control) -> Result<(), Cancelled> {
+        self.relocation.pass(&mut self.mesh, window, control).map(|_| ())
+    }
+
+    /// Has the mesh grow and shrink again, unless that raises its error; tells whether it paid.
+    fn grow(&mut self, percent: usize, control: &dyn Control) -> Result<bool, Cancelled> {
+        let (snapshot, relocation_before) = (self.mesh.snapshot(), self.relocation.clone());
+        let before = self.mesh.total_error();
+        let Self { mesh, relocation } = self;
+        let count = (mesh.vertex_count() * percent).div_ceil(100);
+        let grown = growth::grow(mesh, count, relocation, control)?;
+        relocation.pass(mesh, Window::Square5, control)?;
+        growth::shrink(mesh, grown, |around| relocation.note(around), control)?;
+        for _ in 0..SETTLING_PASSES {
+            if relocation.pass(mesh, Window::Square5, control)? == 0 {
+                break;
+            }
+        }
+        let after = mesh.total_error();
+        if after >= before {
+            mesh.restore(snapshot);
+            self.relocation = relocation_before;
+            return Ok(false);
+        }
+        Ok((before - after) as f64 >= PAYS * before as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::choices::ErrorMetric;
+    use crate::control::Unattended;
+    use crate::face_error::{FaceErrors, Measure};
+    use crate::image::Image;
+    use crate::mesh::{Face, Point, corner_points};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    /// A picture of few levels in two components, and points of it, the corners among them.
+    pub(super) fn picture(
+        width: usize,
+        height: usize,
+        samples: &[u16],
+        seeds: &[(usize, usize)],
+    ) -> (Image, Vec<Point>) {
+        let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
+        let image = Image::new(width, height, 3, vec![plane(0), plane(3)]).unwrap();
+        let inner = seeds.iter().map(|&(x, y)| Point::new((x % width) as i32, (y % height) as i32));
+        let points: BTreeSet<Point> = inner.chain(corner_points(width, height)).collect();
+        (image, points.into_iter().collect())
+    }
+
+    /// What faces of an image are measured against.
+    pub(super) fn measure_of(image: &Image) -> Measure<'_> {
+        Measure::new(image, ErrorMetric::MeanCompSe)
+    }
+
+    /// The measured triangulation of points given by row, then column.
+    pub(super) fn measured<'m>(
+        measure: &'m Measure<'m>,
+        image: &Image,
+        points: Vec<Point>,
+    ) -> MeasuredMesh<FaceErrors<'m>> {
+        let faces = triangulate(&points);
+        let size = (image.width(), image.height());
+        MeasuredMesh::new(points, &faces, size, FaceErrors::new(measure))
+    }
+
+    /// The squared error of faces that carry the image's samples.
+    pub(super) fn sum_of_errors(image: &Image, points: &[Point], faces: &[Face]) -> u64 {
+        let measure = measure_of(image);
+        let mut errors = FaceErrors::new(&measure);
+        faces.iter().map(|face| errors.error(face.map(|v| points[v as usize]))).sum()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn more_effort_is_never_worse_and_what_is_known_of_the_mesh_is_what_is_computed_afresh(
+            (width, height) in (2usize..12, 2usize..12),
+            samples in prop::collection::vec(0u16..64, 144),
+            seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let (measure, count) = (measure_of(&image), points.len());
+            let mut last = measured(&measure, &image, points.clone()).total_error();
+            for effort in [0, 1, 3, 6, 9] {
+                let mesh = refine(measured(&measure, &image, points.clone()), effort, &Unattended).unwrap();
+                let (points, faces, _) = mesh.triangulation.mesh();
+                prop_assert_eq!(points.len(), count);
+                prop_assert_eq!(&faces, &triangulate(&points));
+                let error = sum_of_errors(&image, &points, &faces);
+                prop_assert_eq!(mesh.total_error(), error);
+                prop_assert!(error <= last);
+                last = error;
+            }
+        }
+    }
+}

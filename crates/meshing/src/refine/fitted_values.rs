@@ -1,0 +1,201 @@
+//! The values at the vertices that fit the picture best: least squares.
+//!
+//! Without rounding the approximation is linear in the values, so its squared error is least where
+//! the normal equations hold, whose matrix has an entry for each vertex and each edge. They are solved by
+//! conjugate gradients with the diagonal as preconditioner (Magnus R. Hestenes and Eduard Stiefel,
+//! "Methods of conjugate gradients for solving linear systems", 1952), which from the values at
+//! hand take a few dozen steps. Sums are taken in one fixed order, so that the result is the same on
+//! every machine; libraries that choose vector instructions as they run do not promise that.
+
+use super::valued_mesh::ValuedMesh;
+use crate::control::{Cancelled, Control, Stage};
+use crate::face_rows::for_each_row;
+use crate::mesh::{Face, Point};
+use crate::predicates::orientation;
+use crate::triangulation::NONE;
+
+/// The steps end when the residual has fallen to this part of the right-hand side.
+const TOLERANCE: f64 = 1e-6;
+
+/// The most steps.
+const MOST_STEPS: usize = 200;
+
+/// Fits the values of all vertices at once, if that lowers the error once they are rounded.
+pub(crate) fn fit_values(
+    mesh: &mut ValuedMesh<'_>,
+    control: &dyn Control,
+) -> Result<(), Cancelled> {
+    let equations = NormalEquations::new(mesh);
+    let count = mesh.image.component_count();
+    let (values_before, errors_before) = (mesh.values.clone(), mesh.face_errors.clone());
+    let total_before = mesh.total_error;
+    let largest = f64::from(mesh.image.max_sample());
+    for c in 0..count {
+        let mut values: Vec<f64> =
+            values_before.iter().skip(c).step_by(count).map(|&value| value.into()).collect();
+        equations.solve(c, &mut values, control)?;
+        for (place, value) in mesh.values.iter_mut().skip(c).step_by(count).zip(&values) {
+            *place = (value + 0.5).floor().clamp(0.0, largest) as u16;
+        }
+    }
+    mesh.measure();
+    if mesh.total_error >= total_before {
+        mesh.values = values_before;
+        mesh.face_errors = errors_before;
+        mesh.total_error = total_before;
+    }
+    Ok(())
+}
+
+/// The matrix, symmetric, and a right-hand side for each component.
+struct NormalEquations {
+    /// Entry of each vertex with itself.
+    diagonal: Vec<f64>,
+    /// Entries of the edges: their ends and the entry.
+    edges: Vec<(u32, u32, f64)>,
+    right_hand_sides: Vec<Vec<f64>>,
+}
+
+impl NormalEquations {
+    /// Sums up the products of the interpolation weights over all lattice points.
+    fn new(mesh: &ValuedMesh<'_>) -> Self {
+        let count = mesh.triangulation.points.len();
+        let components = mesh.image.component_count();
+        let mut diagonal = vec![0.0; count];
+        let mut right_hand_sides = vec![vec![0.0; count]; components];
+        let mut products: Vec<[f64; 3]> = Vec::with_capacity(mesh.triangulation.slot_count());
+        for slot in 0..mesh.triangulation.slot_count() as u32 {
+            let face = mesh.triangulation.vertices_of(slot);
+            let moments = Moments::of_face(mesh, face);
+            for (i, v) in face.into_iter().enumerate() {
+                diagonal[v as usize] += moments.squares[i];
+                for (c, side) in right_hand_sides.iter_mut().enumerate() {
+                    side[v as usize] += moments.with_samples[c][i];
+                }
+            }
+            products.push(moments.products);
+        }
+        let edges = edges(mesh, &products);
+        Self { diagonal, edges, right_hand_sides }
+    }
+
+    /// The product of the matrix with a vector.
+    fn multiply(&self, vector: &[f64], product: &mut [f64]) {
+        for ((product, entry), value) in product.iter_mut().zip(&self.diagonal).zip(vector) {
+            *product = entry * value;
+        }
+        for &(a, b, entry) in &self.edges {
+            product[a as usize] += entry * vector[b as usize];
+            product[b as usize] += entry * vector[a as usize];
+        }
+    }
+
+    /// Improves the values of a component until they solve its equations.
+    fn solve(&self, c: usize, values: &mut [f64], control: &dyn Control) -> Result<(), Cancelled> {
+        let side = &self.right_hand_sides[c];
+        let mut product = vec![0.0; values.len()];
+        self.multiply(values, &mut product);
+        let mut residual: Vec<f64> = side.iter().zip(&product).map(|(b, p)| b - p).collect();
+        // A vertex that no point belongs to has no equation.
+        let scaled = |residual: &[f64]| -> Vec<f64> {
+            let pairs = residual.iter().zip(&self.diagonal);
+            pairs.map(|(r, d)| if *d > 0.0 { r / d } else { 0.0 }).collect()
+        };
+        let mut direction = scaled(&residual);
+        let mut slope = dot(&residual, &direction);
+        let enough = TOLERANCE * TOLERANCE * dot(side, &scaled(side));
+        for step in 0..MOST_STEPS {
+            control.poll(Stage::Refine, step, MOST_STEPS)?;
+            if slope <= enough {
+                break;
+            }
+            self.multiply(&direction, &mut product);
+            let curvature = dot(&direction, &product);
+            if curvature <= 0.0 {
+                break;
+            }
+            let length = slope / curvature;
+            for (value, d) in values.iter_mut().zip(&direction) {
+                *value += length * d;
+            }
+            for (r, p) in residual.iter_mut().zip(&product) {
+                *r -= length * p;
+            }
+            let preconditioned = scaled(&residual);
+            let next_slope = dot(&residual, &preconditioned);
+            let turn = next_slope / slope;
+            for (d, p) in direction.iter_mut().zip(&preconditioned) {
+                *d = p + turn * *d;
+            }
+            slope = next_slope;
+        }
+        Ok(())
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The entries of all edges, each the sum over the faces at its sides. The product of a face's side
+/// from corner `i` to the next is `products[slot][i]`.
+fn edges(mesh: &ValuedMesh<'_>, products: &[[f64; 3]]) -> Vec<(u32, u32, f64)> {
+    let triangulation = &mesh.triangulation;
+    let of = |h: u32| products[h as usize / 3][h as usize % 3];
+    let mut edges = Vec::new();
+    for slot in 0..triangulation.slot_count() as u32 {
+        let face = triangulation.vertices_of(slot);
+        for side in 0..3 {
+            let h = 3 * slot + side;
+            let twin = triangulation.twins[h as usize];
+            if twin == NONE {
+                edges.push((face[side as usize], face[(side as usize + 1) % 3], of(h)));
+            } else if h < twin {
+                edges.push((face[side as usize], face[(side as usize + 1) % 3], of(h) + of(twin)));
+            }
+        }
+    }
+    edges
+}
+
+/// Sums over the points of a face.
+struct Moments {
+    /// Of the squares of the weights of each corner.
+    squares: [f64; 3],
+    /// Of the products of the weights of each corner and the next.
+    products: [f64; 3],
+    /// Of the weights times the samples, for each component and corner.
+    with_samples: Vec<[f64; 3]>,
+}
+
+impl Moments {
+    fn of_face(mesh: &ValuedMesh<'_>, face: Face) -> Self {
+        let corners = face.map(|v| mesh.triangulation.points[v as usize]);
+        let [a, b, c] = corners;
+        let reciprocal = 1.0 / orientation(a, b, c) as f64;
+        let components = mesh.image.component_count();
+        let mut moments = Self {
+            squares: [0.0; 3],
+            products: [0.0; 3],
+            with_samples: vec![[0.0; 3]; components],
+        };
+        for_each_row(corners, |y, first, end| {
+            for x in first..end {
+                let p = Point::new(x, y);
+                let weights = [orientation(b, c, p), orientation(c, a, p), orientation(a, b, p)]
+                    .map(|weight| weight as f64 * reciprocal);
+                for i in 0..3 {
+                    moments.squares[i] += weights[i] * weights[i];
+                    moments.products[i] += weights[i] * weights[(i + 1) % 3];
+                }
+                for (component, sums) in moments.with_samples.iter_mut().enumerate() {
+                    let sample = f64::from(mesh.image.sample(component, x as usize, y as usize));
+                    for i in 0..3 {
+                        sums[i] += weights[i] * sample;
+                    }
+                }
+            }
+        });
+        moments
+    }
+}

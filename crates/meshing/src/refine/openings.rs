@@ -1,0 +1,124 @@
+//! Openings: places in the worst faces where one more vertex would lower the error most.
+
+use super::measured_mesh::{FaceMeasure, MeasuredMesh};
+use crate::control::{Cancelled, Control, Stage};
+use crate::mesh::Point;
+use std::collections::BinaryHeap;
+
+/// Barycentric weights, in eighths, of the places of a face that are tried: its middle, places
+/// nearer to each vertex, and near the middle of each edge.
+const TRIED: [[i32; 3]; 7] =
+    [[3, 3, 2], [4, 2, 2], [2, 4, 2], [2, 2, 4], [4, 4, 0], [0, 4, 4], [4, 0, 4]];
+
+/// A place in a face where a vertex would lower the error. Compares by how much, then by place.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Opening {
+    /// By how much the error falls.
+    pub(crate) gain: i64,
+    pub(crate) place: Point,
+    /// A slot that holds it.
+    pub(crate) slot: u32,
+    /// How often the slot had been filled when this was found.
+    version: u32,
+}
+
+/// The openings found, and which of them are still there.
+pub(crate) struct Openings {
+    /// The best first; some are out of date.
+    heap: BinaryHeap<Opening>,
+    /// How often each slot has been filled.
+    versions: Vec<u32>,
+}
+
+impl Openings {
+    /// Looks into `face_count` of the worst faces for openings worth more than `least`.
+    pub(crate) fn find<M: FaceMeasure>(
+        mesh: &mut MeasuredMesh<M>,
+        face_count: usize,
+        least: i64,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let versions = vec![0; mesh.triangulation.slot_count()];
+        let mut openings = Self { heap: BinaryHeap::new(), versions };
+        for slot in worst_faces(mesh, face_count) {
+            control.poll(Stage::Refine, 0, 1)?;
+            openings.look_into(mesh, slot, least);
+        }
+        Ok(openings)
+    }
+
+    /// Looks into a face for the best opening worth more than `least`.
+    fn look_into<M: FaceMeasure>(&mut self, mesh: &mut MeasuredMesh<M>, slot: u32, least: i64) {
+        let corners = mesh.triangulation.corners(slot);
+        let (mut limit, mut best) = (-least.max(0), None);
+        for weights in TRIED {
+            let place = weighted_mean(corners, weights);
+            if !mesh.is_vacant(place) {
+                continue;
+            }
+            if let Some(change) = mesh.insertion_change(place, slot, limit) {
+                (limit, best) = (change, Some(place));
+            }
+        }
+        if let Some(place) = best {
+            let version = self.versions[slot as usize];
+            self.heap.push(Opening { gain: -limit, place, slot, version });
+        }
+    }
+
+    /// Takes the best opening that is still there.
+    pub(crate) fn pop<M>(&mut self, mesh: &MeasuredMesh<M>) -> Option<Opening>
+    where
+        M: FaceMeasure,
+    {
+        loop {
+            let opening = self.heap.pop()?;
+            let is_current = self.versions[opening.slot as usize] == opening.version;
+            if is_current && mesh.is_vacant(opening.place) {
+                return Some(opening);
+            }
+        }
+    }
+
+    /// Forgets what was found in the faces that the mesh's last insertion replaced.
+    pub(crate) fn forget_fan<M: FaceMeasure>(&mut self, mesh: &MeasuredMesh<M>) {
+        self.versions.resize(mesh.triangulation.slot_count(), 0);
+        for &slot in mesh.fan() {
+            self.versions[slot as usize] += 1;
+        }
+    }
+
+    /// Looks into the faces that the mesh's last insertion made, for openings worth more than
+    /// `least`.
+    pub(crate) fn look_into_fan<M: FaceMeasure>(&mut self, mesh: &mut MeasuredMesh<M>, least: i64) {
+        for i in 0..mesh.fan().len() {
+            let slot = mesh.fan()[i];
+            self.look_into(mesh, slot, least);
+        }
+    }
+}
+
+/// Slots of the faces of largest error, the worst first.
+fn worst_faces<M: FaceMeasure>(mesh: &MeasuredMesh<M>, count: usize) -> Vec<u32> {
+    let triangulation = &mesh.triangulation;
+    let used = |slot: &u32| triangulation.is_used(*slot);
+    let mut faces: Vec<u32> = (0..triangulation.slot_count() as u32).filter(used).collect();
+    let key = |slot: u32| {
+        let mut corners = triangulation.corners(slot);
+        corners.sort_unstable();
+        (u64::MAX - mesh.face_error(slot), corners)
+    };
+    let count = count.min(faces.len());
+    faces.sort_by_cached_key(|&slot| key(slot));
+    faces.truncate(count);
+    faces
+}
+
+/// The lattice point nearest to a weighted mean of a face's vertices, weights in eighths.
+fn weighted_mean(corners: [Point; 3], weights: [i32; 3]) -> Point {
+    let mean = |of: fn(&Point) -> i32| {
+        let sum: i32 = corners.iter().zip(weights).map(|(p, weight)| weight * of(p)).sum();
+        (sum + 4) >> 3
+    };
+    Point::new(mean(|p| p.x), mean(|p| p.y))
+}

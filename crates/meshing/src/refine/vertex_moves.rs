@@ -1,0 +1,230 @@
+//! Moves of vertices with their values, the faces around them staying.
+//!
+//! For a vertex at a place the interpolants of the faces around it are linear in its value, so
+//! their squared error, but for rounding, is a parabola of it: one walk over the points of the faces gives
+//! the best value and its error, for each component. The most promising place of a few is
+//! then measured exactly, with the rounded value, and taken if the error falls.
+
+use super::dynamic_triangulation::Ring;
+use super::valued_mesh::{ValuedMesh, squared_error};
+use crate::control::{Cancelled, Control, Stage};
+use crate::face_rows::for_each_row;
+use crate::mesh::Point;
+use crate::predicates::orientation;
+
+/// What vertices may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Freedom {
+    /// Whether the faces need not be Delaunay.
+    pub(crate) connectivity: bool,
+    /// Whether the values need not be the image's samples.
+    pub(crate) values: bool,
+}
+
+/// The squared error of one component around a vertex as a parabola of its value `z`:
+/// `constant - 2 linear z + square z^2`.
+#[derive(Clone, Copy, Default)]
+struct Parabola {
+    constant: f64,
+    linear: f64,
+    square: f64,
+}
+
+impl Parabola {
+    fn at(self, z: f64) -> f64 {
+        self.constant - 2.0 * self.linear * z + self.square * z * z
+    }
+
+    /// The whole number from 0 to `largest` nearest to where it is least.
+    fn best(self, largest: u16) -> u16 {
+        let best = if self.square > 0.0 { self.linear / self.square } else { 0.0 };
+        (best + 0.5).floor().clamp(0.0, largest.into()) as u16
+    }
+}
+
+/// Moves vertices, each looked at when its surroundings have changed.
+pub(crate) struct VertexMoves {
+    freedom: Freedom,
+    changed: Vec<bool>,
+    ring: Ring,
+    parabolas: Vec<Parabola>,
+    /// Values for the place looked at.
+    values: Vec<u16>,
+    /// Values for the best place so far.
+    best_values: Vec<u16>,
+    errors: Vec<u64>,
+}
+
+/// The place itself and those around it.
+const PLACES: [(i32, i32); 9] =
+    [(0, 0), (0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+
+impl VertexMoves {
+    pub(crate) fn new(vertex_count: usize, freedom: Freedom) -> Self {
+        Self {
+            freedom,
+            changed: vec![true; vertex_count],
+            ring: Ring::default(),
+            parabolas: Vec::new(),
+            values: Vec::new(),
+            best_values: Vec::new(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// Has every vertex looked at again.
+    pub(crate) fn restart(&mut self) {
+        self.changed.fill(true);
+    }
+
+    /// Looks once at each vertex whose surroundings have changed.
+    pub(crate) fn pass(
+        &mut self,
+        mesh: &mut ValuedMesh<'_>,
+        control: &dyn Control,
+    ) -> Result<(), Cancelled> {
+        let count = self.changed.len();
+        for vertex in 0..count {
+            if std::mem::take(&mut self.changed[vertex]) {
+                control.poll(Stage::Refine, vertex, count)?;
+                self.look_at(mesh, vertex as u32);
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves a vertex to the most promising place, with the most promising value, if the error
+    /// falls.
+    fn look_at(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32) {
+        mesh.triangulation.star(vertex, &mut self.ring);
+        let from = mesh.triangulation.points[vertex as usize];
+        let mut best: Option<(f64, Point)> = None;
+        for (dx, dy) in PLACES {
+            let place = Point::new(from.x + dx, from.y + dy);
+            if place == from || self.may_move(mesh, from, place) {
+                let estimate = self.estimate(mesh, place);
+                if best.is_none_or(|(least, _)| estimate < least) {
+                    best = Some((estimate, place));
+                    std::mem::swap(&mut self.values, &mut self.best_values);
+                }
+            }
+        }
+        let Some((_, place)) = best else { return };
+        if place == from && self.best_values == mesh.values_of(vertex) {
+            return;
+        }
+        self.take_if_better(mesh, vertex, place);
+    }
+
+    /// Tells whether a vertex may go from one place to another: faces stay counter-clockwise,
+    /// the border and its corners stay where they are.
+    fn may_move(&self, mesh: &ValuedMesh<'_>, from: Point, place: Point) -> bool {
+        let triangulation = &mesh.triangulation;
+        if !triangulation.holds(place) || triangulation.is_corner(from) {
+            return false;
+        }
+        let at = |v: u32| triangulation.points[v as usize];
+        if triangulation.is_on_border(from) {
+            let [Some(first), Some(last)] = [self.ring.vertices.first(), self.ring.vertices.last()]
+            else {
+                return false;
+            };
+            if orientation(at(*first), at(*last), place) != 0 {
+                return false;
+            }
+        }
+        self.ring.edges().all(|(a, b)| orientation(at(a), at(b), place) > 0)
+            && (self.freedom.connectivity || mesh.stays_delaunay(&self.ring, place))
+    }
+
+    /// Sets the values for a place, and estimates the squared error of the faces around it.
+    fn estimate(&mut self, mesh: &ValuedMesh<'_>, place: Point) -> f64 {
+        let count = mesh.image.component_count();
+        self.parabolas.clear();
+        self.parabolas.resize(count, Parabola::default());
+        for (a, b) in self.ring.edges() {
+            let corners = [a, b].map(|v| mesh.triangulation.points[v as usize]);
+            let values = [a, b].map(|v| mesh.values_of(v));
+            add_face(mesh, [corners[0], corners[1], place], values, &mut self.parabolas);
+        }
+        self.values.clear();
+        let largest = mesh.image.max_sample();
+        let mut sum = 0.0;
+        for (c, parabola) in self.parabolas.iter().enumerate() {
+            let value = if self.freedom.values {
+                parabola.best(largest)
+            } else {
+                mesh.image.sample(c, place.x as usize, place.y as usize)
+            };
+            self.values.push(value);
+            sum += parabola.at(value.into());
+        }
+        sum
+    }
+
+    /// Moves a vertex, whose star `ring` is, to a place with the best values if the error falls.
+    fn take_if_better(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32, place: Point) {
+        let slots = &self.ring.triangles;
+        let before: u64 = slots.iter().map(|&slot| mesh.face_errors[slot as usize]).sum();
+        self.errors.clear();
+        let mut after = 0;
+        for (a, b) in self.ring.edges() {
+            let corners = [a, b].map(|v| mesh.triangulation.points[v as usize]);
+            let [za, zb] = [a, b].map(|v| mesh.values_of(v));
+            let error = squared_error(
+                mesh.image,
+                [corners[0], corners[1], place],
+                [za, zb, &self.best_values],
+            );
+            self.errors.push(error);
+            after += error;
+            if after >= before {
+                return;
+            }
+        }
+        for (&slot, &error) in slots.iter().zip(&self.errors) {
+            mesh.face_errors[slot as usize] = error;
+        }
+        mesh.total_error = mesh.total_error + after - before;
+        mesh.triangulation.points[vertex as usize] = place;
+        let count = self.best_values.len();
+        mesh.values[vertex as usize * count..][..count].copy_from_slice(&self.best_values);
+        for &v in &self.ring.vertices {
+            self.changed[v as usize] = true;
+        }
+        self.changed[vertex as usize] = true;
+    }
+}
+
+/// Adds the points of a face to the parabolas of its third vertex.
+fn add_face(
+    mesh: &ValuedMesh<'_>,
+    corners: [Point; 3],
+    [first, second]: [&[u16]; 2],
+    parabolas: &mut [Parabola],
+) {
+    let [a, b, apex] = corners;
+    let reciprocal = 1.0 / orientation(a, b, apex) as f64;
+    let per_column = |from: Point, to: Point| f64::from(from.y - to.y) * reciprocal;
+    let (weight_step, first_step) = (per_column(a, b), per_column(b, apex));
+    let second_step = per_column(apex, a);
+    for_each_row(corners, |y, left, end| {
+        let start = Point::new(left, y);
+        let weight = orientation(a, b, start) as f64 * reciprocal;
+        let first_weight = orientation(b, apex, start) as f64 * reciprocal;
+        let second_weight = orientation(apex, a, start) as f64 * reciprocal;
+        for (c, parabola) in parabolas.iter_mut().enumerate() {
+            let samples = &mesh.image.row(c, y as usize)[left as usize..end as usize];
+            let (za, zb) = (f64::from(first[c]), f64::from(second[c]));
+            let rest = za * first_weight + zb * second_weight;
+            let rest_step = za * first_step + zb * second_step;
+            for (i, &sample) in samples.iter().enumerate() {
+                let i = i as f64;
+                let (w, r) = (weight + weight_step * i, f64::from(sample) - (rest + rest_step * i));
+                parabola.constant += r * r;
+                parabola.linear += w * r;
+                parabola.square += w * w;
+            }
+        }
+    });
+}

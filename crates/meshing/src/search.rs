@@ -1,0 +1,156 @@
+//! The search for the smallest mesh of a quality, for methods whose meshes of different sizes have
+//! nothing in common: those that do not simplify, and those that refine.
+//!
+//! The quality of such meshes all but grows with their size, so the search doubles or halves the
+//! size until the side changes, then bisects. One-shot meshes are searched down to neighbouring
+//! sizes, refined ones to a part of the size that costs less than what another mesh gains.
+
+use crate::choices::Meshed;
+use crate::control::{Cancelled, Control, Stage};
+use crate::error_metric::mean_error;
+use crate::generate::{GenerateError, Model, generate};
+use crate::image::Image;
+use crate::mesh::Mesh;
+use crate::parameters::{ErrorBound, MIN_SIZE, Parameters, Target};
+use crate::rasterize::rasterize;
+use std::num::NonZeroUsize;
+
+/// The first size tried is this part of the lattice points.
+const FIRST_PART: usize = 64;
+
+/// Refined meshes are searched until the sizes differ by less than this part.
+const REFINED_PART: usize = 200;
+
+/// What progress is counted in: more meshes than the search ever makes.
+const MOST_MESHES: usize = 64;
+
+/// The smallest mesh found that keeps the bound; that of all lattice points always does.
+pub(crate) fn smallest_within(
+    image: &Image,
+    parameters: &Parameters,
+    bound: ErrorBound,
+    control: &dyn Control,
+) -> Result<Model, GenerateError> {
+    let mut search = Search { image, parameters, bound, control, meshes: 0, best: None };
+    let all = image.pixel_count();
+    let mut size = (all / FIRST_PART).max(MIN_SIZE);
+    // No mesh of `below` points keeps the bound, one of `above` does.
+    let (mut below, mut above) = (MIN_SIZE - 1, all);
+    if search.keeps(size)? {
+        above = size;
+        while above > MIN_SIZE {
+            size = (above / 2).max(MIN_SIZE);
+            if !search.keeps(size)? {
+                below = size;
+                break;
+            }
+            above = size;
+        }
+    } else {
+        below = size;
+        while below < all {
+            size = (2 * below).min(all);
+            if search.keeps(size)? {
+                above = size;
+                break;
+            }
+            below = size;
+        }
+    }
+    let part = if parameters.refines() { REFINED_PART } else { usize::MAX };
+    while above > below + 1 + above / part {
+        let middle = below.midpoint(above);
+        if search.keeps(middle)? {
+            above = middle;
+        } else {
+            below = middle;
+        }
+    }
+    match search.best {
+        Some(model) => Ok(model),
+        None => search.mesh(all),
+    }
+}
+
+struct Search<'a> {
+    image: &'a Image,
+    parameters: &'a Parameters,
+    bound: ErrorBound,
+    control: &'a dyn Control,
+    /// Meshes made so far.
+    meshes: usize,
+    /// The smallest that keeps the bound.
+    best: Option<Model>,
+}
+
+impl Search<'_> {
+    /// Makes the mesh of a size, keeps it if it is the best so far, and tells whether it keeps the
+    /// bound.
+    fn keeps(&mut self, size: usize) -> Result<bool, GenerateError> {
+        let model = self.mesh(size)?;
+        let keeps = is_within(self.image, &model, self.parameters, self.bound, &self.quietly())?;
+        let is_smaller = |best: &Model| model.mesh.points().len() < best.mesh.points().len();
+        if keeps && self.best.as_ref().is_none_or(is_smaller) {
+            self.best = Some(model);
+        }
+        Ok(keeps)
+    }
+
+    fn mesh(&mut self, size: usize) -> Result<Model, GenerateError> {
+        let parameters = Parameters { target: Target::Size(size), ..self.parameters.clone() };
+        let control = self.quietly();
+        control.poll(Stage::Search, 0, 1)?;
+        let model = generate(self.image, &parameters, &control);
+        self.meshes += 1;
+        model
+    }
+
+    /// A control that tells of the meshes made, not of the stages of each.
+    fn quietly(&self) -> Quietly<'_> {
+        Quietly { control: self.control, meshes: self.meshes }
+    }
+}
+
+struct Quietly<'a> {
+    control: &'a dyn Control,
+    meshes: usize,
+}
+
+impl Control for Quietly<'_> {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        self.control.poll(Stage::Search, self.meshes.min(MOST_MESHES), MOST_MESHES)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.control.threads()
+    }
+}
+
+/// Tells whether a mesh keeps a bound.
+fn is_within(
+    image: &Image,
+    model: &Model,
+    parameters: &Parameters,
+    bound: ErrorBound,
+    control: &dyn Control,
+) -> Result<bool, Cancelled> {
+    Ok(match bound {
+        ErrorBound::PsnrDb(least) => model.fidelity.psnr_db() >= least,
+        ErrorBound::MeanError(most) => {
+            let metric = match parameters.meshed {
+                Meshed::Components => parameters.error_metric,
+                Meshed::Luma => parameters.error_metric.of_one_component(),
+            };
+            mean_error(image, &rasterize(&model.mesh, control)?, metric) <= most
+        }
+        ErrorBound::MaxError(most) => largest_difference(image, &model.mesh, control)? <= most,
+    })
+}
+
+/// The largest difference of any sample between an image and the picture that a mesh models.
+fn largest_difference(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<u16, Cancelled> {
+    let rebuilt = rasterize(mesh, control)?;
+    let pairs = image.components().iter().zip(rebuilt.components());
+    let differences = pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)));
+    Ok(differences.max().unwrap_or(0))
+}

@@ -1,0 +1,174 @@
+//! Meshes beyond the thesis: what refinement, free connectivity and fitted values promise.
+
+use crate::pictures::{cases, model, pictures, size_target};
+use crate::twin::interpolation::rasterise;
+use crate::twin::triangulation::{triangles_of, triangulate};
+use pixmesh_meshing::{
+    Connectivity, Fidelity, FlatColors, Image, Mesh, Method, Model, Parameters, Target, Unattended,
+    Values, rasterize,
+};
+use proptest::prelude::*;
+
+/// The squared error of the picture that a mesh models, by the slow second implementation.
+fn squared_error(image: &Image, mesh: &Mesh) -> u64 {
+    let pairs = image.components().iter().zip(rasterise(mesh));
+    let square = |(a, b): (&u16, &u16)| u64::from(a.abs_diff(*b)).pow(2);
+    pairs.map(|(a, b)| a.iter().zip(&b).map(square).sum::<u64>()).sum()
+}
+
+/// Checks what holds for every mesh, and returns its squared error.
+fn check(image: &Image, parameters: &Parameters) -> u64 {
+    let made = model(image, parameters);
+    assert_eq!(made.mesh.validate(), Ok(()));
+    assert_eq!(made.fidelity.squared_error, squared_error(image, &made.mesh));
+    let rebuilt = rasterize(&made.mesh, &Unattended).unwrap();
+    assert_eq!(Fidelity::between(image, &rebuilt).unwrap(), made.fidelity);
+    let faces = triangles_of(made.mesh.points(), made.mesh.faces());
+    let is_delaunay = faces == triangulate(made.mesh.points());
+    assert_eq!(made.mesh.is_preferred_delaunay(), is_delaunay);
+    assert!(is_delaunay || parameters.connectivity == Connectivity::Free);
+    assert_eq!(made, model(image, parameters));
+    made.fidelity.squared_error
+}
+
+proptest! {
+    #![proptest_config(cases(24))]
+
+    #[test]
+    fn freedom_and_effort_never_raise_the_error(
+        image in pictures(2..=12, 1..=3),
+        share in 0.0..0.4,
+    ) {
+        let Target::Size(size) = size_target(&image, share) else { unreachable!() };
+        let own = Method::Mgprfs.parameters(Target::Size(size));
+        let plain = check(&image, &own);
+        for &connectivity in Connectivity::ALL {
+            for &values in Values::ALL {
+                let with = |effort| Parameters { connectivity, values, effort, ..own.clone() };
+                prop_assert!(check(&image, &with(0)) <= plain);
+                prop_assert!(check(&image, &with(2)) <= plain);
+            }
+        }
+    }
+
+    #[test]
+    fn refined_meshes_keep_their_size_and_the_samples_of_the_picture(
+        image in pictures(2..=12, 1..=3),
+        share in 0.0..0.4,
+        effort in 1u8..=9,
+    ) {
+        let own = Method::Mgprfs.parameters(size_target(&image, share));
+        let plain = model(&image, &own);
+        let refined = model(&image, &Parameters { effort, ..own });
+        prop_assert_eq!(refined.mesh.points().len(), plain.mesh.points().len());
+        prop_assert!(refined.fidelity.squared_error <= plain.fidelity.squared_error);
+        for (v, p) in refined.mesh.points().iter().enumerate() {
+            for (c, &sample) in refined.mesh.vertex_samples(v).iter().enumerate() {
+                prop_assert_eq!(sample, image.sample(c, p.x as usize, p.y as usize));
+            }
+        }
+    }
+
+    #[test]
+    fn a_mesh_of_a_quality_has_it_and_the_next_smaller_one_of_the_removal_has_not(
+        image in pictures(3..=8, 1..=2),
+        bound in 0u16..300,
+    ) {
+        let own = Method::Mgpr.parameters(Target::MaxError(bound));
+        let made = model(&image, &own);
+        let largest = |made: &Model| {
+            let pairs = image.components().iter().zip(rasterise(&made.mesh));
+            let differences =
+                pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).collect::<Vec<_>>());
+            differences.max().unwrap()
+        };
+        prop_assert!(largest(&made) <= bound);
+        let size = made.mesh.points().len();
+        prop_assert_eq!(size + made.removals.len(), image.pixel_count());
+        if size > 4 {
+            let smaller = model(&image, &Method::Mgpr.parameters(Target::Size(size - 1)));
+            prop_assert!(largest(&smaller) > bound);
+            prop_assert_eq!(&smaller.removals[..made.removals.len()], &made.removals[..]);
+        }
+    }
+
+    #[test]
+    fn searched_meshes_keep_the_bound(
+        image in pictures(3..=10, 1..=2),
+        psnr_db in 5.0..60.0,
+        mean_error in 0.0..50.0,
+        method in prop::sample::select(&[Method::Med, Method::Optimal][..]),
+    ) {
+        let effort = if method == Method::Med { 0 } else { 1 };
+        let with = |target| Parameters { effort, ..method.parameters(target) };
+        prop_assert!(model(&image, &with(Target::Psnr(psnr_db))).fidelity.psnr_db() >= psnr_db);
+        let made = model(&image, &with(Target::MeanError(mean_error)));
+        prop_assert!(made.fidelity.mse() <= mean_error);
+        let perfect = model(&image, &with(Target::MaxError(0)));
+        prop_assert_eq!(perfect.fidelity.squared_error, 0);
+    }
+
+    #[test]
+    fn med_plus_is_never_worse_than_med_and_never_larger(
+        image in pictures(3..=12, 1..=3),
+        share in 0.1..0.6,
+    ) {
+        let target = size_target(&image, share);
+        let med = model(&image, &Method::Med.parameters(target));
+        let plus = model(&image, &Method::MedPlus.parameters(target));
+        prop_assert!(plus.mesh.points().len() <= med.mesh.points().len());
+    }
+}
+
+#[test]
+fn fitted_values_of_a_plane_with_noise_are_nearer_to_the_plane_than_the_samples() {
+    let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 9) as u16;
+    let samples = (0..32).flat_map(|y| (0..32).map(move |x| 40 + 4 * x as u16 + noise(x, y)));
+    let image = Image::new(32, 32, 8, vec![samples.collect()]).unwrap();
+    let own = Method::Mgprfs.parameters(Target::Size(4));
+    let sampled = model(&image, &own).fidelity.mse();
+    let fitted = model(&image, &Parameters { values: Values::Fitted, ..own }).fidelity.mse();
+    // Noise of 9 equally likely levels has a variance of 80 / 12.
+    assert!(fitted < 80.0 / 12.0 + 0.3 && fitted < sampled, "{fitted} of {sampled}");
+}
+
+/// A gray picture of noise.
+fn noise(side: usize) -> Image {
+    let sample = |i: usize| ((i * 40_503 + i / side * 977) >> 4) as u16 % 256;
+    Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap()
+}
+
+#[test]
+fn equal_weights_change_nothing_and_heavier_places_get_more_vertices() {
+    let image = noise(24);
+    for method in [Method::Mgprfs, Method::Optimal] {
+        let own = method.parameters(Target::Size(60));
+        let equal = image.clone().with_weights(vec![77; 24 * 24]).unwrap();
+        let (with, without) = (model(&equal, &own), model(&image, &own));
+        assert_eq!(with.mesh, without.mesh);
+        assert_eq!(with.fidelity, without.fidelity);
+        let weights = (0..24 * 24).map(|i| if i % 24 < 12 { 200 } else { 2 }).collect();
+        let left = image.clone().with_weights(weights).unwrap();
+        let count = |image: &Image| {
+            let made = model(image, &own);
+            made.mesh.points().iter().filter(|p| p.x < 12).count()
+        };
+        assert!(count(&left) > count(&image) + 10, "{} {}", count(&left), count(&image));
+        let made = model(&left, &own);
+        assert_eq!(made.fidelity.squared_error, squared_error(&image, &made.mesh));
+    }
+    assert!(image.with_weights(vec![1; 9]).is_err());
+}
+
+#[test]
+fn flat_meshes_are_better_than_others_where_faces_have_one_colour() {
+    let image = noise(24);
+    let with = |method: Method| {
+        let made = model(&image, &method.parameters(Target::Size(80)));
+        FlatColors::new(&image, &made.mesh, &Unattended).unwrap().fidelity.mse()
+    };
+    assert!(with(Method::Flat) < with(Method::Optimal));
+    let made = model(&image, &Method::Flat.parameters(Target::Size(80)));
+    assert_eq!(made.flat.unwrap().fidelity, made.fidelity);
+    assert_eq!(made.mesh.points().len(), 80);
+}
