@@ -21,7 +21,7 @@ pub struct AccessSettings {
     /// Requests of one key's name that may wait for a worker.
     #[arg(long, env = "PIXMESH_KEY_QUEUED", default_value = "32")]
     pub key_queued: NonZeroUsize,
-    /// Origins whose pages may use the service, such as https://example.org; none by default.
+    /// Origins whose pages may use the service, such as `https://example.org`; none by default.
     #[arg(long = "cors-origin", env = "PIXMESH_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',', num_args = 1.., value_parser = origin)]
     pub cors_origins: Vec<String>,
 }

@@ -71,10 +71,10 @@ pub fn generate(
     control: &dyn Control,
 ) -> Result<Model, GenerateError> {
     let plan = parameters.plan(image.shape())?;
-    if let Some(bound) = plan.bound {
-        if parameters.searches() || image.weights().is_some() {
-            return smallest_within(image, parameters, bound, control);
-        }
+    if let Some(bound) = plan.bound
+        && (parameters.searches() || image.weights().is_some())
+    {
+        return smallest_within(image, parameters, bound, control);
     }
     let ruling = ruling_image(image, parameters, control)?;
     let ruling = ruling.as_ref().unwrap_or(image);
