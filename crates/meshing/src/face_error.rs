@@ -10,6 +10,7 @@ use crate::mesh::Point;
 use crate::predicates::orientation;
 use crate::small_face::{Pixels, TOO_LARGE};
 use crate::weighted_error::weighted_error;
+use fearless_simd::{Level, Simd, dispatch};
 
 /// What faces are measured against: an image, its tables and a metric.
 pub(crate) struct Measure<'a> {
@@ -18,6 +19,7 @@ pub(crate) struct Measure<'a> {
     metric: Option<&'static dyn Metric>,
     pixels: Option<Pixels>,
     flat: Option<FlatAreas>,
+    level: Level,
     /// How much each point matters, where that differs.
     weights: Option<&'a [u8]>,
 }
@@ -40,6 +42,7 @@ impl<'a> Measure<'a> {
             metric: (!is_squared).then(|| metric.metric()),
             pixels: if is_squared { Pixels::new(image) } else { None },
             flat: None,
+            level: Level::new(),
             weights: None,
         }
     }
@@ -129,14 +132,23 @@ impl<'m> FaceErrors<'m> {
 
     /// Sum over points and components of the squared differences.
     fn squared_error(&self, corners: [Point; 3]) -> u64 {
+        dispatch!(self.measure.level, simd => self.squared_error_by(simd, corners))
+    }
+
+    #[inline(always)]
+    fn squared_error_by<S: Simd>(&self, _: S, corners: [Point; 3]) -> u64 {
         let (image, width) = (self.measure.image, self.measure.image.width());
         let mut sum = 0;
-        for_each_row(corners, |y, first, end| {
-            let points = y as usize * width + first as usize..y as usize * width + end as usize;
-            for (interpolant, samples) in self.interpolants.iter().zip(image.components()) {
-                sum += interpolant.squared_error(first, y, &samples[points.clone()]);
-            }
-        });
+        for_each_row(
+            corners,
+            #[inline(always)]
+            |y, first, end| {
+                let points = y as usize * width + first as usize..y as usize * width + end as usize;
+                for (interpolant, samples) in self.interpolants.iter().zip(image.components()) {
+                    sum += interpolant.squared_error(first, y, &samples[points.clone()]);
+                }
+            },
+        );
         sum
     }
 

@@ -15,7 +15,7 @@ use crate::mesh::Point;
 
 /// Calls `use_row(y, first, end)` for each row of the counter-clockwise face `abc` that holds
 /// points of it, with columns `first..end`, from the bottom up.
-#[inline]
+#[inline(always)]
 pub(crate) fn for_each_row([a, b, c]: [Point; 3], mut use_row: impl FnMut(i32, i32, i32)) {
     let (bottom, middle, top, middle_is_right) = sorted_by_row(a, b, c);
     if bottom.y == 0 && middle.y == 0 {

@@ -60,25 +60,31 @@ impl Interpolant {
 
     /// Sum of the squared differences between the rounded interpolant and the `samples` of row
     /// `y` from column `x` on.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn squared_error(&self, x: i32, y: i32, samples: &[u16]) -> u64 {
         let mut sum = 0;
-        self.for_each_value(x, y, samples.len(), |i, value| {
-            let difference = i64::from(value - i32::from(samples[i]));
-            sum += (difference * difference) as u64;
-        });
+        self.for_each_value(
+            x,
+            y,
+            samples.len(),
+            #[inline(always)]
+            |i, value| {
+                let difference = (value - i32::from(samples[i])).unsigned_abs();
+                sum += u64::from(difference * difference);
+            },
+        );
         sum
     }
 
     /// Writes the rounded interpolant of row `y` from column `x` on.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn fill(&self, x: i32, y: i32, samples: &mut [u16]) {
         self.for_each_value(x, y, samples.len(), |i, value| samples[i] = value as u16);
     }
 
     /// Calls `use_value(i, value)` with the rounded interpolant at `(x + i, y)` for `count` points
     /// of the face.
-    #[inline]
+    #[inline(always)]
     fn for_each_value(&self, x: i32, y: i32, count: usize, mut use_value: impl FnMut(usize, i32)) {
         let start = self.at_origin + self.per_column * i64::from(x) + self.per_row * i64::from(y);
         if self.double_area > FLOATING_POINT_LIMIT {
