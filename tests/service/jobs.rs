@@ -246,7 +246,7 @@ fn who_prefers_a_job_gets_one_when_the_time_is_over() {
     let png = server.mesh("size=50&format=png", &[("Prefer", "wait=20")], &image);
     assert_eq!(png.header("content-type"), "image/png");
 
-    let asynchronous = server.mesh(SLOW, &[("Prefer", "respond-async")], &noise(512));
+    let asynchronous = server.mesh(SLOW, &[("Prefer", "respond-async")], &noise(1024));
     assert_eq!(asynchronous.status, 202, "{}", asynchronous.text());
     assert_eq!(asynchronous.header("preference-applied"), "respond-async");
     let slow = server.mesh(SLOW, &[("Prefer", "respond-async, wait=1")], &noise(1024));
