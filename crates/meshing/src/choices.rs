@@ -1,10 +1,9 @@
 //! The choices that parameters offer: enumerations whose values have the names that users write.
 
-use crate::parameters::ParameterError;
-use std::fmt;
-use std::str::FromStr;
-
-/// Declares an enumeration whose values have the names that users write.
+/// Declares an enumeration whose values have the names that users write; the crate of the formats
+/// declares its own with it, too.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! named_values {
     (
         $(#[$attribute:meta])*
@@ -35,19 +34,19 @@ macro_rules! named_values {
             }
         }
 
-        impl fmt::Display for $type {
-            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl ::std::fmt::Display for $type {
+            fn fmt(&self, formatter: &mut ::std::fmt::Formatter<'_>) -> ::std::fmt::Result {
                 formatter.write_str(self.name())
             }
         }
 
-        impl FromStr for $type {
-            type Err = ParameterError;
+        impl ::std::str::FromStr for $type {
+            type Err = $crate::ParameterError;
 
-            fn from_str(name: &str) -> Result<Self, ParameterError> {
+            fn from_str(name: &str) -> Result<Self, $crate::ParameterError> {
                 match name {
                     $($name => Ok(Self::$value),)+
-                    _ => Err(ParameterError::UnknownValue {
+                    _ => Err($crate::ParameterError::UnknownValue {
                         parameter: $parameter,
                         value: name.to_owned(),
                         allowed: Self::NAMES,

@@ -9,8 +9,6 @@ use crate::choices::{Generator, Meshed, Policy, Reconstruction, Startup, named_v
 use crate::parameters::{
     DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target, check_count,
 };
-use std::fmt;
-use std::str::FromStr;
 
 named_values! {
     /// The named methods.
