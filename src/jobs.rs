@@ -101,9 +101,13 @@ impl Jobs {
 /// What the settings ask of the queue.
 fn terms(settings: &Settings) -> Terms {
     let jobs = &settings.jobs;
-    let queued = jobs.max_queued_jobs.get();
+    let access = &settings.access;
     Terms {
-        caps: Caps { queued, queued_per_owner: queued, running_per_owner: usize::MAX },
+        caps: Caps {
+            queued: jobs.max_queued_jobs.get(),
+            queued_per_owner: access.key_queued_jobs.get(),
+            running_per_owner: access.running(settings.worker_count()),
+        },
         lease: LEASE,
         result_ttl: jobs.result_ttl.0,
         idempotency_ttl: IDEMPOTENCY_TTL,

@@ -15,12 +15,15 @@ pub struct AccessSettings {
     /// Requests per minute that a key's name may send, where the file gives no other number.
     #[arg(long, env = "PIXMESH_KEY_REQUESTS_PER_MINUTE", default_value = "600")]
     pub key_requests_per_minute: NonZeroU32,
-    /// Meshes made at the same time for one key's name [default: all workers but one].
+    /// Meshes made at the same time for one key's name, and as many jobs beside them [default: all workers but one].
     #[arg(long, env = "PIXMESH_KEY_RUNNING", hide_env_values = true)]
     pub key_running: Option<NonZeroUsize>,
     /// Requests of one key's name that may wait for a worker.
     #[arg(long, env = "PIXMESH_KEY_QUEUED", default_value = "32")]
     pub key_queued: NonZeroUsize,
+    /// Jobs of one key's name that may wait.
+    #[arg(long, env = "PIXMESH_KEY_QUEUED_JOBS", default_value = "1000")]
+    pub key_queued_jobs: NonZeroUsize,
     /// Origins whose pages may use the service, such as `https://example.org`; none by default.
     #[arg(long = "cors-origin", env = "PIXMESH_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',', num_args = 1.., value_parser = origin)]
     pub cors_origins: Vec<String>,
@@ -40,11 +43,12 @@ impl AccessSettings {
         let keys_file = self.keys_file.as_ref().map(|path| path.display().to_string());
         format!(
             "--keys-file {}\n--key-requests-per-minute {}\n--key-running {}\n--key-queued {}\n\
-             --cors-origin {}\n",
+             --key-queued-jobs {}\n--cors-origin {}\n",
             keys_file.unwrap_or_default(),
             self.key_requests_per_minute,
             self.running(workers),
             self.key_queued,
+            self.key_queued_jobs,
             self.cors_origins.join(",")
         )
     }

@@ -6,7 +6,8 @@
 
 use crate::extract::owner::Owner;
 
-/// How many jobs may wait and run.
+/// How many jobs may wait and run. Where no keys are asked for, nobody in particular owns them all,
+/// and the bounds of one owner do not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caps {
     /// Jobs that wait, of all owners.
@@ -15,6 +16,20 @@ pub struct Caps {
     pub queued_per_owner: usize,
     /// Jobs that run, of one owner.
     pub running_per_owner: usize,
+}
+
+impl Caps {
+    /// Jobs of this owner that may wait.
+    #[must_use]
+    pub fn queued_of(&self, owner: &Owner) -> usize {
+        if owner.is_anonymous() { self.queued } else { self.queued_per_owner }
+    }
+
+    /// Jobs of this owner that may run.
+    #[must_use]
+    pub fn running_of(&self, owner: &Owner) -> usize {
+        if owner.is_anonymous() { usize::MAX } else { self.running_per_owner }
+    }
 }
 
 /// The jobs of one owner.
@@ -33,7 +48,8 @@ pub struct OwnerLoad {
 /// The owner whose turn it is; `None` when nobody may have another job run.
 #[must_use]
 pub fn next_owner<'a>(loads: &'a [OwnerLoad], caps: &Caps) -> Option<&'a OwnerLoad> {
-    let may_run = |load: &&OwnerLoad| load.queued > 0 && load.running < caps.running_per_owner;
+    let may_run =
+        |load: &&OwnerLoad| load.queued > 0 && load.running < caps.running_of(&load.owner);
     loads.iter().filter(may_run).min_by_key(|load| (load.last_turn, &load.owner))
 }
 
@@ -69,5 +85,7 @@ mod tests {
         let loads = [load("a", 5, 2, 0), load("b", 1, 1, 9)];
         assert_eq!(next_owner(&loads, &CAPS), Some(&loads[1]));
         assert_eq!(next_owner(&[load("a", 0, 0, 0)], &CAPS), None);
+        let nobody = [load("", 5, 200, 0)];
+        assert_eq!(next_owner(&nobody, &CAPS), Some(&nobody[0]), "without keys there is no bound");
     }
 }

@@ -14,6 +14,7 @@ mod lifecycle;
 mod load;
 mod operators;
 mod output;
+mod ownership;
 mod parameters;
 mod pictures;
 mod readme;

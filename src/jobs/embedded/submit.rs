@@ -56,8 +56,9 @@ fn full(write: &Write<'_>, job: &NewJob, terms: &Terms) -> Result<Option<Submitt
         return Ok(Some(Submitted::QueueFull { limit: caps.queued }));
     }
     let owned = "SELECT COUNT(*) FROM jobs WHERE state < 2 AND state = 0 AND owner = ?1";
-    if count(owned, Some(job.owner.as_str()))? >= caps.queued_per_owner {
-        return Ok(Some(Submitted::OwnerFull { limit: caps.queued_per_owner }));
+    let limit = caps.queued_of(&job.owner);
+    if count(owned, Some(job.owner.as_str()))? >= limit {
+        return Ok(Some(Submitted::OwnerFull { limit }));
     }
     Ok(None)
 }

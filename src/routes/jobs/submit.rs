@@ -189,6 +189,7 @@ fn queue_full(limit: usize, retry_after_s: u64) -> Problem {
 fn owner_full(limit: usize, retry_after_s: u64) -> Problem {
     telemetry::shed(telemetry::Shed::QueueFull);
     Problem::new(Kind::TooManyJobs, format!("{limit} jobs of this client wait already"))
+        .setting("--key-queued-jobs")
         .limit(limit, limit)
         .retry_after_s(retry_after_s)
 }
