@@ -34,6 +34,24 @@ async function mesh(picture: Uint8Array, query: Parameters): Promise<Made | Prob
   };
 }
 
+/** Submits a job and waits for its end, asking for what is known of it. */
+async function job(picture: Uint8Array, query: Parameters): Promise<components["schemas"]["Job"] | Problem> {
+  const submitted = await client.POST("/v1/jobs", {
+    params: { query },
+    body: picture as unknown as string,
+    bodySerializer: (body) => body,
+    headers: { "content-type": "application/octet-stream" },
+  });
+  if (submitted.error !== undefined) return submitted.error;
+  for (let known = submitted.data; ; ) {
+    if (known.state !== "queued" && known.state !== "running") return known;
+    await new Promise((resolve) => setTimeout(resolve, 100));
+    const { data, error } = await client.GET("/v1/jobs/{id}", { params: { path: { id: known.id } } });
+    if (error !== undefined) return error;
+    known = data;
+  }
+}
+
 const [path] = process.argv.slice(2);
 if (path === undefined) throw new Error("give a picture");
 const picture = await readFile(path);
@@ -48,6 +66,9 @@ if ("model" in made) {
   console.error(`${made.title}: ${made.detail}`);
   process.exitCode = 1;
 }
+
+const done = await job(picture, { method: "med", density: 1 });
+if ("state" in done) console.log(`job: ${done.state}, ${done.mesh?.vertices} vertices`);
 
 const refused = await mesh(picture, { density: 2, size: 1000 });
 if ("type" in refused) console.log(`refused: ${refused.type}, ${refused.param}`);

@@ -57,6 +57,52 @@ fn curl_makes_a_mesh_and_shows_a_refusal() {
 }
 
 #[test]
+fn curl_follows_a_job_and_shows_a_refusal() {
+    if !is_there("curl") {
+        return;
+    }
+    let service = Service::start("example-curl-job");
+    let call = |query: &str| {
+        let mut command = service.command("bash");
+        command.arg(checkout("examples/job.sh")).arg(checkout(PICTURE)).arg(query);
+        command
+    };
+    let first = run(&mut call("density=2"));
+    assert!(
+        first.contains(r#""state":"queued""#) && first.contains(r#""vertices":1966"#),
+        "{first}"
+    );
+    let model = std::fs::read_to_string(service.folder.join("mesh.model")).unwrap();
+    assert!(model.contains("OFF\n1966 "), "{model:.40}");
+    assert!(std::fs::read(service.folder.join("rebuilt.png")).unwrap().starts_with(b"\x89PNG"));
+    let again = run(&mut call("density=2"));
+    assert_eq!(id_in(&first), id_in(&again), "the same word is the same job");
+    let refused = call("density=0").output().unwrap();
+    assert!(!refused.status.success());
+    assert!(text(&refused).contains("parameter-out-of-range"), "{}", text(&refused));
+}
+
+/// The id of the first job that is spoken of.
+fn id_in(output: &str) -> &str {
+    let (_, rest) = output.split_once(r#""id":""#).unwrap();
+    rest.split('"').next().unwrap()
+}
+
+#[test]
+fn python_follows_a_job_and_shows_a_refusal() {
+    if is_there("python3") {
+        makes_a_mesh("example-python-job", "python3", "examples/job.py");
+    }
+}
+
+#[test]
+fn javascript_follows_a_job_and_shows_a_refusal() {
+    if is_there("node") {
+        makes_a_mesh("example-javascript-job", "node", "examples/job.mjs");
+    }
+}
+
+#[test]
 fn python_makes_a_mesh_and_shows_a_refusal() {
     if is_there("python3") {
         makes_a_mesh("example-python", "python3", "examples/mesh.py");
@@ -102,6 +148,7 @@ fn the_typed_client_compiles_against_the_document_and_runs() {
     let printed = run(service.command("node").arg(program).arg(checkout(PICTURE)));
     assert!(printed.contains(FIGURES), "{printed}");
     assert!(printed.contains("methods: ed, med,"), "{printed}");
+    assert!(printed.contains("job: completed, 983 vertices"), "{printed}");
     assert!(printed.contains("refused: /problems/conflicting-parameters, size"), "{printed}");
     let mistake = folder.join("mistake.ts");
     let text_of_mistake = "import createClient from 'openapi-fetch';\n\
