@@ -4,9 +4,9 @@
 //! jobs: these have little to do and must not wait for it, while work takes every core. How many
 //! work at a time, the tickets of [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
 //! future is dropped, and with it a guard that raises the work's flag; the kernels poll the flag
-//! through [`Watch`] and stop within milliseconds. Only then is the ticket given back. Decoding and
-//! encoding do not poll: work that is stopped during one of them stops at its end, which for the
-//! largest pictures may take some seconds more.
+//! through [`Watch`] and stop within milliseconds, and so does encoding. Only then is the ticket
+//! given back. Decoding does not poll: work that is stopped meanwhile stops at its end, which for the
+//! largest pictures may take a second more.
 
 mod watch;
 

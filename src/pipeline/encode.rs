@@ -11,9 +11,35 @@ use pixmesh_codec::{
 };
 use pixmesh_meshing::{Image, Mesh, Model, Shape, rasterize};
 use std::borrow::Cow;
+use std::io::{self, Write};
 
 /// Room in bytes for what is in an answer whatever its size, such as the header of a file.
 const FRAME: usize = 4096;
+
+/// Bytes written from one look at the watch to the next: some tenth of a millisecond's work.
+const POLL_BYTES: usize = 1 << 16;
+
+/// The bytes of an answer that fail to be written as soon as nobody waits for them.
+struct Watched<'a> {
+    bytes: Vec<u8>,
+    /// How many there were at the last look at the watch.
+    polled_at: usize,
+    watch: &'a Watch,
+}
+
+impl Write for Watched<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.bytes.len() - self.polled_at >= POLL_BYTES {
+            self.watch.check().map_err(io::Error::other)?;
+            self.polled_at = self.bytes.len();
+        }
+        self.bytes.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
 
 /// What is to be written, and how.
 #[derive(Clone, Copy)]
@@ -101,11 +127,38 @@ fn room(mesh: &Mesh, writing: &Writing<'_>) -> usize {
 fn encoded<E: Into<EncodeError>>(
     room: usize,
     watch: &Watch,
-    write: impl FnOnce(&mut Vec<u8>) -> Result<(), E>,
+    write: impl FnOnce(&mut Watched<'_>) -> Result<(), E>,
 ) -> Result<Vec<u8>, Problem> {
     watch.begin("encode");
-    let mut bytes = Vec::with_capacity(room);
-    write(&mut bytes).map_err(Into::into)?;
+    let mut out = Watched { bytes: Vec::with_capacity(room), polled_at: 0, watch };
+    let written = write(&mut out);
+    watch.check()?;
+    written.map_err(Into::into)?;
+    let mut bytes = out.bytes;
     bytes.shrink_to_fit();
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn writing_stops_where_it_is_when_nobody_waits_any_more() {
+        let watch = Watch::new(Instant::now() + Duration::from_secs(60));
+        let mut written = 0;
+        let refused = encoded(0, &watch, |out| -> io::Result<()> {
+            for row in 0..100 {
+                if row == 10 {
+                    watch.cancel();
+                }
+                out.write_all(&[0; POLL_BYTES])?;
+                written += 1;
+            }
+            Ok(())
+        });
+        assert!(refused.is_err());
+        assert_eq!(written, 10);
+    }
 }

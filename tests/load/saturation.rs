@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 
 /// Workers of the service, and threads of the program that it is compared with.
 const WORKERS: usize = 2;
+/// Seconds of work that may wait for the workers.
+const QUEUE_SECONDS: f64 = 1.5;
 /// The query of the work.
 pub(crate) const QUERY: &str = "density=2";
 
@@ -78,8 +80,9 @@ pub(crate) struct Overload {
 pub(crate) fn overload(server: &Server, capacity: f64, period: Duration) -> Overload {
     let image = picture();
     let (stop, sent, served) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
-    let clients = 60;
-    // Each sends on time whatever became of its last request, as far as one connection can.
+    // Those whose requests wait in the queue, and enough others for ten times the capacity: each
+    // sends on time whatever became of its last request, as far as one connection can.
+    let clients = (QUEUE_SECONDS * capacity) as u32 + (2.0 * capacity) as u32 + 20;
     let interval = Duration::from_secs_f64(f64::from(clients) / (10.0 * capacity));
     let began = Instant::now();
     thread::scope(|scope| {
@@ -144,8 +147,8 @@ fn p99(mut times: Vec<Duration>) -> Duration {
 
 /// A service with a queue that is soon full.
 pub(crate) fn start() -> Server {
-    let workers = WORKERS.to_string();
-    let server = Server::start(&["--workers", &workers, "--queue-seconds", "1.5"]);
+    let (workers, queue) = (WORKERS.to_string(), QUEUE_SECONDS.to_string());
+    let server = Server::start(&["--workers", &workers, "--queue-seconds", &queue]);
     // It learns how long such work takes here.
     send(server.public, "GET", "/", &[], &[]);
     server
