@@ -20,7 +20,7 @@ mod footprint;
 mod gate;
 mod memory;
 
-pub use cost::{Compared, Cost};
+pub use cost::{Compared, Cost, Kept};
 pub use memory::Memory;
 
 use crate::extract::owner::Owner;

@@ -6,9 +6,11 @@
 mod compare;
 mod convert;
 mod encode;
+mod resize;
 
 pub use compare::{Comparison, Pair, compare};
 pub use convert::convert;
+pub use resize::{Resized, resize};
 
 use crate::digest::Digest;
 use crate::extract::accept::Format;
@@ -17,8 +19,8 @@ use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
 use encode::{Writing, encode};
-use pixmesh_codec::{Limits, Texture};
-use pixmesh_meshing::generate;
+use pixmesh_codec::{Limits, Texture, write_progression};
+use pixmesh_meshing::{Progression, generate};
 use std::time::Duration;
 
 /// A mesh as bytes, with what is known of it.
@@ -52,6 +54,39 @@ pub fn mesh(
     limits: &Limits,
     watch: &Watch,
 ) -> Result<Answer, Problem> {
+    let ordered = format == Format::Progression;
+    make(image, order, format, ordered, limits, watch).map(|(answer, _)| answer)
+}
+
+/// Makes the mesh of an image as MODEL, and where the job keeps it the order of its vertices as
+/// pmesh.
+///
+/// # Errors
+/// As [`mesh`].
+pub fn mesh_of_job(
+    image: impl AsRef<[u8]>,
+    order: &Order,
+    keeps_progression: bool,
+    limits: &Limits,
+    watch: &Watch,
+) -> Result<(Answer, Option<Vec<u8>>), Problem> {
+    let (answer, progression) =
+        make(image, order, Format::Model, keeps_progression, limits, watch)?;
+    let kept = progression.map(|progression| {
+        let mut bytes = Vec::new();
+        write_progression(&progression, &mut bytes).map(|()| bytes)
+    });
+    Ok((answer, kept.transpose()?))
+}
+
+fn make(
+    image: impl AsRef<[u8]>,
+    order: &Order,
+    format: Format,
+    ordered: bool,
+    limits: &Limits,
+    watch: &Watch,
+) -> Result<(Answer, Option<Progression>), Problem> {
     watch.check()?;
     watch.begin("decode");
     let decoded = order.output.reading(limits).decode(image.as_ref())?;
@@ -62,9 +97,18 @@ pub fn mesh(
     let pixels = image.pixel_count();
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
+    let progression = ordered
+        .then(|| Progression::new(&image, &model.mesh, &order.parameters, watch))
+        .transpose()?;
     drop(image);
-    let writing =
-        Writing { format, output: &order.output, texture: texture.as_ref(), model: Some(&model) };
+    let writing = Writing {
+        format,
+        output: &order.output,
+        texture: texture.as_ref(),
+        model: Some(&model),
+        fidelity: Some(&model.fidelity),
+        progression: progression.as_ref(),
+    };
     let bytes = encode(&model.mesh, &writing, watch)?;
     let answer = Answer {
         digest: Digest::of(&bytes),
@@ -77,16 +121,21 @@ pub fn mesh(
     };
     telemetry::meshed(pixels, answer.vertices);
     tracing::info!(pixels, vertices = answer.vertices, stages = answer.server_timing(), "meshed");
-    Ok(answer)
+    Ok((answer, progression))
 }
 
 impl Answer {
     /// The time of each stage in milliseconds, as the header `Server-Timing` writes it.
     #[must_use]
     pub fn server_timing(&self) -> String {
-        let entry = |(stage, took): &(&str, Duration)| {
-            format!("{stage};dur={:.3}", took.as_secs_f64() * 1e3)
-        };
-        self.timings.iter().map(entry).collect::<Vec<_>>().join(", ")
+        server_timing(&self.timings)
     }
+}
+
+/// The time of each stage in milliseconds, as the header `Server-Timing` writes it.
+#[must_use]
+pub fn server_timing(timings: &[(&'static str, Duration)]) -> String {
+    let entry =
+        |(stage, took): &(&str, Duration)| format!("{stage};dur={:.3}", took.as_secs_f64() * 1e3);
+    timings.iter().map(entry).collect::<Vec<_>>().join(", ")
 }

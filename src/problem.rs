@@ -68,6 +68,7 @@ problems! {
     NotAcceptable = NOT_ACCEPTABLE "not-acceptable" "No format offered is acceptable";
     JobUnfinished = CONFLICT "job-unfinished" "The job has not come to its end";
     JobWithoutMesh = CONFLICT "job-without-mesh" "The job ended without a mesh";
+    JobWithoutOrder = CONFLICT "job-without-order" "The job keeps no order of its mesh's vertices";
     Gone = GONE "gone" "The resource is no longer kept";
     RangeNotSatisfiable = RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range lies beyond the end";
     RequestTimeout = REQUEST_TIMEOUT "request-timeout" "The request took too long to arrive";

@@ -16,6 +16,17 @@ pub enum Compared<'a> {
     Model(u64),
 }
 
+/// The order of vertices that a job keeps.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept {
+    /// Shape of the image.
+    pub shape: Shape,
+    /// Vertices in all.
+    pub vertices: u64,
+    /// Bytes of its pmesh.
+    pub bytes: u64,
+}
+
 /// An estimate of the memory and the effort that work takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
@@ -39,6 +50,14 @@ impl Cost {
     pub fn of_conversion(shape: Shape, vertices: usize, model_bytes: u64, format: Format) -> Self {
         let bytes = footprint::of_conversion(shape, vertices as u64, model_bytes, format);
         Self { mib: 1, effort: Effort::of_samples(shape) }.with_file(bytes)
+    }
+
+    /// The cost of making a mesh of some size of the order of vertices that a job keeps, and of
+    /// writing it in a format.
+    #[must_use]
+    pub fn of_resizing(kept: Kept, size: usize, format: Format) -> Self {
+        let bytes = footprint::of_resizing(kept, size as u64, format);
+        Self { mib: 1, effort: Effort::of_samples(kept.shape) }.with_file(bytes)
     }
 
     /// The cost of comparing two pictures of these headers, or a picture and a MODEL of so many

@@ -1,7 +1,6 @@
 //! How much work there is to do, in units whose seconds are learned, one kind of work apart from
 //! the other.
 
-use super::footprint::simplifies;
 use pixmesh_codec::Header;
 use pixmesh_meshing::{Parameters, Plan, Shape};
 
@@ -52,7 +51,7 @@ impl Effort {
     /// samples, else the points to remove and, as so many more, the samples.
     pub(super) fn of_mesh(header: &Header, plan: &Plan, parameters: &Parameters) -> Self {
         let samples = (header.width * header.height * header.component_count) as f64;
-        if !simplifies(plan, parameters) {
+        if !parameters.simplifies(plan) {
             return Self { kind: WorkKind::OneShot, units: samples };
         }
         let removals = plan.initial_size.saturating_sub(plan.size) as f64;

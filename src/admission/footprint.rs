@@ -5,7 +5,7 @@
 //! a process was measured to take (`VmHWM`, one piece of work, pictures of 1 to 40 megapixels).
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
-use super::cost::Compared;
+use super::cost::{Compared, Kept};
 use crate::extract::accept::Format;
 use pixmesh_codec::Header;
 use pixmesh_meshing::{ErrorMetric, Generator, Meshed, Parameters, Plan, Policy, Shape};
@@ -35,6 +35,8 @@ const AREAS: u64 = 4;
 const POINT: u64 = 240;
 /// Bytes per final vertex while it is refined: twice what is known of it and its faces.
 const REFINED: u64 = 640;
+/// Bytes per inserted point: what is known of it and its faces, twice, and of those that wait.
+const INSERTED: u64 = 1200;
 /// Bytes per pixel of the marks of vertices while they are refined, twice.
 const REFINED_MARKS: u64 = 2;
 /// Bytes per sample of the running sums that flat faces are measured by.
@@ -54,6 +56,12 @@ const PLY_VERTEX: u64 = 44;
 const OBJ_VERTEX: u64 = 110;
 const STL_VERTEX: u64 = 100;
 const JSON_VERTEX: u64 = 130;
+const PMESH_VERTEX: u64 = 32;
+/// Bytes per vertex of an order of vertices: while it is made, and with its file and what it is
+/// written from or read to.
+const ORDERED_VERTEX: u64 = 150;
+/// Bytes per sample of a vertex in a pmesh, and in what it is written from or read to.
+const PMESH_SAMPLE: u64 = 8;
 /// Bytes per sample of a vertex in text: five digits and a space.
 const TEXT_SAMPLE: u64 = 6;
 /// Bytes per component and vertex of the gradients of SVG.
@@ -97,7 +105,7 @@ impl<'a> Footprint<'a> {
             components: header.component_count as u64,
             initial,
             most,
-            simplifies: simplifies(plan, parameters),
+            simplifies: parameters.simplifies(plan),
         }
     }
 
@@ -109,6 +117,7 @@ impl<'a> Footprint<'a> {
             // The triangulation is gone before the mesh is written, but its memory is not yet given
             // back: both were measured to count.
             self.triangulating() + self.written(),
+            self.ordering() + self.written(),
             self.encoding(),
         ];
         let slack = MAX_SLACK.min(self.pixels * SLACK_PER_PIXEL);
@@ -130,10 +139,15 @@ impl<'a> Footprint<'a> {
         let chosen_from = match self.parameters.generator {
             _ if self.initial >= self.pixels => 0,
             Generator::ErrorDiffusion => self.density_per_pixel(),
+            Generator::Insertion => self.copy_per_pixel() + AREAS + REFINED_MARKS,
             Generator::Random => DRAWN,
             Generator::All | Generator::Uniform => 0,
         };
-        self.image() + self.meshed_luma() + self.pixels * (MARK + chosen_from)
+        let inserted = match self.parameters.generator {
+            Generator::Insertion => self.initial * INSERTED,
+            _ => 0,
+        };
+        self.image() + self.meshed_luma() + self.pixels * (MARK + chosen_from) + inserted
     }
 
     fn density_per_pixel(&self) -> u64 {
@@ -162,6 +176,22 @@ impl<'a> Footprint<'a> {
             _ => 0,
         };
         self.image() + self.meshed_luma() + measured_by + meshing + sums + weights
+    }
+
+    /// The order of the mesh's vertices, where it is made: by removal down to the corners, followed
+    /// once more where that does not tell the squared error.
+    fn ordering(&self) -> u64 {
+        if self.format != Format::Progression {
+            return 0;
+        }
+        let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
+        let parameters = self.parameters;
+        let tells_errors = parameters.error_metric == ErrorMetric::MeanCompSe
+            && parameters.meshed == Meshed::Components;
+        let (vertex, pixel) = if tells_errors { (POINT, 0) } else { (REFINED, REFINED_MARKS) };
+        let working = self.most * vertex + self.pixels * pixel;
+        let mesh = self.most * (VERTEX + ORDERED_VERTEX + SAMPLE * self.components);
+        self.image() + self.meshed_luma() + measured_by + working + mesh
     }
 
     /// Pictures of few bits are measured against a copy with the samples of a point side by side.
@@ -210,6 +240,9 @@ fn written_per_vertex(format: Format, components: u64) -> u64 {
         Format::Obj => OBJ_VERTEX,
         Format::Stl => STL_VERTEX,
         Format::Json => JSON_VERTEX + samples,
+        Format::Pmesh => PMESH_VERTEX + PMESH_SAMPLE * components,
+        // A job keeps it beside the MODEL.
+        Format::Progression => MODEL_VERTEX + samples + ORDERED_VERTEX + PMESH_SAMPLE * components,
         Format::Png | Format::Pnm => 0,
     }
 }
@@ -228,6 +261,20 @@ pub(super) fn of_conversion(shape: Shape, vertices: u64, model: u64, format: For
         format => vertices * written_per_vertex(format, component_count as u64),
     };
     model.saturating_mul(READ_MODEL).saturating_add(out)
+}
+
+/// Bytes that making a mesh of some size takes of the order of vertices that a job keeps, and
+/// writing it in a format: the order as it is read, the triangulation and the file.
+pub(super) fn of_resizing(kept: Kept, size: u64, format: Format) -> u64 {
+    let Kept { shape, vertices, bytes } = kept;
+    let components = shape.component_count as u64;
+    let read = bytes + vertices * (ORDERED_VERTEX + PMESH_SAMPLE * components);
+    let image = shape.width as u64 * shape.height as u64 * components * SAMPLE;
+    let out = match format {
+        Format::Png | Format::Pnm => 2 * image,
+        format => size * written_per_vertex(format, components),
+    };
+    read.saturating_add(size * (POINT + VERTEX)).saturating_add(out)
 }
 
 /// Bytes that comparing a picture takes: both decoded, one after the other, and rows of sums.
@@ -251,14 +298,6 @@ const COMPARED_ROWS: u64 = 12 * 5 * 8;
 /// the work.
 pub(super) fn shown_image(header: &Header) -> u64 {
     header.width as u64 * header.height as u64 * header.component_count as u64 * SHOWN_SAMPLE
-}
-
-/// Whether vertices are removed from the first mesh.
-pub(super) fn simplifies(plan: &Plan, parameters: &Parameters) -> bool {
-    plan.initial_size > plan.size
-        || plan.bound.is_some()
-        || parameters.bad_point_removal
-        || parameters.effort > 0
 }
 
 #[cfg(test)]
@@ -322,6 +361,8 @@ mod tests {
         };
         assert!(of(Generator::Uniform) < of(Generator::ErrorDiffusion));
         assert!(of(Generator::Uniform) <= of(Generator::Random));
+        let few = changed(Method::Preview, |with| with.target = Target::Density(10.0));
+        assert!(changed(Method::Preview, |with| with.target = Target::Density(20.0)) > few);
     }
 
     #[test]

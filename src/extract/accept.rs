@@ -29,6 +29,10 @@ pub enum Format {
     Stl,
     /// The figures and the arrays as JSON.
     Json,
+    /// Points and samples, compressed: pmesh.
+    Pmesh,
+    /// The same with the order of importance of the vertices: every smaller size at once.
+    Progression,
 }
 
 /// A format with the media type that it is sent as.
@@ -45,7 +49,7 @@ pub struct Representation {
 }
 
 /// Every representation, the first being the one for clients that do not mind.
-pub const OFFERED: [Representation; 11] = [
+pub const OFFERED: [Representation; 13] = [
     Representation {
         format: Format::Model,
         media_type: "text/plain",
@@ -102,6 +106,19 @@ pub const OFFERED: [Representation; 11] = [
         content_type: "application/json",
         file_name: "mesh.json",
     },
+    Representation {
+        format: Format::Pmesh,
+        media_type: "application/vnd.pixmesh.pmesh",
+        content_type: "application/vnd.pixmesh.pmesh",
+        file_name: "mesh.pmesh",
+    },
+    // Asked for by name alone: by media type it is a pmesh like any other.
+    Representation {
+        format: Format::Progression,
+        media_type: "application/vnd.pixmesh.pmesh",
+        content_type: "application/vnd.pixmesh.pmesh",
+        file_name: "progression.pmesh",
+    },
 ];
 
 /// A picture rebuilt from a mesh, as PNG.
@@ -125,7 +142,7 @@ pub const PICTURES: [Representation; 2] = [PNG, PNM];
 
 impl Format {
     /// Every format, in the order of [`Self::NAMES`].
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 12] = [
         Self::Model,
         Self::Glb,
         Self::Png,
@@ -136,10 +153,24 @@ impl Format {
         Self::Obj,
         Self::Stl,
         Self::Json,
+        Self::Pmesh,
+        Self::Progression,
     ];
     /// The name of every format, as the parameter `format` takes it.
-    pub const NAMES: &'static [&'static str] =
-        &["model", "glb", "png", "pnm", "gltf", "svg", "ply", "obj", "stl", "json"];
+    pub const NAMES: &'static [&'static str] = &[
+        "model",
+        "glb",
+        "png",
+        "pnm",
+        "gltf",
+        "svg",
+        "ply",
+        "obj",
+        "stl",
+        "json",
+        "pmesh",
+        "progression",
+    ];
 
     /// The format's name.
     #[must_use]

@@ -20,7 +20,8 @@ use super::accept::Format;
 use super::fields::{Fields, repeated, unknown};
 use crate::problem::{Kind, Problem};
 use pixmesh_codec::{
-    Alpha, Compression, Header, LengthUnit, PngCompression, ReliefSource, Shading, Texturing,
+    Alpha, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource, Shading,
+    Texturing,
 };
 use pixmesh_meshing::{
     Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan,
@@ -133,6 +134,9 @@ impl ParameterSet {
         let method = self.choices.method.unwrap_or(DEFAULT_METHOD);
         let parameters = self.choices.apply(&method.parameters(self.choices.target()));
         parameters.check()?;
+        if self.choices.format == Some(Format::Progression) && !parameters.is_of_points_alone() {
+            return Err(EncodeError::NotOfPointsAlone { format: "progression" }.into());
+        }
         let output = self.choices.output();
         Ok(Order { method, parameters, output, format: self.choices.format })
     }
@@ -207,6 +211,15 @@ impl Order {
         self.method.check_component_count(header.component_count)?;
         self.output.check(header.shape())?;
         Ok(self.parameters.plan(header.shape())?)
+    }
+
+    /// Whether a job of this order keeps the order of its vertices, from which it makes meshes of
+    /// every smaller size: where removal ends the method, or where it was asked for.
+    #[must_use]
+    pub fn keeps_progression(&self, plan: &Plan) -> bool {
+        let removes = self.parameters.simplifies(plan);
+        self.parameters.is_of_points_alone()
+            && (removes || self.format == Some(Format::Progression))
     }
 
     /// What was run, as a query that asks for the same.

@@ -77,6 +77,15 @@ impl Blobs {
         found.bytes().await.map_err(|error| failure(&error))
     }
 
+    /// A part of a blob at once.
+    ///
+    /// # Errors
+    /// When it is not there, or the storage fails.
+    pub async fn get_part(&self, digest: Digest, range: Range<u64>) -> Result<Bytes, QueueError> {
+        let found = self.store.get_range(&place(digest), range).await;
+        found.map_err(|error| failure(&error))
+    }
+
     /// A part of a blob, piece by piece.
     ///
     /// # Errors

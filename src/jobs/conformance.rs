@@ -53,6 +53,7 @@ fn job(owner: &Owner, image: &str) -> NewJob {
 
 fn figures(text: &str) -> MeshFigures {
     MeshFigures {
+        progression: None,
         digest: Digest::of(text.as_bytes()).to_string(),
         bytes: text.len() as u64,
         vertices: 4,

@@ -157,7 +157,8 @@ pub struct Progress {
 /// The mesh of a completed job, which is kept as MODEL.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshFigures {
-    /// SHA-256 of the MODEL text, in hexadecimal digits: the name of its blob.
+    /// SHA-256 of the blob, in hexadecimal digits, which is its name: of the MODEL text, and of
+    /// what follows it.
     pub digest: String,
     /// Length of the MODEL text.
     pub bytes: u64,
@@ -171,6 +172,26 @@ pub struct MeshFigures {
     pub psnr_db: Option<f64>,
     /// Milliseconds of each stage, in their order.
     pub timings_ms: Vec<(String, f64)>,
+    /// The order of importance of the vertices, where it is kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub progression: Option<KeptProgression>,
+}
+
+/// The order of importance of a mesh's vertices, as pmesh: it follows the MODEL in its blob.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeptProgression {
+    /// Length of the pmesh.
+    pub bytes: u64,
+    /// SHA-256 of the MODEL text alone.
+    pub model_digest: String,
+}
+
+impl MeshFigures {
+    /// SHA-256 of the MODEL text, in hexadecimal digits.
+    #[must_use]
+    pub fn model_digest(&self) -> &str {
+        self.progression.as_ref().map_or(&self.digest, |kept| &kept.model_digest)
+    }
 }
 
 /// A job that was not submitted yet.

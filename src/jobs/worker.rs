@@ -8,8 +8,9 @@
 use super::Jobs;
 use super::blobs::Hold;
 use super::queue::{Claim, Finish, Lease, Outcome, Renewal};
-use super::record::{MeshFigures, Progress};
+use super::record::{KeptProgression, MeshFigures, Progress};
 use crate::admission::{Admission, Cost, Slot};
+use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::{Order, ParameterSet};
 use crate::pipeline::{self, Answer};
@@ -184,21 +185,23 @@ impl Worker {
         let image = self.jobs.blobs.get(claim.picture.digest).await?;
         let header = order.output.reading(&self.pictures).probe(&image)?;
         let plan = order.plan(&header)?;
-        let cost = Cost::of_mesh(&header, &plan, &order.parameters, Format::Model)
-            .with_file(image.len() as u64);
+        let keeps_progression = order.keeps_progression(&plan);
+        let format = if keeps_progression { Format::Progression } else { Format::Model };
+        let cost =
+            Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(image.len() as u64);
         let ticket = self.admission.admit_to(slot, cost, deadline).await?;
         let limits = self.pictures;
         let answer = pool::run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
-            pipeline::mesh(image, &order, Format::Model, &limits, watch)
+            let made = pipeline::mesh_of_job(image, &order, keeps_progression, &limits, watch)?;
+            Ok(Product::new(made))
         });
-        let answer = answer.await.map_err(too_slow_for_a_job)?;
-        self.store(answer, deadline).await
+        let product = answer.await.map_err(too_slow_for_a_job)?;
+        self.store(product, deadline).await
     }
 
     /// Stores the mesh; while the storage does not take it, again and again until the deadline.
-    async fn store(&self, answer: Answer, deadline: Instant) -> Result<(Outcome, Hold), Problem> {
-        let figures = figures_of(&answer);
-        let (digest, bytes) = (answer.digest, Bytes::from(answer.bytes));
+    async fn store(&self, product: Product, deadline: Instant) -> Result<(Outcome, Hold), Problem> {
+        let Product { figures, digest, bytes } = product;
         loop {
             let hold = self.jobs.blobs.hold().await;
             match self.jobs.blobs.put(&hold, digest, bytes.clone()).await {
@@ -211,6 +214,30 @@ impl Worker {
                 }
             }
         }
+    }
+}
+
+/// What a job leaves: its blob, and what is known of it.
+struct Product {
+    figures: MeshFigures,
+    digest: Digest,
+    bytes: Bytes,
+}
+
+impl Product {
+    /// The MODEL, and behind it the order of its vertices where that is kept.
+    fn new((mut answer, progression): (Answer, Option<Vec<u8>>)) -> Self {
+        let mut figures = figures_of(&answer);
+        let mut digest = answer.digest;
+        if let Some(progression) = progression {
+            let model_digest = digest.to_string();
+            figures.progression =
+                Some(KeptProgression { bytes: progression.len() as u64, model_digest });
+            answer.bytes.extend_from_slice(&progression);
+            digest = Digest::of(&answer.bytes);
+            figures.digest = digest.to_string();
+        }
+        Self { figures, digest, bytes: answer.bytes.into() }
     }
 }
 
@@ -251,5 +278,6 @@ fn figures_of(answer: &Answer) -> MeshFigures {
         mse: answer.mse,
         psnr_db: Some(answer.psnr_db).filter(|psnr| psnr.is_finite()),
         timings_ms: answer.timings.iter().map(timing).collect(),
+        progression: None,
     }
 }

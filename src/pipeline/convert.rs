@@ -23,5 +23,7 @@ pub fn convert(
     let mesh = read_model(model.as_ref(), limits)?;
     drop(model);
     watch.check()?;
-    encode(&mesh, &Writing { format, output, texture: None, model: None }, watch)
+    let writing =
+        Writing { format, output, texture: None, model: None, fidelity: None, progression: None };
+    encode(&mesh, &writing, watch)
 }

@@ -6,10 +6,10 @@ use crate::pool::Watch;
 use crate::problem::Problem;
 use pixmesh_codec::{
     EncodeError, GltfOptions, Shading, Texture, write_glb, write_gltf, write_json,
-    write_model_with_comments, write_obj, write_ply, write_png_with, write_pnm, write_stl,
-    write_svg,
+    write_model_with_comments, write_obj, write_ply, write_pmesh, write_png_with, write_pnm,
+    write_progression, write_stl, write_svg,
 };
-use pixmesh_meshing::{Image, Mesh, Model, Shape, rasterize};
+use pixmesh_meshing::{Fidelity, Image, Mesh, Model, Progression, Shape, rasterize};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -50,6 +50,10 @@ pub(super) struct Writing<'a> {
     pub(super) texture: Option<&'a Texture>,
     /// What is known of the mesh where it has just been made.
     pub(super) model: Option<&'a Model>,
+    /// How close it is to the image, where that is known.
+    pub(super) fidelity: Option<&'a Fidelity>,
+    /// The order of its vertices, where it is known.
+    pub(super) progression: Option<&'a Progression>,
 }
 
 /// The mesh, or the picture rebuilt from it, in a format.
@@ -59,7 +63,7 @@ pub(super) fn encode(
     watch: &Watch,
 ) -> Result<Vec<u8>, Problem> {
     let room = room(mesh, writing);
-    let Writing { format, output, texture, model } = *writing;
+    let Writing { format, output, texture, model, fidelity, progression } = *writing;
     let Output { geometry, compression, shading, png_compression, .. } = *output;
     let gltf = GltfOptions { geometry, compression, texture };
     match format {
@@ -73,9 +77,12 @@ pub(super) fn encode(
         Format::Ply => encoded(room, watch, |bytes| write_ply(mesh, &geometry, bytes)),
         Format::Obj => encoded(room, watch, |bytes| write_obj(mesh, &geometry, bytes)),
         Format::Stl => encoded(room, watch, |bytes| write_stl(mesh, &geometry, bytes)),
-        Format::Json => {
-            let fidelity = model.map(|model| &model.fidelity);
-            encoded(room, watch, |bytes| write_json(mesh, fidelity, &geometry, bytes))
+        Format::Json => encoded(room, watch, |bytes| write_json(mesh, fidelity, &geometry, bytes)),
+        Format::Pmesh => encoded(room, watch, |bytes| write_pmesh(mesh, bytes)),
+        Format::Progression => {
+            let without = EncodeError::NotOfPointsAlone { format: format.name() };
+            let progression = progression.ok_or(without)?;
+            encoded(room, watch, |bytes| write_progression(progression, bytes))
         }
         Format::Png => {
             let picture = picture(mesh, model, watch)?;
@@ -117,6 +124,7 @@ fn room(mesh: &Mesh, writing: &Writing<'_>) -> usize {
         Format::Obj => vertices * 55 + faces * 24,
         Format::Stl => faces * 50,
         Format::Json => vertices * (40 + 6 * component_count) + faces * 24,
+        Format::Pmesh | Format::Progression => vertices * (14 + 2 * component_count),
         // What does not compress becomes a little longer.
         Format::Png | Format::Pnm => picture + picture / 8,
     };

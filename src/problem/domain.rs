@@ -115,7 +115,10 @@ impl From<Cancelled> for Problem {
 impl From<EncodeError> for Problem {
     fn from(error: EncodeError) -> Self {
         match error {
-            EncodeError::ComponentCount { .. } | EncodeError::TooLarge { .. } => {
+            EncodeError::ComponentCount { .. }
+            | EncodeError::TooLarge { .. }
+            | EncodeError::Connectivity { .. }
+            | EncodeError::NotOfPointsAlone { .. } => {
                 Self::new(Kind::FormatNotPossible, error.to_string()).param("format")
             }
             EncodeError::NoSuchComponent { .. } => {

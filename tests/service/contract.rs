@@ -25,7 +25,7 @@ fn methods_are_listed_with_parameters_defaults_and_bounds() {
     let list = server.get("/v1/methods").json();
     assert_eq!(list["default"], "mgprfs");
     let methods = list["methods"].as_array().unwrap();
-    assert_eq!(methods.len(), 12);
+    assert_eq!(methods.len(), 13);
     let mgprfs = methods.iter().find(|method| method["name"] == "mgprfs").unwrap();
     assert_eq!(mgprfs["defaults"]["gamma"], 4);
     assert_eq!(mgprfs["defaults"]["density"], 2);

@@ -7,7 +7,7 @@ use pixmesh_codec::{Limits, decode, read_model};
 use pixmesh_meshing::{Fidelity, Unattended, rasterize};
 
 /// Name, media type, file name, and the first bytes of every format.
-const FORMATS: [(&str, &str, &str, &[u8]); 10] = [
+const FORMATS: [(&str, &str, &str, &[u8]); 11] = [
     ("model", "text/plain; charset=utf-8", "mesh.model", b"60 40 3 8\nOFF\n"),
     ("glb", "model/gltf-binary", "mesh.glb", b"glTF\x02\0\0\0"),
     ("png", "image/png", "mesh.png", b"\x89PNG"),
@@ -18,6 +18,7 @@ const FORMATS: [(&str, &str, &str, &[u8]); 10] = [
     ("obj", "model/obj", "mesh.obj", b"# lengths in m\n"),
     ("stl", "model/stl", "mesh.stl", b"binary STL, lengths in m "),
     ("json", "application/json", "mesh.json", b"{\"width\":60,\"height\":40,"),
+    ("pmesh", "application/vnd.pixmesh.pmesh", "mesh.pmesh", b"PMSH\x01\0\x08\x03"),
 ];
 
 #[test]

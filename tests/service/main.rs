@@ -20,5 +20,6 @@ mod pictures;
 mod readme;
 mod rejected_pictures;
 mod server;
+mod sizes;
 mod transport;
 mod uploads;

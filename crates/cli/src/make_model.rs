@@ -6,9 +6,9 @@ use crate::options::MeshOptions;
 use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_codec::{Alpha, DecodeOptions, Texture};
+use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
 use pixmesh_meshing::{
-    ErrorMetric, GenerateError, Image, Model, OnThreads, Progression, Removal, Stage, Unattended,
+    GenerateError, Image, Model, OnThreads, Parameters, Progression, Removal, Stage, Unattended,
     generate, rasterize,
 };
 use std::io::Write;
@@ -56,7 +56,8 @@ pub struct MakeModel {
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     pmesh: Option<PathBuf>,
     /// File to write the mesh to as pmesh with the order of importance of its vertices, from which
-    /// rasterize_model --size makes the mesh of any smaller size; not of --connectivity free
+    /// rasterize_model --size makes the mesh of any smaller size; not of --connectivity free,
+    /// --values fitted or --reconstruction flat
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     progressive: Option<PathBuf>,
     /// Picture of one component and the same size: how much each point matters, black not at all
@@ -146,7 +147,7 @@ impl MakeModel {
         let model = generate(&image, &parameters, &control)?;
         let stages = attendant.finish();
         let encoding = self.write(&model, texture.as_ref())?;
-        self.write_compact(&image, &model)?;
+        self.write_compact(&image, &parameters, &model)?;
         if self.stats {
             // Statistics that nobody can read are no reason to fail.
             let _ = print_statistics(&model, decoding, &stages, encoding);
@@ -175,18 +176,22 @@ impl MakeModel {
     }
 
     /// Writes the mesh in the compact forms asked for.
-    fn write_compact(&self, image: &Image, model: &Model) -> Result<(), CliError> {
+    fn write_compact(
+        &self,
+        image: &Image,
+        parameters: &Parameters,
+        model: &Model,
+    ) -> Result<(), CliError> {
         if let Some(file) = &self.pmesh {
             let mut bytes = Vec::new();
             pixmesh_codec::write_pmesh(&model.mesh, &mut bytes)?;
             files::write(Some(file), &bytes)?;
         }
         if let Some(file) = &self.progressive {
-            if !model.mesh.is_preferred_delaunay() {
-                return Err(pixmesh_codec::EncodeError::Connectivity { format: "pmesh" }.into());
+            if !parameters.is_of_points_alone() {
+                return Err(EncodeError::NotOfPointsAlone { format: "pmesh" }.into());
             }
-            let metric = self.mesh.error_metric.unwrap_or(ErrorMetric::MeanCompSe);
-            let progression = Progression::new(image, &model.mesh, metric, &Unattended)?;
+            let progression = Progression::new(image, &model.mesh, parameters, &Unattended)?;
             let mut bytes = Vec::new();
             pixmesh_codec::write_progression(&progression, &mut bytes)?;
             files::write(Some(file), &bytes)?;

@@ -16,8 +16,8 @@ use pixmesh_meshing::{
 #[command(group = ArgGroup::new("target")
     .args(["density", "size", "psnr", "error", "max_error"]))]
 pub struct MeshOptions {
-    /// Method whose parameters are the defaults of all other options: med is fast,
-    /// mgprfs good, optimal best
+    /// Method whose parameters are the defaults of all other options: preview and
+    /// med are fast, mgprfs is good, optimal best
     #[arg(long, help_heading = SIZE, value_parser = named(Method::NAMES, Method::ALL))]
     pub method: Option<Method>,
     /// Vertices of the mesh, in percent of the picture's points (over 0, at most 100)
@@ -180,6 +180,7 @@ const GENERATORS: &[(&str, Generator)] = &[
     ("random", Generator::Random),
     ("ed", Generator::ErrorDiffusion),
     ("uniform", Generator::Uniform),
+    ("insertion", Generator::Insertion),
 ];
 
 const BOUNDARIES: &[(&str, Boundary)] = &[

@@ -86,6 +86,14 @@ pub enum EncodeError {
         /// Name of the format.
         format: &'static str,
     },
+    /// The format keeps an order of vertices, of meshes whose points alone say everything else.
+    #[error(
+        "{format} keeps no order of the vertices of a mesh of connectivity free, values fitted or reconstruction flat"
+    )]
+    NotOfPointsAlone {
+        /// Name of the format.
+        format: &'static str,
+    },
     /// A relief is to follow a component that the image does not have.
     #[error("the relief is to follow component {component} (counted from 0) of {count}")]
     NoSuchComponent {

@@ -19,12 +19,16 @@
 //! points skipped before each, in groups of 7 bits from the lowest, the high bit set in all but the
 //! last; then for each component, and where samples have more than 8 bits for their low and high
 //! bytes, how each sample differs from the one predicted, as 2d for d >= 0 and -2d - 1 for d < 0, d
-//! taken modulo the number of samples; then, where kept, the rank of each vertex in the order of
-//! importance, as low, middle and high bytes of 32 bits, those of one kind together.
+//! taken modulo the number of samples; then, where the order is kept, the rank of each vertex in it, from 0, as
+//! the four bytes of 32 bits from the lowest, those of one kind together. After the ranks, in groups of 7 bits as
+//! above: the squared error of the mesh of the 4 first vertices, the image's corners, summed over pixels and
+//! components; then for each vertex of a higher rank by how much it lowers that sum, as 2d or -2d - 1
+//! as above. From these and the number of pixels, components and bits follows the PSNR of every size.
 //!
 //! A sample is predicted by the nearest vertex before it among the last one of each strip of
 //! columns around; components after the first by that and by how the first one differs there.
 
+mod number;
 mod read;
 mod write;
 
@@ -42,6 +46,9 @@ pub fn is_pmesh(bytes: &[u8]) -> bool {
 const MAGIC: [u8; 4] = *b"PMSH";
 const VERSION: u8 = 1;
 const HEADER_BYTES: usize = 24;
+
+/// Bytes of a number of 64 bits in groups of 7.
+const NUMBER_BYTES: usize = 10;
 
 /// Bytes of a rank.
 const RANK_BYTES: usize = 4;

@@ -7,7 +7,7 @@ use pixmesh_codec::{
     EncodeError, Limits, PmeshError, read_pmesh, read_progression, write_pmesh, write_progression,
 };
 use pixmesh_meshing::{
-    ErrorMetric, Image, Mesh, Method, Point, Progression, Shape, Target, Unattended, generate,
+    Image, Mesh, Method, Point, Progression, Shape, Target, Unattended, generate,
 };
 use proptest::prelude::*;
 
@@ -45,7 +45,7 @@ proptest! {
         prop_assert_eq!(&read_pmesh(&pmesh(&mesh), &limits).unwrap(), &mesh);
         prop_assert!(matches!(read_progression(&pmesh(&mesh), &limits), Err(PmeshError::NoOrder)));
         let progression =
-            Progression::new(&image, &mesh, ErrorMetric::MeanCompSe, &Unattended).unwrap();
+            Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &Unattended).unwrap();
         let mut bytes = Vec::new();
         write_progression(&progression, &mut bytes).unwrap();
         prop_assert_eq!(read_progression(&bytes, &limits).unwrap(), progression);
@@ -62,7 +62,7 @@ proptest! {
         let mesh = mesh(&image, 30);
         let mut bytes = Vec::new();
         let progression =
-            Progression::new(&image, &mesh, ErrorMetric::MeanCompSe, &Unattended).unwrap();
+            Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &Unattended).unwrap();
         if ordered {
             write_progression(&progression, &mut bytes).unwrap();
         } else {

@@ -69,6 +69,13 @@ fn rebuilt(bencher: Bencher<'_, '_>, case: Case) {
         .bench_local(|| rasterize(&mesh, &case.control()));
 }
 
+/// A first sight shall take less than a tenth of a second at 512 by 512.
+#[divan::bench(args = cases(&[Method::Preview], &[1]), max_time = 1.0)]
+fn first_sight(bencher: Bencher<'_, '_>, case: Case) {
+    let image = case.image();
+    bencher.counter(ItemsCount::new(image.pixel_count())).bench_local(|| case.mesh(&image));
+}
+
 /// The methods in gray and colour, on pictures of all sizes, on so many threads.
 fn cases(methods: &[Method], threads: &[usize]) -> Vec<Case> {
     let mut cases = Vec::new();

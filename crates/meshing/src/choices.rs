@@ -91,6 +91,8 @@ named_values! {
     "initial" Generator {
         /// Error diffusion of the density.
         ErrorDiffusion = "ed",
+        /// Greedy insertion into the face of largest error.
+        Insertion = "insertion",
         /// Every lattice point.
         All = "all",
         /// Points drawn at random, the same for the same seed.

@@ -18,6 +18,8 @@ pub enum Stage {
     Density,
     /// Choice of the initial points by error diffusion.
     Diffuse,
+    /// Choice of the initial points by greedy insertion.
+    Insert,
     /// Preferred-directions Delaunay triangulation of the initial points.
     Triangulate,
     /// Greedy point removal.
@@ -26,20 +28,24 @@ pub enum Stage {
     Refine,
     /// The squared error of the mesh, where removal has not kept account of it.
     Measure,
+    /// The order of importance of the mesh's vertices.
+    Order,
     /// The picture rebuilt from the mesh.
     Rasterize,
 }
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::Search,
         Self::Density,
         Self::Diffuse,
+        Self::Insert,
         Self::Triangulate,
         Self::Simplify,
         Self::Refine,
         Self::Measure,
+        Self::Order,
         Self::Rasterize,
     ];
 
@@ -50,10 +56,12 @@ impl Stage {
             Self::Search => "search",
             Self::Density => "density",
             Self::Diffuse => "diffuse",
+            Self::Insert => "insert",
             Self::Triangulate => "triangulate",
             Self::Simplify => "simplify",
             Self::Refine => "refine",
             Self::Measure => "measure",
+            Self::Order => "order",
             Self::Rasterize => "rasterize",
         }
     }

@@ -109,7 +109,7 @@ pub fn generate(
 
 /// The image with weights by which a metric of the squared error becomes another one, where the
 /// metric is such.
-fn ruling_image(
+pub(crate) fn ruling_image(
     image: &Image,
     parameters: &Parameters,
     control: &dyn Control,

@@ -45,8 +45,8 @@
 //!
 //! `search` makes meshes of several sizes where a quality is asked for, and `largest_error` follows
 //! removals up to the first that breaks a bound. `refine` goes beyond the thesis: it moves the
-//! vertices that are left. Other ways: [`FlatColors`] gives each face one colour, [`preview`] makes a
-//! mesh in a moment, [`Progression`] holds every size of a mesh, and `sensitivity` says which points
+//! vertices that are left. Other ways: [`FlatColors`] gives each face one colour, `greedy_insertion`
+//! chooses points in a moment, [`Progression`] holds every size of a mesh, and `sensitivity` says which points
 //! matter to the structural similarity.
 
 mod choices;
@@ -62,6 +62,7 @@ mod flat_color;
 mod floyd_steinberg;
 mod foresight;
 mod generate;
+mod greedy_insertion;
 mod hole;
 mod hole_memory;
 mod image;
@@ -74,7 +75,6 @@ mod metrics;
 mod parallel;
 mod parameters;
 mod predicates;
-mod preview;
 mod progressive;
 mod rasterize;
 mod refine;
@@ -113,7 +113,6 @@ pub use parameters::{
     MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, ParameterError, Parameters, Plan, Target,
 };
 pub use predicates::{in_circle, orientation};
-pub use preview::preview;
 pub use progressive::{Progression, ProgressionError};
 pub use rasterize::rasterize;
 pub use refine::schedule::MAX_EFFORT;

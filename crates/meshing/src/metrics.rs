@@ -1,6 +1,7 @@
 //! How far an approximation is from its picture: squared error, MSE and PSNR.
 
 use crate::image::{Image, largest_sample};
+use crate::mesh::Shape;
 use thiserror::Error;
 
 /// The difference between a picture and its approximation, as an exact sum.
@@ -45,8 +46,13 @@ impl Fidelity {
 
     /// The fidelity of an approximation of `image` whose squared error is known.
     pub(crate) fn of_sum(squared_error: u64, image: &Image) -> Self {
-        let sample_count = (image.component_count() * image.pixel_count()) as u64;
-        Self { squared_error, sample_count, precision: image.precision() }
+        Self::of_shape(squared_error, image.shape())
+    }
+
+    /// The same for an image of this shape.
+    pub(crate) fn of_shape(squared_error: u64, shape: Shape) -> Self {
+        let sample_count = (shape.component_count * shape.width * shape.height) as u64;
+        Self { squared_error, sample_count, precision: shape.precision }
     }
 
     /// Mean squared error over all lattice points and components.

@@ -357,6 +357,24 @@ impl Parameters {
         self.reconstruction == Reconstruction::Flat
     }
 
+    /// Tells whether greedy removal, or refinement after it, makes the mesh.
+    #[must_use]
+    pub fn simplifies(&self, plan: &Plan) -> bool {
+        plan.initial_size > plan.size
+            || plan.bound.is_some()
+            || self.bad_point_removal
+            || self.effort > 0
+    }
+
+    /// Tells whether a mesh of these parameters is one of the model of the thesis, whose points
+    /// alone say everything else: so it may be a [`Progression`](crate::Progression).
+    #[must_use]
+    pub fn is_of_points_alone(&self) -> bool {
+        self.connectivity == Connectivity::Delaunay
+            && self.values == Values::Sampled
+            && !self.is_flat()
+    }
+
     /// Tells whether a quality is reached by making meshes of several sizes: the method does not
     /// simplify, or refines what simplification leaves.
     #[must_use]
@@ -533,7 +551,9 @@ mod tests {
         assert!(error.to_string().contains("psd_max_d"), "{error}");
         let error = Method::Ced.check_component_count(1).unwrap_err();
         assert!(
-            error.to_string().contains("ed, med, med+, gprfsed, mgprfs, optimal, flat, gpr, mgpr"),
+            error
+                .to_string()
+                .contains("ed, med, med+, gprfsed, mgprfs, optimal, flat, gpr, mgpr, preview"),
             "{error}"
         );
         assert_eq!(Method::Mgpr.check_component_count(7), Ok(()));

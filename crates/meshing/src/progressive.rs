@@ -3,16 +3,22 @@
 //! Greedy removal takes one vertex after the other out; backwards that is an order in which each
 //! prefix of four points or more is the mesh that removal passed through at that size, as the points alone say
 //! what the preferred-directions Delaunay triangulation is. So one order holds every size, and a mesh
-//! of it costs one triangulation.
+//! of it costs one triangulation. The squared errors of all sizes are known, too.
 
-use crate::choices::ErrorMetric;
-use crate::control::{Cancelled, Control};
+use crate::choices::{ErrorMetric, Meshed};
+use crate::control::{Cancelled, Control, Stage};
+use crate::face_error::{FaceErrors, Measure};
+use crate::generate::ruling_image;
 use crate::image::{Image, ImageError, check_shape};
+use crate::luma::luma;
 use crate::mesh::{Mesh, MeshError, Point, Shape, corner_points};
-use crate::parameters::MIN_SIZE;
-use crate::simplify::{StopRule, simplify};
+use crate::metrics::Fidelity;
+use crate::parameters::{MIN_SIZE, Parameters};
+use crate::refine::measured_mesh::MeasuredMesh;
+use crate::simplify::{Removal, Simplified, StopRule, simplify};
 use crate::triangulation::{Triangulation, triangulate};
 use std::collections::{HashMap, HashSet};
+use std::num::NonZeroUsize;
 use thiserror::Error;
 
 /// The vertices of a mesh, the most important first: the corners, then each before those that greedy
@@ -23,6 +29,8 @@ pub struct Progression {
     points: Vec<Point>,
     /// Vertex by vertex.
     samples: Vec<u16>,
+    /// The squared errors of the meshes of 4 points, of 5, and so on to all.
+    squared_errors: Vec<u64>,
 }
 
 /// Why points make no progression, or a progression no mesh.
@@ -43,49 +51,65 @@ pub enum ProgressionError {
         /// The largest there is.
         most: usize,
     },
+    /// The squared errors are not one for each size.
+    #[error("{actual} squared errors are given, but {expected} are needed")]
+    ErrorCount {
+        /// So many are given.
+        actual: usize,
+        /// One for each size.
+        expected: usize,
+    },
     /// The points and samples are no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }
 
 impl Progression {
-    /// Orders the vertices of a mesh of an image by greedy removal down to the corners, by the
-    /// image's weights and a metric. The mesh's faces play no part.
+    /// Orders the vertices of a mesh of an image by greedy removal down to the corners, by what the
+    /// parameters say of errors, and the image's weights. The mesh's faces play no part.
+    ///
+    /// The meshes of all sizes are those that the simplification with these parameters passes
+    /// through, where the mesh is what it left; of a refined mesh, those that it would pass through
+    /// from there on.
     ///
     /// # Errors
     /// When the control cancels.
     pub fn new(
         image: &Image,
         mesh: &Mesh,
-        metric: ErrorMetric,
+        parameters: &Parameters,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let shape = mesh.shape();
+        let (control, shape) = (&Ordering(control), mesh.shape());
         let mut sorted = mesh.points().to_vec();
         sorted.sort_unstable();
-        let triangulation = Triangulation::new(sorted, control)?;
-        let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
-        let removals = simplify(image, triangulation, rule, control)?.removals;
-        let removed = removals.iter().rev().map(|removal| removal.point);
+        let order = remove_all(image, sorted.clone(), parameters, control)?;
+        let squared_errors = match order.squared_error {
+            Some(last) => squared_errors(last, order.removals.iter().map(|removal| removal.change)),
+            None => measured_errors(image, sorted, &order.removals, control)?,
+        };
+        let removed = order.removals.iter().rev().map(|removal| removal.point);
         let points: Vec<Point> =
             corner_points(shape.width, shape.height).into_iter().chain(removed).collect();
         let vertices: HashMap<Point, usize> =
             mesh.points().iter().enumerate().map(|(v, &point)| (point, v)).collect();
         let samples =
             points.iter().flat_map(|point| mesh.vertex_samples(vertices[point])).copied().collect();
-        Ok(Self { shape, points, samples })
+        Ok(Self { shape, points, samples, squared_errors })
     }
 
-    /// A progression of points in order, the corners first by row, then column, and their samples,
-    /// vertex by vertex, as a file holds them.
+    /// A progression of points in order, the corners first by row, then column, their samples,
+    /// vertex by vertex, and the squared error of the mesh of each size from 4 up, as a file holds
+    /// them.
     ///
     /// # Errors
-    /// When the shape is not allowed, the corners are not first, or the points or samples make no
-    /// mesh.
+    /// When the shape is not allowed, the corners are not first, the points or samples make no
+    /// mesh, or the errors are not one for each size.
     pub fn from_parts(
         shape: Shape,
         points: Vec<Point>,
         samples: Vec<u16>,
+        squared_errors: Vec<u64>,
     ) -> Result<Self, ProgressionError> {
         let Shape { width, height, component_count, precision } = shape;
         check_shape(width, height, precision)?;
@@ -95,6 +119,10 @@ impl Progression {
         let (actual, expected) = (samples.len(), points.len() * component_count);
         if actual != expected {
             return Err(MeshError::SampleCount { actual, expected }.into());
+        }
+        let (actual, expected) = (squared_errors.len(), points.len() + 1 - MIN_SIZE);
+        if actual != expected {
+            return Err(ProgressionError::ErrorCount { actual, expected });
         }
         let mut places = HashSet::with_capacity(points.len());
         let inside = |p: &Point| {
@@ -114,7 +142,7 @@ impl Progression {
             let (vertex, sample) = (i / component_count, samples[i]);
             return Err(MeshError::SampleRange { vertex, sample, maximum }.into());
         }
-        Ok(Self { shape, points, samples })
+        Ok(Self { shape, points, samples, squared_errors })
     }
 
     /// Shape of the image.
@@ -135,16 +163,48 @@ impl Progression {
         &self.samples
     }
 
+    /// The squared errors of the meshes of 4 points, of 5, and so on to all.
+    #[must_use]
+    pub fn squared_errors(&self) -> &[u64] {
+        &self.squared_errors
+    }
+
+    /// How close the mesh of the `size` most important vertices is to the image.
+    ///
+    /// # Errors
+    /// When the size is under 4 or more than there are points.
+    pub fn fidelity(&self, size: usize) -> Result<Fidelity, ProgressionError> {
+        self.check_size(size)?;
+        Ok(Fidelity::of_shape(self.squared_errors[size - MIN_SIZE], self.shape))
+    }
+
+    /// The progression of the `size` most important vertices.
+    ///
+    /// # Errors
+    /// When the size is under 4 or more than there are points.
+    pub fn shortened(mut self, size: usize) -> Result<Self, ProgressionError> {
+        self.check_size(size)?;
+        self.points.truncate(size);
+        self.samples.truncate(size * self.shape.component_count);
+        self.squared_errors.truncate(size + 1 - MIN_SIZE);
+        Ok(self)
+    }
+
+    fn check_size(&self, size: usize) -> Result<(), ProgressionError> {
+        let most = self.points.len();
+        if !(MIN_SIZE..=most).contains(&size) {
+            return Err(ProgressionError::Size { size, most });
+        }
+        Ok(())
+    }
+
     /// The mesh of the `size` most important vertices, by row, then column: the one that greedy
     /// removal passed through at that size. Costs one triangulation.
     ///
     /// # Errors
     /// When the size is under 4 or more than there are points.
     pub fn mesh(&self, size: usize) -> Result<Mesh, ProgressionError> {
-        let most = self.points.len();
-        if !(MIN_SIZE..=most).contains(&size) {
-            return Err(ProgressionError::Size { size, most });
-        }
+        self.check_size(size)?;
         let mut order: Vec<usize> = (0..size).collect();
         order.sort_unstable_by_key(|&place| self.points[place]);
         let count = self.shape.component_count;
@@ -156,14 +216,122 @@ impl Progression {
     }
 }
 
+/// The removals of all points but the corners.
+struct Removed {
+    removals: Vec<Removal>,
+    /// The squared error at the end, where the removals' changes are those of the squared error.
+    squared_error: Option<u64>,
+}
+
+/// Removes all points of an image but the corners.
+fn remove_all(
+    image: &Image,
+    points: Vec<Point>,
+    parameters: &Parameters,
+    control: &dyn Control,
+) -> Result<Removed, Cancelled> {
+    let weighted = ruling_image(image, parameters, control)?;
+    let ruling = weighted.as_ref().unwrap_or(image);
+    let (gray, metric) = match parameters.meshed {
+        Meshed::Components => (None, parameters.error_metric),
+        Meshed::Luma => (Some(luma(ruling)), parameters.error_metric.of_one_component()),
+    };
+    let triangulation = Triangulation::new(points, control)?;
+    let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
+    let Simplified { removals, error, .. } =
+        simplify(gray.as_ref().unwrap_or(ruling), triangulation, rule, control)?;
+    let is_squared_error =
+        metric.is_squared_difference() && gray.is_none() && ruling.weights().is_none();
+    Ok(Removed { removals, squared_error: is_squared_error.then_some(error) })
+}
+
+/// The squared errors of all sizes from 4 up, by the one at the end of removal and its changes.
+fn squared_errors(last: u64, changes: impl DoubleEndedIterator<Item = i64>) -> Vec<u64> {
+    let before = |error: &mut u64, change: i64| {
+        *error = error.wrapping_sub(change as u64);
+        Some(*error)
+    };
+    std::iter::once(last).chain(changes.rev().scan(last, before)).collect()
+}
+
+/// The same, measured while the removals are made again.
+fn measured_errors(
+    image: &Image,
+    points: Vec<Point>,
+    removals: &[Removal],
+    control: &dyn Control,
+) -> Result<Vec<u64>, Cancelled> {
+    let measure = Measure::for_few(image, ErrorMetric::MeanCompSe);
+    let numbers: Vec<usize> =
+        removals.iter().filter_map(|removal| points.binary_search(&removal.point).ok()).collect();
+    let (faces, sides) = (triangulate(&points), (image.width(), image.height()));
+    let mut mesh = MeasuredMesh::new(points, &faces, sides, FaceErrors::new(&measure));
+    let mut changes = Vec::with_capacity(numbers.len());
+    for (made, &vertex) in numbers.iter().enumerate() {
+        control.poll(Stage::Measure, made, numbers.len())?;
+        changes.push(mesh.remove(vertex as u32).0);
+    }
+    Ok(squared_errors(mesh.total_error(), changes.into_iter()))
+}
+
+/// A control to which all work is the stage of ordering.
+struct Ordering<'a>(&'a dyn Control);
+
+impl Control for Ordering<'_> {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        match stage {
+            Stage::Simplify => self.0.poll(Stage::Order, done, total),
+            // What comes before and after is short.
+            Stage::Measure => self.0.poll(Stage::Order, total, total),
+            _ => self.0.poll(Stage::Order, 0, total),
+        }
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.0.threads()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::control::Unattended;
     use crate::generate::generate;
     use crate::method::Method;
-    use crate::parameters::Target;
+    use crate::parameters::{InitialSize, Target};
     use proptest::prelude::*;
+
+    /// A picture of shapes and noise.
+    fn picture(side: usize, component_count: usize) -> Image {
+        let sample = |c: usize, i: usize| {
+            let (x, y) = (i % side, i / side);
+            let inside = (x / 9 + y / 7 + c) % 3 == 0;
+            (if inside { 200 } else { 40 }) + ((i * 40_503 + c * 977) >> 5) as u16 % 19
+        };
+        let plane = |c| (0..side * side).map(|i| sample(c, i)).collect();
+        Image::new(side, side, 8, (0..component_count).map(plane).collect()).unwrap()
+    }
+
+    /// Checks some sizes against the meshes that the same parameters make of that size.
+    fn check(image: &Image, parameters: &Parameters, most: usize, sizes: &[usize]) {
+        let of_size = |size| {
+            let target = Target::Size(size);
+            generate(image, &Parameters { target, ..parameters.clone() }, &Unattended).unwrap()
+        };
+        let mesh = of_size(most).mesh;
+        let progression = Progression::new(image, &mesh, parameters, &Unattended).unwrap();
+        for &size in sizes {
+            let model = of_size(size);
+            assert_eq!(progression.mesh(size).unwrap(), model.mesh, "{size}");
+            assert_eq!(progression.fidelity(size), Ok(model.fidelity), "{size}");
+        }
+        let Progression { shape, points, samples, squared_errors } = progression.clone();
+        let again = Progression::from_parts(shape, points, samples, squared_errors);
+        assert_eq!(again.as_ref(), Ok(&progression));
+        let short = progression.clone().shortened(MIN_SIZE).unwrap();
+        assert_eq!(short.mesh(MIN_SIZE), progression.mesh(MIN_SIZE));
+        assert_eq!(short.fidelity(MIN_SIZE), progression.fidelity(MIN_SIZE));
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
@@ -173,20 +341,25 @@ mod tests {
             samples in prop::collection::vec(0u16..32, 144),
         ) {
             let image = Image::new(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
-            let of_size = |size| {
-                let parameters = Method::Mgpr.parameters(Target::Size(size));
-                generate(&image, &parameters, &Unattended).unwrap().mesh
-            };
             let most = width * height * 2 / 3;
-            let metric = ErrorMetric::MeanCompSe;
-            let progression =
-                Progression::new(&image, &of_size(most), metric, &Unattended).unwrap();
-            for size in MIN_SIZE..=most {
-                prop_assert_eq!(progression.mesh(size).unwrap(), of_size(size));
-            }
-            let Progression { shape, points, samples } = progression.clone();
-            prop_assert_eq!(Progression::from_parts(shape, points, samples), Ok(progression));
+            let sizes: Vec<usize> = (MIN_SIZE..=most).collect();
+            check(&image, &Method::Mgpr.parameters(Target::Size(most)), most, &sizes);
         }
+    }
+
+    #[test]
+    fn each_prefix_is_so_by_every_metric_with_weights_and_by_the_luma() {
+        let image = picture(64, 3);
+        let initial_size = InitialSize::Size(1600);
+        let own = Parameters { initial_size, ..Method::Mgprfs.parameters(Target::Size(400)) };
+        let sizes = [4, 5, 60, 399, 400];
+        for &error_metric in ErrorMetric::ALL {
+            check(&image, &Parameters { error_metric, ..own.clone() }, 400, &sizes);
+        }
+        let luma = Parameters { initial_size, ..Method::Cgprfsed.parameters(Target::Size(400)) };
+        check(&image, &luma, 400, &sizes);
+        let weights = (0..64 * 64).map(|i| (i % 64 * 4) as u8).collect();
+        check(&image.with_weights(weights).unwrap(), &own, 400, &sizes);
     }
 
     #[test]
@@ -195,8 +368,8 @@ mod tests {
         let corners = corner_points(3, 3).to_vec();
         let of = |extra: &[Point], sample: u16| {
             let points = [&corners, extra].concat();
-            let samples = vec![sample; points.len()];
-            Progression::from_parts(shape, points, samples)
+            let (samples, errors) = (vec![sample; points.len()], vec![0; points.len() - 3]);
+            Progression::from_parts(shape, points, samples, errors)
         };
         assert!(of(&[Point::new(1, 1)], 15).is_ok());
         for (refused, word) in [
@@ -204,8 +377,12 @@ mod tests {
             (of(&[Point::new(3, 1)], 1), "outside"),
             (of(&[Point::new(1, -1)], 1), "outside"),
             (of(&[Point::new(2, 2)], 1), "repeats"),
-            (Progression::from_parts(shape, corners[..3].to_vec(), vec![0; 3]), "corners"),
-            (Progression::from_parts(shape, corners.clone(), vec![0; 3]), "3 samples"),
+            (Progression::from_parts(shape, corners[..3].to_vec(), vec![0; 3], vec![]), "corners"),
+            (Progression::from_parts(shape, corners.clone(), vec![0; 3], vec![0]), "3 samples"),
+            (
+                Progression::from_parts(shape, corners.clone(), vec![0; 4], vec![]),
+                "0 squared errors",
+            ),
         ] {
             assert!(refused.unwrap_err().to_string().contains(word), "{word}");
         }

@@ -4,6 +4,7 @@ use crate::choices::Generator;
 use crate::control::{Cancelled, Control};
 use crate::density::Density;
 use crate::error_diffusion::diffuse_to_size;
+use crate::greedy_insertion::inserted_points;
 use crate::image::Image;
 use crate::mesh::{Point, corner_points};
 use crate::parameters::Parameters;
@@ -14,7 +15,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// them.
 ///
 /// Error diffusion chooses within its tolerance of `size`, then the corners are added; the other
-/// generators count the corners. `size` is at most the number of lattice points, and all of these
+/// generators count the corners. Greedy insertion chooses fewer where these leave no error. `size` is at most the number of lattice points, and all of these
 /// are taken when it is that number.
 ///
 /// # Errors
@@ -26,9 +27,12 @@ pub fn sample_points(
     control: &dyn Control,
 ) -> Result<Vec<Point>, Cancelled> {
     let (width, height) = (image.width(), image.height());
+    if parameters.generator == Generator::Insertion && size < width * height {
+        return inserted_points(image, parameters.error_metric, size, control);
+    }
     let mut chosen = match parameters.generator {
         _ if size >= width * height => vec![1; width * height],
-        Generator::All => vec![1; width * height],
+        Generator::All | Generator::Insertion => vec![1; width * height],
         Generator::Random => random_points(width, height, size, parameters.seed),
         Generator::Uniform => uniform_points(width, height, size),
         Generator::ErrorDiffusion => {

@@ -272,7 +272,7 @@ pub static TABLE: [Parameter; 44] = [
             _ => None,
         }
     ),
-    word!(initial: Generator, "How the initial points are chosen: by error diffusion, all, at random, or on a regular grid.",
+    word!(initial: Generator, "How the initial points are chosen: by error diffusion, by greedy insertion, all, at random, or on a regular grid.",
         |order| Some(order.parameters.generator.to_string())),
     word!(policy: Policy, "How the image becomes the density of the initial points.",
         |order| Some(order.parameters.policy.to_string())),
@@ -404,6 +404,6 @@ pub static TABLE: [Parameter; 44] = [
         |order| Some(order.output.shading).filter(|kind| *kind != Shading::default()).map(|kind| kind.to_string())),
     word!(png_compression: PngCompression, "Whether a PNG is made fast, or small at many times the time. Default: fast.",
         |order| Some(order.output.png_compression).filter(|kind| *kind != PngCompression::default()).map(|kind| kind.to_string())),
-    word!(format: Format, "The format of the answer; wins over the Accept header. Default: model.",
+    word!(format: Format, "The format of the answer; wins over the Accept header. pmesh holds points and samples, compressed, and progression every smaller mesh with it. Default: model.",
         |order| order.format.map(|format| format.name().to_owned())),
 ];

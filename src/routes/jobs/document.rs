@@ -22,7 +22,7 @@ pub(in crate::routes) fn of(record: &Record) -> Value {
         "mesh": record.mesh.as_ref().map(mesh),
         "timings_ms": record.mesh.as_ref().map(timings),
         "error": record.problem,
-        "links": links(record.id, record.state),
+        "links": links_of(record),
     })
 }
 
@@ -41,6 +41,15 @@ pub(super) fn of_event(id: JobId, event: &Event) -> Value {
 /// Where a job is.
 pub(super) fn path(id: JobId) -> String {
     format!("/v1/jobs/{id}")
+}
+
+/// Where there is more of a job, also every size of its mesh where the order of vertices is kept.
+fn links_of(record: &Record) -> Value {
+    let mut links = links(record.id, record.state);
+    if record.mesh.as_ref().is_some_and(|mesh| mesh.progression.is_some()) {
+        links["progression"] = format!("{}/mesh?format=progression", path(record.id)).into();
+    }
+    links
 }
 
 fn links(id: JobId, state: State) -> Value {
@@ -90,7 +99,8 @@ fn mesh(figures: &MeshFigures) -> Value {
         "mse": figures.mse,
         "psnr_db": figures.psnr_db,
         "model_bytes": figures.bytes,
-        "model_sha256": figures.digest,
+        "model_sha256": figures.model_digest(),
+        "progression_bytes": figures.progression.as_ref().map(|kept| kept.bytes),
     })
 }
 

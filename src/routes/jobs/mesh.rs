@@ -1,16 +1,18 @@
-//! `GET /v1/jobs/{id}/mesh`: what became of the image, in any format.
+//! `GET /v1/jobs/{id}/mesh`: what became of the image, in any format and any size.
 //!
 //! The mesh is kept as MODEL and sent as it lies there; what is asked for in another format is made
-//! anew each time, through the gate that all work passes. The same version makes the same bytes, and
-//! so the entity tag of another format is the digest of the MODEL with the format's name and the
-//! version.
+//! anew each time, through the gate that all work passes. So are the meshes of fewer vertices, from
+//! the order of vertices that is kept behind the MODEL; they cost a triangulation. The same version
+//! makes the same bytes, and so the entity tag of another format is the digest of the MODEL with the
+//! format's name and the version, and that of another size the digest of both with the size too.
 
-use crate::admission::Cost;
-use crate::extract::accept::{self, Format, Representation};
+use crate::admission::{Cost, Kept};
+use crate::digest::Digest;
+use crate::extract::accept::{self, Format};
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
-use crate::extract::params::{Output, ParameterSet};
-use crate::jobs::record::{MeshFigures, Record, State as JobState};
+use crate::extract::params::{Output, ParameterSet, whole_between};
+use crate::jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use crate::pipeline;
 use crate::pool;
 use crate::problem::{Kind, Problem, internal};
@@ -22,18 +24,28 @@ use axum::extract::{Path, Request, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
-use pixmesh_meshing::Shape;
+use pixmesh_meshing::{MIN_SIZE, Shape};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// The parameters.
-pub(in crate::routes) const PARAMETERS: &[&str] = &["format"];
+pub(in crate::routes) const PARAMETERS: &[&str] = &["format", "size"];
+
+/// What a request may ask for of a job's mesh.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Wish {
+    /// The format, by its name.
+    pub(super) format: Option<Format>,
+    /// The number of vertices, as it is written.
+    pub(super) size: Option<String>,
+}
 
 /// Answers with the mesh, or a part of it.
 ///
 /// # Errors
-/// `not-found`, `gone`, `job-unfinished`, `job-without-mesh`, `range-not-satisfiable`, and every
-/// refusal of admission.
+/// `not-found`, `gone`, `job-unfinished`, `job-without-mesh`, `job-without-order`,
+/// `parameter-out-of-range`, `range-not-satisfiable`, and every refusal of admission.
 pub async fn show(
     State(service): State<Arc<Service>>,
     owner: Owner,
@@ -43,9 +55,10 @@ pub async fn show(
     let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
     let record = super::find(&service, &owner, path).await?;
     let format = parameters.get("format").map(str::parse).transpose()?;
+    let wish = Wish { format, size: parameters.get("size").map(str::to_owned) };
     let cut = service.cut.clone();
     tokio::select! {
-        answer = of(&service, &record, format, request.headers()) => answer,
+        answer = of(&service, &record, wish, request.headers()) => answer,
         () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
     }
 }
@@ -54,31 +67,54 @@ pub async fn show(
 pub(super) async fn of(
     service: &Service,
     record: &Record,
-    format: Option<Format>,
+    wish: Wish,
     request: &HeaderMap,
 ) -> Result<Response, Problem> {
     let mesh = mesh_of(record)?;
+    let size = smaller_size(mesh, wish.size.as_deref())?;
     let order = ParameterSet::of_query(Some(&record.order))?.finish()?;
-    let representation = accept::choose_rather(order.format, format, request)?;
-    let tag = tag(mesh, representation);
+    let representation = accept::choose_rather(order.format, wish.format, request)?;
+    let format = representation.format;
+    if (size.is_some() || format == Format::Progression) && mesh.progression.is_none() {
+        return Err(without_order());
+    }
+    let tag = tag(mesh, size, format);
     let mut headers = answer::headers_of(representation, &tag)?;
     if answer::is_known(request, &tag) {
         return Ok(answer::not_modified(headers));
     }
-    headers.extend(answer::figures_of(&figures(record, mesh))?);
-    match representation.format {
-        Format::Model => stored(service, mesh, headers, request, &tag).await,
-        format => {
-            let bytes = converted(service, record, mesh, format, order.output).await?;
-            let length = bytes.len() as u64;
-            let part = answer::part(request, &tag, length)?;
-            let sent = match &part {
-                Some(range) => bytes.slice(range.start as usize..range.end as usize),
-                None => bytes,
-            };
-            Ok(answer::respond(headers, part.as_ref(), length, Body::from(sent)))
+    let job = Finished { service, record, mesh, output: order.output };
+    let (bytes, figures) = match (size, format) {
+        (None, Format::Model | Format::Progression) => {
+            headers.extend(answer::figures_of(&figures(record, mesh))?);
+            return job.stored(format, headers, request, &tag).await;
         }
-    }
+        (None, format) => (job.converted(format).await?, figures(record, mesh)),
+        (Some(size), format) => job.resized(size, format).await?,
+    };
+    headers.extend(answer::figures_of(&figures)?);
+    let length = bytes.len() as u64;
+    let part = answer::part(request, &tag, length)?;
+    let sent = match &part {
+        Some(range) => bytes.slice(range.start as usize..range.end as usize),
+        None => bytes,
+    };
+    Ok(answer::respond(headers, part.as_ref(), length, Body::from(sent)))
+}
+
+/// The number of vertices asked for, where it is less than the mesh has.
+fn smaller_size(mesh: &MeshFigures, text: Option<&str>) -> Result<Option<usize>, Problem> {
+    let Some(text) = text else { return Ok(None) };
+    let (least, most) = (MIN_SIZE as u64, mesh.vertices as u64);
+    let size = whole_between("size", text, least, most)? as usize;
+    Ok((size < mesh.vertices).then_some(size))
+}
+
+fn without_order() -> Problem {
+    let detail = "this job keeps no order of its mesh's vertices, of which smaller meshes are made: \
+                  it is kept where removal ends the method, or format=progression is submitted, and \
+                  not of connectivity=free, values=fitted or reconstruction=flat";
+    Problem::new(Kind::JobWithoutOrder, detail).param("size")
 }
 
 /// The mesh of a job that has one.
@@ -95,12 +131,17 @@ fn mesh_of(record: &Record) -> Result<&MeshFigures, Problem> {
     }
 }
 
-fn tag(mesh: &MeshFigures, representation: Representation) -> String {
-    match representation.format {
-        Format::Model => answer::tag(&mesh.digest),
-        format => {
-            let version = env!("CARGO_PKG_VERSION");
-            answer::tag(format_args!("{}.{}.{version}", mesh.digest, format.name()))
+fn tag(mesh: &MeshFigures, size: Option<usize>, format: Format) -> String {
+    let (model, version) = (mesh.model_digest(), env!("CARGO_PKG_VERSION"));
+    match (size, format) {
+        (None, Format::Model) => answer::tag(model),
+        // The order is another one where the image is.
+        (None, Format::Progression) => {
+            answer::tag(format_args!("{}.progression.{version}", mesh.digest))
+        }
+        (None, format) => answer::tag(format_args!("{model}.{}.{version}", format.name())),
+        (Some(size), format) => {
+            answer::tag(format_args!("{}.{size}.{}.{version}", mesh.digest, format.name()))
         }
     }
 }
@@ -117,48 +158,97 @@ fn figures(record: &Record, mesh: &MeshFigures) -> Figures {
     }
 }
 
-/// The MODEL as it lies there, read as fast as the client takes it.
-async fn stored(
-    service: &Service,
-    mesh: &MeshFigures,
-    headers: HeaderMap,
-    request: &HeaderMap,
-    tag: &str,
-) -> Result<Response, Problem> {
-    let part = answer::part(request, tag, mesh.bytes)?;
-    let range = part.clone().unwrap_or(0..mesh.bytes);
-    let digest = mesh.digest.parse().map_err(|e| internal("a mesh's digest is damaged", &e))?;
-    let pieces = service.jobs.blobs.read(digest, range).await?;
-    Ok(answer::respond(headers, part.as_ref(), mesh.bytes, Body::from_stream(pieces)))
+/// A job that has its mesh.
+struct Finished<'a> {
+    service: &'a Service,
+    record: &'a Record,
+    mesh: &'a MeshFigures,
+    /// How the mesh is written.
+    output: Output,
 }
 
-/// The mesh in another format.
-async fn converted(
-    service: &Service,
-    record: &Record,
-    mesh: &MeshFigures,
-    format: Format,
-    output: Output,
-) -> Result<Bytes, Problem> {
-    let picture = record.picture.shape;
-    let shape = Shape {
-        width: picture.width,
-        height: picture.height,
-        component_count: picture.components,
-        precision: picture.precision,
-    };
-    let cost = Cost::of_conversion(shape, mesh.vertices, mesh.bytes, format);
-    let deadline = Instant::now() + service.deadline;
-    let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
-    let digest = mesh.digest.parse().map_err(|e| internal("a mesh's digest is damaged", &e))?;
-    let model = service.jobs.blobs.get(digest).await?;
-    let limits = service.pictures;
-    let (bytes, memory) = pool::run(ticket, deadline, move |watch, ticket| {
-        let bytes = pipeline::convert(model, format, &output, &limits, watch)?;
-        let _ = watch.finish();
-        let memory = ticket.keep(bytes.len());
-        Ok((bytes, memory))
-    })
-    .await?;
-    Ok(answer::held(bytes, memory))
+impl Finished<'_> {
+    /// The MODEL, or the order, as it lies there, read as fast as the client takes it.
+    async fn stored(
+        &self,
+        format: Format,
+        headers: HeaderMap,
+        request: &HeaderMap,
+        tag: &str,
+    ) -> Result<Response, Problem> {
+        let within = match format {
+            Format::Progression => self.place_of_order(),
+            _ => 0..self.mesh.bytes,
+        };
+        let length = within.end - within.start;
+        let part = answer::part(request, tag, length)?;
+        let range = part.clone().unwrap_or(0..length);
+        let range = within.start + range.start..within.start + range.end;
+        let pieces = self.service.jobs.blobs.read(self.digest()?, range).await?;
+        Ok(answer::respond(headers, part.as_ref(), length, Body::from_stream(pieces)))
+    }
+
+    /// The mesh in another format.
+    async fn converted(&self, format: Format) -> Result<Bytes, Problem> {
+        let Self { service, record, mesh, output } = *self;
+        let cost = Cost::of_conversion(self.shape(), mesh.vertices, mesh.bytes, format);
+        let deadline = Instant::now() + service.deadline;
+        let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
+        let model = service.jobs.blobs.get_part(self.digest()?, 0..mesh.bytes).await?;
+        let limits = service.pictures;
+        let (bytes, memory) = pool::run(ticket, deadline, move |watch, ticket| {
+            let bytes = pipeline::convert(model, format, &output, &limits, watch)?;
+            let _ = watch.finish();
+            let memory = ticket.keep(bytes.len());
+            Ok((bytes, memory))
+        })
+        .await?;
+        Ok(answer::held(bytes, memory))
+    }
+
+    /// The mesh of fewer vertices in any format, with what is known of it.
+    async fn resized(&self, size: usize, format: Format) -> Result<(Bytes, Figures), Problem> {
+        let Self { service, record, mesh, output } = *self;
+        let place = self.place_of_order();
+        let (shape, vertices) = (self.shape(), mesh.vertices as u64);
+        let kept = Kept { shape, vertices, bytes: place.end - place.start };
+        let cost = Cost::of_resizing(kept, size, format);
+        let deadline = Instant::now() + service.deadline;
+        let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
+        let pmesh = service.jobs.blobs.get_part(self.digest()?, place).await?;
+        let limits = service.pictures;
+        let (resized, timing, memory) = pool::run(ticket, deadline, move |watch, ticket| {
+            let resized = pipeline::resize(pmesh, size, format, &output, &limits, watch)?;
+            let timing = pipeline::server_timing(&watch.finish());
+            let memory = ticket.keep(resized.bytes.len());
+            Ok((resized, timing, memory))
+        })
+        .await?;
+        let figures = Figures {
+            vertices: size,
+            faces: resized.faces,
+            psnr_db: resized.fidelity.psnr_db(),
+            mse: resized.fidelity.mse(),
+            parameters: record.order.clone(),
+            timing,
+        };
+        Ok((answer::held(resized.bytes, memory), figures))
+    }
+
+    /// The name of the blob.
+    fn digest(&self) -> Result<Digest, Problem> {
+        self.mesh.digest.parse().map_err(|e| internal("a mesh's digest is damaged", &e))
+    }
+
+    /// Where the order lies in the blob.
+    fn place_of_order(&self) -> Range<u64> {
+        let bytes = self.mesh.progression.as_ref().map_or(0, |kept| kept.bytes);
+        self.mesh.bytes..self.mesh.bytes + bytes
+    }
+
+    /// The shape of the image.
+    fn shape(&self) -> Shape {
+        let PictureShape { width, height, components, precision } = self.record.picture.shape;
+        Shape { width, height, component_count: components, precision }
+    }
 }

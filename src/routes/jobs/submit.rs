@@ -112,7 +112,8 @@ impl Submission {
             JobState::Queued | JobState::Running => Ok(self.accepted()),
             JobState::Failed => Err(failure(&self.record)),
             JobState::Completed | JobState::Cancelled => {
-                let mut response = mesh::of(service, &self.record, format, headers).await?;
+                let wish = mesh::Wish { format, size: None };
+                let mut response = mesh::of(service, &self.record, wish, headers).await?;
                 let path =
                     HeaderValue::try_from(format!("{}/mesh", document::path(self.record.id)));
                 let path = path.map_err(|error| internal("a path is not valid", &error))?;
@@ -147,7 +148,8 @@ async fn submit(
     let idempotency_key = idempotency::key_of(headers)?;
     let header = order.output.reading(&service.pictures).probe(&upload.bytes)?;
     let plan = order.plan(&header)?;
-    let cost = Cost::of_mesh(&header, &plan, &order.parameters, Format::Model)
+    let format = if order.keeps_progression(&plan) { Format::Progression } else { Format::Model };
+    let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
         .with_file(upload.bytes.len() as u64);
     service.admission.refuse_too_large(cost)?;
     let image = Bytes::from_owner(upload);

@@ -9,6 +9,7 @@ use crate::extract::params::TABLE;
 use crate::jobs::queue::MAX_ATTEMPTS;
 use crate::jobs::record::State;
 use crate::routes::jobs::list;
+use pixmesh_meshing::MIN_SIZE;
 use serde_json::{Value, json};
 use utoipa::openapi::path::{HttpMethod, OperationBuilder, PathItem, PathsBuilder};
 use utoipa::openapi::request_body::{RequestBody, RequestBodyBuilder};
@@ -202,9 +203,12 @@ fn events() -> OperationBuilder {
 fn job_mesh() -> OperationBuilder {
     let operation = operation(
         "getJobMesh",
-        "The mesh of a completed job, in any format",
+        "The mesh of a completed job, in any format and size",
         "Kept once, and written in the format that the query or else Accept asks for, or else that \
-         the job was submitted with.",
+         the job was submitted with. With a size: the mesh of that many vertices that removal passes \
+         through on its way down from the job's mesh, where the job keeps the order of its vertices: \
+         where removal ends its method, or its format is progression. The format progression is \
+         all of these meshes at once, with their squared errors.",
     );
     let header = |name: &str| json!({ "name": name, "in": "header", "required": false, "schema": { "type": "string" } });
     let parameters = [id(), header("If-None-Match"), header("Range"), header("If-Range")];
@@ -212,6 +216,12 @@ fn job_mesh() -> OperationBuilder {
     if let Some(format) = TABLE.iter().find(|row| row.name == "format") {
         operation = operation.parameter(query_parameter(format));
     }
+    let size = json!({
+        "name": "size", "in": "query", "required": false,
+        "description": "Vertices of the mesh, up to those of the job's. Default: all.",
+        "schema": { "type": "integer", "minimum": MIN_SIZE }
+    });
+    operation = with_parameters(operation, [size]);
     let without_body = |about: &str| ResponseBuilder::new().description(about).build();
     let mut part = mesh();
     part.description = "A part of it".to_owned();
@@ -315,7 +325,10 @@ fn progress() -> Value {
 
 fn links() -> Value {
     let link = json!({ "type": "string" });
-    json!({ "type": "object", "properties": { "self": link, "events": link, "mesh": link } })
+    json!({
+        "type": "object",
+        "properties": { "self": link, "events": link, "mesh": link, "progression": link },
+    })
 }
 
 fn state() -> Value {
@@ -328,7 +341,8 @@ fn job() -> Value {
     let digest = json!({ "type": "string", "pattern": "^[0-9a-f]{64}$" });
     json!({
         "type": "object",
-        "description": "A job. Its error is a problem document; psnr_db is null for a perfect copy.",
+        "description": "A job. Its error is a problem document; psnr_db is null for a perfect copy, \
+                        and progression_bytes where no order of the mesh's vertices is kept.",
         "required": ["id", "state", "attempt", "max_attempts", "created_at", "links"],
         "properties": {
             "id": { "type": "string", "format": "uuid" },
@@ -351,6 +365,7 @@ fn job() -> Value {
             "mesh": object_or_null(&json!({
                 "vertices": count, "faces": count, "mse": figure, "psnr_db": figure,
                 "model_bytes": count, "model_sha256": digest,
+                "progression_bytes": { "type": ["integer", "null"], "minimum": 0 },
             })),
             "timings_ms": { "type": ["object", "null"], "additionalProperties": { "type": "number" } },
             "error": { "type": ["object", "null"] },
@@ -425,7 +440,7 @@ mod tests {
         assert_eq!(parameters("/v1/jobs", "get"), ["state", "limit", "cursor"]);
         assert_eq!(parameters("/v1/jobs/{id}", "delete"), ["id"]);
         let mesh = parameters("/v1/jobs/{id}/mesh", "get");
-        assert_eq!(mesh, ["id", "If-None-Match", "Range", "If-Range", "format"]);
+        assert_eq!(mesh, ["id", "If-None-Match", "Range", "If-Range", "format", "size"]);
         assert!(parameters("/v1/jobs", "post").contains(&"Idempotency-Key".to_owned()));
         assert!(parameters("/v1/meshes", "post").contains(&"Prefer".to_owned()));
     }

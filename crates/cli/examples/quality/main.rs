@@ -15,9 +15,7 @@ mod plot;
 mod series;
 
 use clap::Parser;
-use pixmesh_meshing::{
-    Image, ImageError, Unattended, generate, preview, rasterize, structural_similarity,
-};
+use pixmesh_meshing::{Image, ImageError, Unattended, generate, rasterize, structural_similarity};
 use plot::{Axis, Curve, Plot};
 use series::{SERIES, Series};
 use std::error::Error;
@@ -106,24 +104,12 @@ fn measure(image: &Image, thorough: bool) -> Result<Vec<Figure>, Box<dyn Error>>
     for series in SERIES.iter().filter(|series| thorough || !series.slow) {
         for density in DENSITIES {
             let start = Instant::now();
-            let (vertices, psnr_db, rebuilt, seconds) = match series.parameters(density) {
-                Some(parameters) => {
-                    let model = generate(image, &parameters, &Unattended)?;
-                    let seconds = start.elapsed().as_secs_f64();
-                    let rebuilt = match model.flat {
-                        Some(flat) => flat.picture,
-                        None => rasterize(&model.mesh, &Unattended)?,
-                    };
-                    (model.mesh.points().len(), model.fidelity.psnr_db(), rebuilt, seconds)
-                }
-                None => {
-                    let size = (density / 100.0 * image.pixel_count() as f64) as usize;
-                    let mesh = preview(image, size, &Unattended)?;
-                    let seconds = start.elapsed().as_secs_f64();
-                    let rebuilt = rasterize(&mesh, &Unattended)?;
-                    let fidelity = pixmesh_meshing::Fidelity::between(image, &rebuilt)?;
-                    (mesh.points().len(), fidelity.psnr_db(), rebuilt, seconds)
-                }
+            let model = generate(image, &series.parameters(density), &Unattended)?;
+            let seconds = start.elapsed().as_secs_f64();
+            let (vertices, psnr_db) = (model.mesh.points().len(), model.fidelity.psnr_db());
+            let rebuilt = match model.flat {
+                Some(flat) => flat.picture,
+                None => rasterize(&model.mesh, &Unattended)?,
             };
             let ssim = structural_similarity(image, &rebuilt, &Unattended)?.unwrap_or(f64::NAN);
             figures.push(Figure { series, density, vertices, psnr_db, ssim, seconds });

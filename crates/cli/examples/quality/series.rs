@@ -20,12 +20,11 @@ enum Change {
     Effort(u8),
     Free(bool, bool, u8),
     Metric(ErrorMetric),
-    Preview,
 }
 
 /// Every series, from fast to good.
 pub(crate) static SERIES: [Series; 18] = [
-    series("preview", "#999999", false, Change::Preview),
+    series("preview", "#999999", false, Change::Method(Method::Preview)),
     series("med", "#c8a200", false, Change::Method(Method::Med)),
     series("med+", "#8c6d00", false, Change::Method(Method::MedPlus)),
     series("gamma 1.25", "#a6cee3", true, Change::Gamma(1.25)),
@@ -50,11 +49,11 @@ const fn series(label: &'static str, color: &'static str, slow: bool, change: Ch
 }
 
 impl Series {
-    /// The parameters at a density in percent; none for the preview, which has none.
-    pub(crate) fn parameters(&self, density: f64) -> Option<Parameters> {
+    /// The parameters at a density in percent.
+    pub(crate) fn parameters(&self, density: f64) -> Parameters {
         let target = Target::Density(density);
         let mgprfs = Method::Mgprfs.parameters(target);
-        Some(match self.change {
+        match self.change {
             Change::Method(method) => method.parameters(target),
             Change::Gamma(gamma) => {
                 Parameters { initial_size: InitialSize::Gamma(gamma), ..mgprfs }
@@ -67,7 +66,6 @@ impl Series {
                 ..mgprfs
             },
             Change::Metric(error_metric) => Parameters { error_metric, ..mgprfs },
-            Change::Preview => return None,
-        })
+        }
     }
 }

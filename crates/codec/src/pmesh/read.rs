@@ -1,6 +1,7 @@
 //! The pmesh reader.
 
-use super::{HEADER_BYTES, MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
+use super::number::{take, unfolded};
+use super::{HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::DecodeError;
 use crate::limits::Limits;
 use flate2::read::DeflateDecoder;
@@ -68,8 +69,8 @@ pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
 /// # Errors
 /// When the bytes are no pmesh, or one beyond the limits, or keep no order.
 pub fn read_progression(bytes: &[u8], limits: &Limits) -> Result<Progression, PmeshError> {
-    let Contents { shape, points, samples, ranks } = read(bytes, limits)?;
-    let ranks = ranks.ok_or(PmeshError::NoOrder)?;
+    let Contents { shape, points, samples, order } = read(bytes, limits)?;
+    let Order { ranks, squared_errors } = order.ok_or(PmeshError::NoOrder)?;
     let count = shape.component_count;
     let mut order = vec![usize::MAX; points.len()];
     for (v, &rank) in ranks.iter().enumerate() {
@@ -81,7 +82,7 @@ pub fn read_progression(bytes: &[u8], limits: &Limits) -> Result<Progression, Pm
     }
     let ordered = order.iter().map(|&v| points[v]).collect();
     let values = order.iter().flat_map(|&v| &samples[v * count..][..count]).copied().collect();
-    Ok(Progression::from_parts(shape, ordered, values)?)
+    Ok(Progression::from_parts(shape, ordered, values, squared_errors)?)
 }
 
 /// What a pmesh holds, vertices by row, then column.
@@ -89,7 +90,14 @@ struct Contents {
     shape: Shape,
     points: Vec<Point>,
     samples: Vec<u16>,
-    ranks: Option<Vec<usize>>,
+    order: Option<Order>,
+}
+
+/// The order of importance.
+struct Order {
+    ranks: Vec<usize>,
+    /// One for each size from 4 up.
+    squared_errors: Vec<u64>,
 }
 
 fn read(bytes: &[u8], limits: &Limits) -> Result<Contents, PmeshError> {
@@ -115,9 +123,9 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<Contents, PmeshError> {
         return Err(PmeshError::VertexCount { count, most });
     }
     let planes = component_count * if precision > 8 { 2 } else { 1 };
-    let ranks = if ordered == 1 { RANK_BYTES } else { 0 };
+    let ordering = if ordered == 1 { RANK_BYTES + NUMBER_BYTES } else { 0 };
     let length = number(20) as usize;
-    if length > count * (GAP_BYTES + planes + ranks) {
+    if length > count * (GAP_BYTES + planes + ordering) {
         return Err(PmeshError::Stream);
     }
     let mut stream = Vec::new();
@@ -127,17 +135,32 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<Contents, PmeshError> {
         return Err(PmeshError::Stream);
     }
     let (points, rest) = read_points(shape, count, &stream).ok_or(PmeshError::Stream)?;
-    if rest.len() != count * (planes + ranks) {
-        return Err(PmeshError::Stream);
-    }
-    let (differences, ranks) = rest.split_at(count * planes);
+    let (differences, rest) = rest.split_at_checked(count * planes).ok_or(PmeshError::Stream)?;
+    let order = match ordered {
+        0 if rest.is_empty() => None,
+        0 => return Err(PmeshError::Stream),
+        _ => Some(read_order(count, rest).ok_or(PmeshError::Stream)?),
+    };
     let samples = read_samples(shape, &points, differences);
+    Ok(Contents { shape, points, samples, order })
+}
+
+/// Ranks and squared errors; `None` when the stream ends early or goes on.
+fn read_order(count: usize, stream: &[u8]) -> Option<Order> {
+    let (ranks, mut stream) = stream.split_at_checked(count * RANK_BYTES)?;
     let rank = |v: usize| {
         (0..RANK_BYTES)
             .fold(0, |rank, byte| rank | usize::from(ranks[byte * count + v]) << (8 * byte))
     };
-    let ranks = (ordered == 1).then(|| (0..count).map(rank).collect());
-    Ok(Contents { shape, points, samples, ranks })
+    let ranks = (0..count).map(rank).collect();
+    let mut squared_errors = Vec::with_capacity(count);
+    let mut error = take(&mut stream, NUMBER_BYTES)?;
+    squared_errors.push(error);
+    for _ in 4..count {
+        error = error.wrapping_sub(unfolded(take(&mut stream, NUMBER_BYTES)?) as u64);
+        squared_errors.push(error);
+    }
+    stream.is_empty().then_some(Order { ranks, squared_errors })
 }
 
 /// The points, and the rest of the stream; `None` when it ends early or leaves the image.
@@ -145,16 +168,7 @@ fn read_points(shape: Shape, count: usize, mut stream: &[u8]) -> Option<(Vec<Poi
     let mut points = Vec::with_capacity(count.min(stream.len()));
     let mut next = 0u64;
     for _ in 0..count {
-        let mut gap = 0;
-        for group in 0..GAP_BYTES {
-            let (&byte, rest) = stream.split_first()?;
-            stream = rest;
-            gap |= u64::from(byte & 0x7f) << (7 * group);
-            if byte < 0x80 {
-                break;
-            }
-        }
-        let place = next + gap;
+        let place = next + take(&mut stream, GAP_BYTES)?;
         if place >= shape.width as u64 * shape.height as u64 {
             return None;
         }

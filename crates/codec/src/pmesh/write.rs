@@ -1,5 +1,6 @@
 //! The pmesh writer.
 
+use super::number::{append, folded};
 use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::EncodeError;
 use flate2::Compression;
@@ -19,10 +20,11 @@ pub fn write_pmesh(mesh: &Mesh, out: &mut impl Write) -> Result<(), EncodeError>
     if !mesh.is_preferred_delaunay() {
         return Err(EncodeError::Connectivity { format: NAME });
     }
-    write(mesh.shape(), mesh.points(), mesh.samples(), false, out)
+    write(mesh.shape(), mesh.points(), mesh.samples(), None, out)
 }
 
-/// Writes a progression as pmesh, its order kept: four bytes a vertex more, before deflation.
+/// Writes a progression as pmesh, its order and squared errors kept: about seven bytes a vertex
+/// more, before deflation.
 ///
 /// # Errors
 /// When it has more than 255 components or too many vertices, and whatever `out` fails with.
@@ -30,15 +32,17 @@ pub fn write_progression(
     progression: &Progression,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
-    write(progression.shape(), progression.points(), progression.samples(), true, out)
+    let errors = progression.squared_errors();
+    write(progression.shape(), progression.points(), progression.samples(), Some(errors), out)
 }
 
-/// Writes header and stream of points in any order.
+/// Writes header and stream of points in any order, which is kept with the squared errors of all
+/// sizes if these are given.
 fn write(
     shape: Shape,
     points: &[Point],
     samples: &[u16],
-    ordered: bool,
+    squared_errors: Option<&[u64]>,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let actual = shape.component_count;
@@ -48,17 +52,18 @@ fn write(
     order.sort_unstable_by_key(|&v| points[v]);
     let mut stream = gaps(shape, points, &order);
     append_samples(shape, points, samples, &order, &mut stream);
-    if ordered {
+    if let Some(errors) = squared_errors {
         for byte in 0..RANK_BYTES {
             stream.extend(order.iter().map(|&rank| (rank >> (8 * byte)) as u8));
         }
+        append_errors(errors, &mut stream);
     }
     let fits = |number: usize| {
         let (bytes, limit) = (number as u64, u32::MAX.into());
         u32::try_from(number).map_err(|_| EncodeError::TooLarge { format: NAME, bytes, limit })
     };
     let mut header = MAGIC.to_vec();
-    header.extend([VERSION, u8::from(ordered), shape.precision, components]);
+    header.extend([VERSION, u8::from(squared_errors.is_some()), shape.precision, components]);
     for number in [shape.width, shape.height, points.len(), stream.len()] {
         header.extend(fits(number)?.to_le_bytes());
     }
@@ -75,15 +80,18 @@ fn gaps(shape: Shape, points: &[Point], order: &[usize]) -> Vec<u8> {
     let mut next = 0;
     for &v in order {
         let place = points[v].y as u64 * shape.width as u64 + points[v].x as u64;
-        let mut gap = place - next;
-        while gap >= 0x80 {
-            bytes.push(gap as u8 | 0x80);
-            gap >>= 7;
-        }
-        bytes.push(gap as u8);
+        append(place - next, &mut bytes);
         next = place + 1;
     }
     bytes
+}
+
+/// Appends the first error, and by how much each one is less than the one before it.
+fn append_errors(errors: &[u64], stream: &mut Vec<u8>) {
+    append(errors.first().copied().unwrap_or(0), stream);
+    for pair in errors.windows(2) {
+        append(folded(pair[0].wrapping_sub(pair[1]) as i64), stream);
+    }
 }
 
 /// Appends how the samples differ from those predicted, component by component.

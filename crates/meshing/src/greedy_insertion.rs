@@ -1,8 +1,8 @@
-//! A mesh in a moment: greedy insertion.
+//! Points in a moment: greedy insertion.
 //!
 //! Michael Garland and Paul S. Heckbert, "Fast polygonal approximation of terrains and height
 //! fields", 1995, insert again and again the point of largest error. Here the face of largest
-//! squared error gets a vertex, at its worst point or at the middle of its error, whichever lowers
+//! error gets a vertex, at its worst point or at the middle of its squared error, whichever lowers
 //! the error of the mesh more. Costs some tens of milliseconds for a quarter of a megapixel: the mesh is
 //! what a page shows before a better one arrives.
 
@@ -12,7 +12,7 @@ use crate::face_error::{FaceErrors, Measure};
 use crate::face_rows::for_each_row;
 use crate::image::Image;
 use crate::interpolant::Interpolant;
-use crate::mesh::{Mesh, Point, corner_points};
+use crate::mesh::{Point, corner_points};
 use crate::predicates::orientation;
 use crate::refine::measured_mesh::MeasuredMesh;
 use crate::triangulation::triangulate;
@@ -24,36 +24,42 @@ const INSERTIONS_PER_POLL: usize = 64;
 /// A face that wants a vertex: compares by its error, then by its vertices.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Demand {
-    squared_error: u64,
+    error: u64,
     corners: [Point; 3],
     slot: u32,
 }
 
-/// Makes a mesh of up to `size` vertices of an image by greedy insertion; fewer where no face has
-/// an error any more.
+/// Chooses up to `size` points of an image, by row, then column, the corners among them, by greedy
+/// insertion; fewer where no face has an error any more.
 ///
 /// # Errors
 /// When the control cancels.
-pub fn preview(image: &Image, size: usize, control: &dyn Control) -> Result<Mesh, Cancelled> {
+pub(crate) fn inserted_points(
+    image: &Image,
+    metric: ErrorMetric,
+    size: usize,
+    control: &dyn Control,
+) -> Result<Vec<Point>, Cancelled> {
     let corners = corner_points(image.width(), image.height()).to_vec();
     let faces = triangulate(&corners);
-    let measure = Measure::new(image, ErrorMetric::MeanCompSe);
+    let measure = Measure::new(image, metric);
     let sides = (image.width(), image.height());
     let mesh = MeasuredMesh::new(corners, &faces, sides, FaceErrors::new(&measure));
     let mut insertion = Insertion { image, mesh, demands: BinaryHeap::new() };
     for slot in 0..faces.len() as u32 {
         insertion.demand(slot);
     }
+    control.poll(Stage::Insert, 0, size)?;
     for count in 4..size {
         if count % INSERTIONS_PER_POLL == 0 {
-            control.poll(Stage::Refine, count, size)?;
+            control.poll(Stage::Insert, count, size)?;
         }
         if !insertion.insert_one() {
             break;
         }
     }
-    let (points, faces, _) = insertion.mesh.triangulation.mesh();
-    Ok(Mesh::of_samples(image, points, faces))
+    let (points, _, _) = insertion.mesh.triangulation.mesh();
+    Ok(points)
 }
 
 /// A mesh that gets one vertex after the other.
@@ -67,10 +73,10 @@ struct Insertion<'a> {
 impl Insertion<'_> {
     /// Notes that a face wants a vertex, if it has an error.
     fn demand(&mut self, slot: u32) {
-        let squared_error = self.mesh.face_error(slot);
-        if squared_error > 0 {
+        let error = self.mesh.face_error(slot);
+        if error > 0 {
             let corners = self.mesh.triangulation.corners(slot);
-            self.demands.push(Demand { squared_error, corners, slot });
+            self.demands.push(Demand { error, corners, slot });
         }
     }
 
@@ -98,8 +104,8 @@ impl Insertion<'_> {
     }
 }
 
-/// The point of largest error of a face that has an error, and the one at the middle of its error
-/// where that is no vertex.
+/// The point of largest squared error of a face that has an error, and the one at the middle of that
+/// error where it is no vertex; errors count by the image's weights.
 fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
     let (mut sum, mut by_column, mut by_row) = (0u64, 0u128, 0u128);
     let interpolants: Vec<Interpolant> = (0..image.component_count())
@@ -119,6 +125,12 @@ fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
             let original = &image.row(c, y as usize)[first as usize..end as usize];
             for ((error, a), b) in errors.iter_mut().zip(original).zip(&approximation) {
                 *error += u64::from(a.abs_diff(*b)).pow(2);
+            }
+        }
+        if let Some(weights) = image.weights() {
+            let row = &weights[y as usize * image.width()..][first as usize..end as usize];
+            for (error, &weight) in errors.iter_mut().zip(row) {
+                *error *= u64::from(weight);
             }
         }
         for (x, &error) in (first..).zip(&errors) {
@@ -144,23 +156,26 @@ fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::mesh::Face;
     use proptest::prelude::*;
 
     proptest! {
         #[test]
-        fn a_preview_is_a_delaunay_mesh_of_the_size_asked_for_or_without_error(
+        fn insertion_gives_as_many_points_as_asked_for_or_leaves_no_error(
             (width, height) in (2usize..12, 2usize..12),
             samples in prop::collection::vec(0u16..9, 144),
             size in 4usize..40,
         ) {
             let image = Image::new(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
-            let mesh = preview(&image, size, &Unattended).unwrap();
-            prop_assert!(mesh.is_preferred_delaunay());
-            prop_assert_eq!(mesh.validate(), Ok(()));
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let metric = ErrorMetric::MeanCompSe;
+            let points = inserted_points(&image, metric, size, &Unattended).unwrap();
+            prop_assert!(points.is_sorted_by(|a, b| a < b));
+            let faces = triangulate(&points);
+            let measure = Measure::new(&image, metric);
             let mut errors = FaceErrors::new(&measure);
-            let total: u64 = mesh.faces().iter().map(|&face| errors.error(mesh.corners(face))).sum();
-            let count = mesh.points().len();
+            let corners = |face: &Face| face.map(|v| points[v as usize]);
+            let total: u64 = faces.iter().map(|face| errors.error(corners(face))).sum();
+            let count = points.len();
             prop_assert!(count == size || (count < size && total == 0));
         }
     }
