@@ -5,10 +5,12 @@
 //! that begins with `PIXMESH_` but is no setting stops the start.
 
 mod access;
+mod container;
 mod quantity;
 mod trace;
 
 pub use access::AccessSettings;
+pub use container::{BESIDE_BUDGET, memory_limit};
 pub use quantity::{ByteSize, Period};
 pub use trace::{Secret, TraceSettings};
 
@@ -35,12 +37,13 @@ pub struct Settings {
     /// Allow a public listener on other than loopback although anyone may then use the service.
     #[arg(long, env = "PIXMESH_INSECURE_NO_AUTH")]
     pub insecure_no_auth: bool,
-    /// Meshes made at the same time [default: the number of cores].
+    /// Meshes made at the same time [default: the number of cores, or that of the container's quota].
     #[arg(long, env = "PIXMESH_WORKERS", hide_env_values = true)]
     pub workers: Option<NonZeroUsize>,
-    /// Memory for bodies (a quarter), and for work and answers not sent yet (the rest).
-    #[arg(long, env = "PIXMESH_MEMORY_BUDGET", default_value = "1GiB")]
-    pub memory_budget: ByteSize,
+    /// Memory for bodies (a quarter), and for work and answers not sent yet (the rest) [default: 1GiB,
+    /// or two thirds of the container's limit].
+    #[arg(long, env = "PIXMESH_MEMORY_BUDGET", hide_env_values = true)]
+    pub memory_budget: Option<ByteSize>,
     /// Seconds of work that may wait for a worker; what comes on top is turned away.
     #[arg(long, env = "PIXMESH_QUEUE_SECONDS", default_value = "10", value_parser = quantity::seconds)]
     pub queue_seconds: f64,
@@ -170,10 +173,16 @@ impl Settings {
         self.workers.unwrap_or_else(cores).get()
     }
 
+    /// Memory for bodies, work and answers.
+    #[must_use]
+    pub fn memory_budget(&self) -> ByteSize {
+        self.memory_budget.unwrap_or_else(|| container::budget_within(memory_limit()))
+    }
+
     /// Memory for request bodies: a quarter of the budget, in whole KiB.
     #[must_use]
     pub fn body_budget(&self) -> ByteSize {
-        let kib = (self.memory_budget.0 / 4 / 1024).max(1);
+        let kib = (self.memory_budget().0 / 4 / 1024).max(1);
         ByteSize(kib * 1024)
     }
 
@@ -193,7 +202,7 @@ impl Settings {
     /// Memory for work: what the bodies leave of the budget.
     #[must_use]
     pub fn work_budget(&self) -> ByteSize {
-        ByteSize(self.memory_budget.0.saturating_sub(self.body_budget().0))
+        ByteSize(self.memory_budget().0.saturating_sub(self.body_budget().0))
     }
 
     /// What work may take of this machine.
@@ -236,7 +245,7 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--ops-listen {}", self.ops_listen)?;
         writeln!(formatter, "--insecure-no-auth {}", self.insecure_no_auth)?;
         writeln!(formatter, "--workers {}", self.worker_count())?;
-        writeln!(formatter, "--memory-budget {}", self.memory_budget)?;
+        writeln!(formatter, "--memory-budget {}", self.memory_budget())?;
         writeln!(formatter, "--queue-seconds {}", self.queue_seconds)?;
         writeln!(formatter, "--sync-deadline {}", self.sync_deadline)?;
         writeln!(formatter, "--log-format {log_format}")?;

@@ -15,7 +15,7 @@ mod unreadable;
 pub use framing::{Framing, HeadDefect};
 
 use crate::access::KeyRing;
-use crate::config::Settings;
+use crate::config::{self, BESIDE_BUDGET, Settings};
 use crate::jobs::Jobs;
 use crate::jobs::retention;
 use crate::jobs::worker::Worker;
@@ -117,6 +117,11 @@ fn warn_of_settings_not_in_force(settings: &Settings) {
     if longest < asked {
         let (asked, longest) = (asked.to_string(), longest.to_string());
         tracing::warn!(asked, longest, "a quarter of --memory-budget is less than --max-body");
+    }
+    let (budget, limit) = (settings.memory_budget(), config::memory_limit());
+    if let Some(limit) = limit.filter(|limit| limit.0 < budget.0 + BESIDE_BUDGET.0) {
+        let (budget, limit) = (budget.to_string(), limit.to_string());
+        tracing::warn!(budget, limit, "--memory-budget leaves too little of the container's limit");
     }
 }
 

@@ -1,17 +1,11 @@
 //! Whether the machine gives what the settings count on.
 
 use super::Finding;
-use crate::config::{ByteSize, Settings};
+use crate::config::{BESIDE_BUDGET, ByteSize, Settings, memory_limit};
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::thread::available_parallelism;
-
-/// What the process takes beside the budget.
-const BESIDE_BUDGET: u64 = 80 << 20;
-/// Where a control group says how much memory it may have, in both versions.
-const CGROUP_LIMITS: [&str; 2] =
-    ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
 
 /// Writes and syncs a file where jobs are to be kept.
 pub(super) fn check_data_folder(settings: &Settings) -> Finding {
@@ -31,9 +25,10 @@ pub(super) fn check_data_folder(settings: &Settings) -> Finding {
 
 /// Compares the budget with what the container and the machine have.
 pub(super) fn check_memory(settings: &Settings) -> Finding {
-    let budget = settings.memory_budget;
-    let needed = ByteSize(budget.0.saturating_add(BESIDE_BUDGET));
-    let available = [cgroup_limit(), machine_memory()].into_iter().flatten().min();
+    let budget = settings.memory_budget();
+    let needed = ByteSize(budget.0.saturating_add(BESIDE_BUDGET.0));
+    let limit = memory_limit().map(|limit| limit.0);
+    let available = [limit, machine_memory()].into_iter().flatten().min();
     match available.map(ByteSize) {
         Some(available) if available < needed => Err(format!(
             "--memory-budget {budget} needs {needed} with what the process takes besides, but \
@@ -43,11 +38,6 @@ pub(super) fn check_memory(settings: &Settings) -> Finding {
         Some(available) => Ok(format!("{budget} of {} MiB", available.0 >> 20)),
         None => Ok(format!("{budget}; how much there is, is not known")),
     }
-}
-
-fn cgroup_limit() -> Option<u64> {
-    let read = |path: &&str| fs::read_to_string(path).ok()?.trim().parse().ok();
-    CGROUP_LIMITS.iter().find_map(read)
 }
 
 fn machine_memory() -> Option<u64> {
