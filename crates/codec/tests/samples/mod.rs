@@ -3,6 +3,7 @@
 // Each test program uses its own part of this.
 #![allow(dead_code)]
 
+pub(crate) mod bombs;
 pub(crate) mod encoders;
 
 use pixmesh_meshing::{Image, Mesh, Point, Shape};
