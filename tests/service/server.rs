@@ -154,12 +154,12 @@ impl Server {
         line.map_or(0.0, |value| value.parse().unwrap())
     }
 
-    /// Waits until something holds, for 10 s at most.
+    /// Waits until something holds, for 30 s at most: other tests run beside.
     #[track_caller]
     pub(crate) fn wait_until(&self, what: &str, mut holds: impl FnMut() -> bool) {
         let began = Instant::now();
         while !holds() {
-            assert!(began.elapsed() < Duration::from_secs(10), "never: {what}\n{}", self.log());
+            assert!(began.elapsed() < Duration::from_secs(30), "never: {what}\n{}", self.log());
             thread::sleep(Duration::from_millis(10));
         }
     }
