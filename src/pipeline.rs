@@ -15,12 +15,13 @@ pub use resize::{Resized, resize};
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::Order;
+use crate::extract::upload::Weighed;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
 use encode::{Writing, encode};
-use pixmesh_codec::{Limits, Texture, write_progression};
-use pixmesh_meshing::{Progression, generate};
+use pixmesh_codec::{Limits, Texture, read_weights, write_progression};
+use pixmesh_meshing::{Image, Progression, generate};
 use std::time::Duration;
 
 /// A mesh as bytes, with what is known of it.
@@ -48,14 +49,14 @@ pub struct Answer {
 /// When the image cannot be decoded, the parameters do not fit it, the format cannot hold the
 /// result, or the watch stops the work.
 pub fn mesh(
-    image: impl AsRef<[u8]>,
+    source: Weighed<impl AsRef<[u8]>>,
     order: &Order,
     format: Format,
     limits: &Limits,
     watch: &Watch,
 ) -> Result<Answer, Problem> {
     let ordered = format == Format::Progression;
-    make(image, order, format, ordered, limits, watch).map(|(answer, _)| answer)
+    make(source, order, format, ordered, limits, watch).map(|(answer, _)| answer)
 }
 
 /// Makes the mesh of an image as MODEL, and where the job keeps it the order of its vertices as
@@ -64,14 +65,14 @@ pub fn mesh(
 /// # Errors
 /// As [`mesh`].
 pub fn mesh_of_job(
-    image: impl AsRef<[u8]>,
+    source: Weighed<impl AsRef<[u8]>>,
     order: &Order,
     keeps_progression: bool,
     limits: &Limits,
     watch: &Watch,
 ) -> Result<(Answer, Option<Vec<u8>>), Problem> {
     let (answer, progression) =
-        make(image, order, Format::Model, keeps_progression, limits, watch)?;
+        make(source, order, Format::Model, keeps_progression, limits, watch)?;
     let kept = progression.map(|progression| {
         let mut bytes = Vec::new();
         write_progression(&progression, &mut bytes).map(|()| bytes)
@@ -80,7 +81,7 @@ pub fn mesh_of_job(
 }
 
 fn make(
-    image: impl AsRef<[u8]>,
+    source: Weighed<impl AsRef<[u8]>>,
     order: &Order,
     format: Format,
     ordered: bool,
@@ -89,11 +90,12 @@ fn make(
 ) -> Result<(Answer, Option<Progression>), Problem> {
     watch.check()?;
     watch.begin("decode");
-    let decoded = order.output.reading(limits).decode(image.as_ref())?;
+    let Weighed { image: file, weights } = source;
+    let image = order.output.reading(limits).decode(file.as_ref())?;
     let shown = order.output.shows_image(format);
-    let texture = shown.then(|| Texture::of_file(image.as_ref(), &decoded)).transpose()?;
-    drop(image);
-    let image = decoded;
+    let texture = shown.then(|| Texture::of_file(file.as_ref(), &image)).transpose()?;
+    drop(file);
+    let image = weigh(image, weights, limits)?;
     let pixels = image.pixel_count();
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
@@ -122,6 +124,17 @@ fn make(
     telemetry::meshed(pixels, answer.vertices);
     tracing::info!(pixels, vertices = answer.vertices, stages = answer.server_timing(), "meshed");
     Ok((answer, progression))
+}
+
+/// The image with its weights, if there are any.
+fn weigh(
+    image: Image,
+    weights: Option<impl AsRef<[u8]>>,
+    limits: &Limits,
+) -> Result<Image, Problem> {
+    let Some(file) = weights else { return Ok(image) };
+    let weights = read_weights(file.as_ref(), (image.width(), image.height()), limits)?;
+    Ok(image.with_weights(weights)?)
 }
 
 impl Answer {

@@ -76,6 +76,12 @@ impl Cost {
         self.with_file(shown)
     }
 
+    /// The same with weights of this header: decoded beside the image, and kept as 8 bits a pixel.
+    #[must_use]
+    pub fn with_weights(self, header: &Header) -> Self {
+        self.with_file(header.decode_bytes() + (header.width * header.height) as u64)
+    }
+
     /// The same with so many bytes more in memory.
     #[must_use]
     pub fn with_file(self, bytes: u64) -> Self {

@@ -111,10 +111,8 @@ impl ParameterSet {
     /// `unknown-parameter`, `duplicate-parameter`, `parameter-malformed`, `not-finite`,
     /// `parameter-out-of-range` or `unknown-value`.
     pub fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
-        let parameter = TABLE
-            .iter()
-            .find(|row| row.name == name)
-            .ok_or_else(|| unknown(name, &TABLE.each_ref().map(|row| row.name)))?;
+        let parameter =
+            TABLE.iter().find(|row| row.name == name).ok_or_else(|| no_parameter(name))?;
         if self.seen.contains(&parameter.name) {
             return Err(repeated(parameter.name));
         }
@@ -149,6 +147,16 @@ impl ParameterSet {
         }
         Ok(())
     }
+}
+
+/// The refusal of a name that is no parameter's.
+fn no_parameter(name: &str) -> Problem {
+    if name == "weights" {
+        let detail =
+            "weights are a picture: send them as a part of a form, beside the part 'image'";
+        return Problem::new(Kind::UnknownParameter, detail).param(name);
+    }
+    unknown(name, &TABLE.each_ref().map(|row| row.name))
 }
 
 impl Fields for ParameterSet {

@@ -1,7 +1,7 @@
 //! Receives the upload: the bytes of its files, and with a form the parameters beside them.
 //!
 //! A body is the image itself, or `multipart/form-data` with one part `image`, and the parameters
-//! as fields or as one JSON part `params`; for a job it may also be a JSON object with the image in
+//! as fields or as one JSON part `params`, perhaps with a part `weights`; for a job it may also be a JSON object with the image in
 //! base64. Other resources want other files, as their [`Wanted`] says. Every byte is counted against the body limit and charged
 //! to the memory for bodies as it arrives, and all of them must arrive in time. The label of the
 //! body only tells a form from a file: what the file is, its content decides.
@@ -42,22 +42,29 @@ pub struct Intake {
 pub struct Wanted<const N: usize> {
     /// Their names as parts of a form; a body that is no form is the only one of them.
     pub files: [&'static str; N],
+    /// How many of them must come, from the first; the others may.
+    pub required: usize,
     /// The media types that a file may be labelled with, rightly or not.
     pub labels: &'static [&'static str],
     /// Whether they may come in a JSON object.
     pub json: bool,
 }
 
-/// An image to mesh.
-pub const IMAGE: Wanted<1> =
-    Wanted { files: ["image"], labels: &["image/*", "application/octet-stream"], json: false };
+/// An image to mesh, and a picture that says how much its pixels matter.
+pub const IMAGE: Wanted<2> = Wanted {
+    files: ["image", "weights"],
+    required: 1,
+    labels: &["image/*", "application/octet-stream"],
+    json: false,
+};
 
-/// An image to mesh in a job.
-pub const IMAGE_OF_JOB: Wanted<1> = Wanted { json: true, ..IMAGE };
+/// The same for a job.
+pub const IMAGE_OF_JOB: Wanted<2> = Wanted { json: true, ..IMAGE };
 
 /// A mesh as MODEL text.
 pub const MODEL: Wanted<1> = Wanted {
     files: ["model"],
+    required: 1,
     labels: &["text/plain", "application/vnd.pixmesh.model", "application/octet-stream"],
     json: false,
 };
@@ -65,6 +72,7 @@ pub const MODEL: Wanted<1> = Wanted {
 /// A picture, and a picture or a MODEL that approximates it.
 pub const COMPARED: Wanted<2> = Wanted {
     files: ["image", "approximation"],
+    required: 2,
     labels: &["image/*", "text/plain", "application/vnd.pixmesh.model", "application/octet-stream"],
     json: false,
 };
@@ -78,14 +86,37 @@ pub struct Upload {
     pub charge: Arc<Charge>,
 }
 
+/// An image, and a picture of the same size that says how much its pixels matter.
+#[derive(Clone, Copy, Debug)]
+pub struct Weighed<T> {
+    /// The image.
+    pub image: T,
+    /// The weights, if there are any.
+    pub weights: Option<T>,
+}
+
 impl AsRef<[u8]> for Upload {
     fn as_ref(&self) -> &[u8] {
         &self.bytes
     }
 }
 
+impl Upload {
+    /// Puts another file behind this one, and charges for both while they are.
+    ///
+    /// # Errors
+    /// `overloaded` when bodies take all of their memory.
+    pub fn append(&mut self, other: &Self) -> Result<(), Problem> {
+        let both = (self.bytes.len() + other.bytes.len()) as u64;
+        self.charge.grow_or_refuse(2 * both)?;
+        self.bytes.reserve_exact(other.bytes.len());
+        self.bytes.extend_from_slice(&other.bytes);
+        Ok(())
+    }
+}
+
 impl Intake {
-    /// Receives the files wanted, and adds the parameters beside them to `fields`.
+    /// Receives all of the files wanted, and adds the parameters beside them to `fields`.
     ///
     /// # Errors
     /// `unsupported-encoding`, `unsupported-media-type`, `body-too-large`, `request-timeout`,
@@ -98,6 +129,38 @@ impl Intake {
         body: Body,
         fields: &mut dyn Fields,
     ) -> Result<[Upload; N], Problem> {
+        let found = self.receive_some(owner, wanted, headers, body, fields).await?;
+        let files = wanted.files.into_iter().zip(found);
+        let files = files.map(|(name, file)| file.ok_or_else(|| missing(name)));
+        let files: Vec<Upload> = files.collect::<Result<_, _>>()?;
+        files.try_into().map_err(|_| missing(wanted.files[0]))
+    }
+
+    /// Receives the image, and the weights if there are any.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    pub async fn receive_image(
+        &self,
+        owner: &Owner,
+        wanted: &Wanted<2>,
+        headers: &HeaderMap,
+        body: Body,
+        fields: &mut dyn Fields,
+    ) -> Result<Weighed<Upload>, Problem> {
+        let [image, weights] = self.receive_some(owner, wanted, headers, body, fields).await?;
+        Ok(Weighed { image: image.ok_or_else(|| missing("image"))?, weights })
+    }
+
+    /// Receives the files required, and the others if they come.
+    async fn receive_some<const N: usize>(
+        &self,
+        owner: &Owner,
+        wanted: &Wanted<N>,
+        headers: &HeaderMap,
+        body: Body,
+        fields: &mut dyn Fields,
+    ) -> Result<[Option<Upload>; N], Problem> {
         refuse_encoded(headers)?;
         let label = wanted.label(headers)?;
         self.refuse_announced(headers)?;
@@ -120,6 +183,11 @@ impl Intake {
         let detail = format!("the body did not arrive within {} s", self.timeout.as_secs_f64());
         Problem::new(Kind::RequestTimeout, detail).setting("--body-timeout")
     }
+}
+
+fn missing(name: &str) -> Problem {
+    let kind = if name == "image" { Kind::ImageMissing } else { Kind::PartMissing };
+    Problem::new(kind, format!("there is no part '{name}'")).param(name)
 }
 
 /// Reads a JSON object: its files lie in memory beside its text, and its length takes its time.
@@ -152,7 +220,7 @@ impl<const N: usize> Wanted<N> {
         body: Metered,
         charge: &Arc<Charge>,
         fields: &mut dyn Fields,
-    ) -> Result<[Upload; N], Problem> {
+    ) -> Result<[Option<Upload>; N], Problem> {
         let found = match label {
             Label::File => {
                 let mut files = [const { None }; N];
@@ -162,7 +230,8 @@ impl<const N: usize> Wanted<N> {
             Label::Form => form::receive(self, headers, body, fields).await?,
             Label::Json => read_json(self.files, collect(body).await?, charge, fields).await?,
         };
-        self.uploads(found, charge)
+        let upload = |bytes| Upload { bytes, charge: Arc::clone(charge) };
+        Ok(found.map(|file| file.map(upload)))
     }
 
     fn label(&self, headers: &HeaderMap) -> Result<Label, Problem> {
@@ -184,7 +253,7 @@ impl<const N: usize> Wanted<N> {
 
     /// A body that is no form is a file where one is wanted.
     fn only_file(&self, label: &str) -> Result<Label, Problem> {
-        if N == 1 { Ok(Label::File) } else { Err(self.refuse_label(label, &[])) }
+        if self.required == 1 { Ok(Label::File) } else { Err(self.refuse_label(label, &[])) }
     }
 
     /// Accepts the labels that a file may have, right or wrong.
@@ -211,21 +280,6 @@ impl<const N: usize> Wanted<N> {
             if files.is_empty() { "" } else { ", or the file without a type" }
         );
         Problem::new(Kind::UnsupportedMediaType, detail).allowed(&allowed)
-    }
-
-    /// The files, when all of them are there.
-    fn uploads(
-        &self,
-        found: [Option<Vec<u8>>; N],
-        charge: &Arc<Charge>,
-    ) -> Result<[Upload; N], Problem> {
-        for (name, file) in self.files.iter().zip(&found) {
-            if file.is_none() {
-                let kind = if *name == "image" { Kind::ImageMissing } else { Kind::PartMissing };
-                return Err(Problem::new(kind, format!("there is no part '{name}'")).param(*name));
-            }
-        }
-        Ok(found.map(|file| Upload { bytes: file.unwrap_or_default(), charge: Arc::clone(charge) }))
     }
 }
 

@@ -117,9 +117,9 @@ impl fmt::Display for Moment {
 /// The image that a job meshes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Name of the blob with its bytes.
+    /// Name of the blob with its bytes, and those of its weights behind them.
     pub digest: Digest,
-    /// Length of the file in bytes.
+    /// Length of the picture's file in bytes.
     pub bytes: u64,
     /// What its header says.
     pub shape: PictureShape,
@@ -136,12 +136,26 @@ pub struct PictureShape {
     pub components: usize,
     /// Bits per sample.
     pub precision: u8,
+    /// The picture that says how much its points matter, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<KeptWeights>,
+}
+
+/// The weights of a picture: their file follows the picture's in its blob.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeptWeights {
+    /// Length of the file in bytes.
+    pub bytes: u64,
+    /// SHA-256 of the file.
+    pub digest: Digest,
+    /// SHA-256 of the picture's file alone.
+    pub picture_digest: Digest,
 }
 
 impl From<&Header> for PictureShape {
     fn from(header: &Header) -> Self {
         let Header { width, height, component_count: components, precision, .. } = *header;
-        Self { width, height, components, precision }
+        Self { width, height, components, precision, weights: None }
     }
 }
 
@@ -270,6 +284,12 @@ impl Picture {
     #[must_use]
     pub fn new(digest: Digest, bytes: usize, header: &Header) -> Self {
         Self { digest, bytes: bytes as u64, shape: header.into() }
+    }
+
+    /// SHA-256 of the picture's file.
+    #[must_use]
+    pub fn file_digest(&self) -> Digest {
+        self.shape.weights.map_or(self.digest, |weights| weights.picture_digest)
     }
 
     /// One that stands for none, where tests need none.

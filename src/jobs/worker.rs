@@ -8,17 +8,18 @@
 use super::Jobs;
 use super::blobs::Hold;
 use super::queue::{Claim, Finish, Lease, Outcome, Renewal};
-use super::record::{KeptProgression, MeshFigures, Progress};
+use super::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::admission::{Admission, Cost, Slot};
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::{Order, ParameterSet};
+use crate::extract::upload::Weighed;
 use crate::pipeline::{self, Answer};
 use crate::pool::{self, Watch};
 use crate::problem::{Kind, Problem};
 use crate::telemetry;
 use bytes::Bytes;
-use pixmesh_codec::Limits;
+use pixmesh_codec::{Limits, probe_weights};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
@@ -182,17 +183,26 @@ impl Worker {
     ) -> Result<(Outcome, Hold), Problem> {
         let order = stored_order(&claim.order)?;
         let deadline = Instant::now() + self.deadline;
-        let image = self.jobs.blobs.get(claim.picture.digest).await?;
-        let header = order.output.reading(&self.pictures).probe(&image)?;
+        let file = self.jobs.blobs.get(claim.picture.digest).await?;
+        let source = parted(&file, &claim.picture)?;
+        let header = order.output.reading(&self.pictures).probe(&source.image)?;
         let plan = order.plan(&header)?;
         let keeps_progression = order.keeps_progression(&plan);
         let format = if keeps_progression { Format::Progression } else { Format::Model };
         let cost =
-            Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(image.len() as u64);
+            Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(file.len() as u64);
+        let cost = match &source.weights {
+            Some(weights) => {
+                let size = (header.width, header.height);
+                cost.with_weights(&probe_weights(weights, size, &self.pictures)?)
+            }
+            None => cost,
+        };
+        drop(file);
         let ticket = self.admission.admit_to(slot, cost, deadline).await?;
         let limits = self.pictures;
         let answer = pool::run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
-            let made = pipeline::mesh_of_job(image, &order, keeps_progression, &limits, watch)?;
+            let made = pipeline::mesh_of_job(source, &order, keeps_progression, &limits, watch)?;
             Ok(Product::new(made))
         });
         let product = answer.await.map_err(too_slow_for_a_job)?;
@@ -215,6 +225,19 @@ impl Worker {
             }
         }
     }
+}
+
+/// A picture and the weights behind it, if there are any.
+fn parted(file: &Bytes, picture: &Picture) -> Result<Weighed<Bytes>, Problem> {
+    let length = usize::try_from(picture.bytes).unwrap_or(usize::MAX);
+    let Some(weights) = picture.shape.weights else {
+        return Ok(Weighed { image: file.clone(), weights: None });
+    };
+    let rest = file.len().checked_sub(length).filter(|&rest| rest as u64 == weights.bytes);
+    let Some(_) = rest else {
+        return Err(Problem::new(Kind::StorageUnavailable, "the image is not stored as it was"));
+    };
+    Ok(Weighed { image: file.slice(..length), weights: Some(file.slice(length..)) })
 }
 
 /// What a job leaves: its blob, and what is known of it.

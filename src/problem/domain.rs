@@ -1,7 +1,7 @@
 //! From the errors of the other crates to problems: one conversion each.
 
 use super::{Kind, Problem};
-use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError};
+use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, WeightsError};
 use pixmesh_meshing::{Cancelled, GenerateError, ImageError, ParameterError};
 
 impl From<DecodeError> for Problem {
@@ -26,6 +26,18 @@ impl From<DecodeError> for Problem {
             DecodeError::Image(error) => error.into(),
             _ => Self::new(Kind::ImageDecodeFailed, detail),
         }
+    }
+}
+
+impl From<WeightsError> for Problem {
+    fn from(error: WeightsError) -> Self {
+        let detail = error.to_string();
+        let problem = match error {
+            WeightsError::Picture(error) => Self { detail, ..error.into() },
+            WeightsError::ComponentCount(_) => Self::new(Kind::ComponentCount, detail),
+            _ => Self::new(Kind::ShapeMismatch, detail),
+        };
+        problem.param("weights")
     }
 }
 

@@ -7,7 +7,7 @@ use crate::extract::accept::{self, Representation};
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::prefer::Preference;
-use crate::extract::upload::{IMAGE, Upload};
+use crate::extract::upload::{IMAGE, Upload, Weighed};
 use crate::pipeline::{self, Answer};
 use crate::pool;
 use crate::problem::{Kind, Problem};
@@ -16,6 +16,7 @@ use axum::extract::{Request, State};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
+use pixmesh_codec::{Header, Limits, probe_weights};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -46,8 +47,9 @@ async fn make(service: &Service, owner: Owner, request: Request) -> Result<Respo
     if is_long(&head.headers) && !preference.is_for_job() {
         service.admission.refuse_crowd(&owner)?;
     }
-    let receiving = service.intake.receive(&owner, &IMAGE, &head.headers, body, &mut parameters);
-    let [upload] = receiving.await?;
+    let receiving =
+        service.intake.receive_image(&owner, &IMAGE, &head.headers, body, &mut parameters);
+    let upload = receiving.await?;
     let order = parameters.finish()?;
     let representation = accept::choose(order.format, &head.headers)?;
     if preference.is_for_job() {
@@ -69,18 +71,19 @@ fn is_long(headers: &HeaderMap) -> bool {
 async fn run(
     service: &Service,
     owner: &Owner,
-    upload: Upload,
+    upload: Weighed<Upload>,
     order: Order,
     representation: Representation,
 ) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
-    let header = order.output.reading(&service.pictures).probe(&upload.bytes)?;
+    let header = order.output.reading(&service.pictures).probe(&upload.image.bytes)?;
     let plan = order.plan(&header)?;
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format).of_output(
         &header,
         &order.output,
         representation.format,
     );
+    let cost = with_weights(cost, upload.weights.as_ref(), &header, &limits)?;
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, ticket| {
@@ -89,6 +92,18 @@ async fn run(
         Ok((answer, memory))
     })
     .await
+}
+
+/// The cost with that of the weights, which must fit the image.
+pub(super) fn with_weights(
+    cost: Cost,
+    weights: Option<&Upload>,
+    image: &Header,
+    limits: &Limits,
+) -> Result<Cost, Problem> {
+    let Some(weights) = weights else { return Ok(cost) };
+    let header = probe_weights(&weights.bytes, (image.width, image.height), limits)?;
+    Ok(cost.with_weights(&header))
 }
 
 /// The answer with its headers.

@@ -147,8 +147,9 @@ fn create_mesh() -> Operation {
         .summary(Some("An image in, its mesh out"))
         .description(Some(
             "The body is the image itself, with the parameters in the query, or a form with one \
-             part `image` and the parameters as fields or as one JSON part `params`. A parameter \
-             may be given once in all. What the image is, its content decides. With the header \
+             part `image` and the parameters as fields or as one JSON part `params`, and with a \
+             second picture `weights` if some pixels matter more. A parameter may be given once in \
+             all. What the image is, its content decides. With the header \
              Prefer the answer may be a job.",
         ))
         .request_body(Some(image_or_form()))
@@ -207,7 +208,11 @@ fn image_or_form() -> RequestBody {
 
 /// The fields of a form.
 fn form() -> Object {
+    let weights = ObjectBuilder::from(bytes()).description(Some(
+        "A picture of the image's size: how much each pixel matters, black not at all",
+    ));
     let fields = ObjectBuilder::new().property("image", bytes()).required("image");
+    let fields = fields.property("weights", weights);
     let params = TABLE.iter().fold(object(), |object, row| object.property(row.name, values(row)));
     let fields = fields.property("params", params);
     TABLE.iter().fold(fields, |fields, row| fields.property(row.name, values(row))).build()

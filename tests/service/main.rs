@@ -23,3 +23,4 @@ mod server;
 mod sizes;
 mod transport;
 mod uploads;
+mod weights;

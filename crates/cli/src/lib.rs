@@ -51,10 +51,12 @@ pub enum CliError {
         source: pixmesh_codec::ModelError,
     },
     /// The weights do not fit the picture.
-    #[error("{name}: the weights must be a picture of one component and of the same size")]
+    #[error("{name}: {source}")]
     Weights {
         /// The file's name.
         name: String,
+        /// What is wrong with it.
+        source: pixmesh_codec::WeightsError,
     },
     /// The input is not a pmesh, or holds no mesh of the size asked for.
     #[error("{name}: {source}")]

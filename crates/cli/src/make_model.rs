@@ -8,8 +8,8 @@ use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
 use pixmesh_meshing::{
-    GenerateError, Image, Model, OnThreads, Parameters, Progression, Removal, Stage, Unattended,
-    generate, rasterize,
+    GenerateError, Image, Model, OnThreads, ParameterError, Parameters, Progression, Removal,
+    Stage, Unattended, generate, rasterize,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -60,7 +60,7 @@ pub struct MakeModel {
     /// --values fitted or --reconstruction flat
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     progressive: Option<PathBuf>,
-    /// Picture of one component and the same size: how much each point matters, black not at all
+    /// Picture of the same size, gray or in colour: how much each point matters, black not at all
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     weights: Option<PathBuf>,
     /// File to write the picture to that the model gives, as PNG; that of --reconstruction flat
@@ -159,20 +159,14 @@ impl MakeModel {
     fn weigh(&self, image: Image) -> Result<Image, CliError> {
         let Some(file) = &self.weights else { return Ok(image) };
         let bytes = files::read(Some(file))?;
-        let mask = pixmesh_codec::decode(&bytes, &files::LIMITS).map_err(|source| {
-            CliError::Picture { name: files::name(Some(file), "weights"), source }
-        })?;
-        let fits = (mask.width(), mask.height(), mask.component_count())
-            == (image.width(), image.height(), 1);
-        if !fits {
-            return Err(CliError::Weights { name: files::name(Some(file), "weights") });
-        }
-        let largest = u32::from(mask.max_sample());
-        let scaled = |&sample: &u16| ((u32::from(sample) * 255 + largest / 2) / largest) as u8;
-        let weights = mask.components()[0].iter().map(scaled).collect();
-        image
+        let name = || files::name(Some(file), "weights");
+        let weights =
+            pixmesh_codec::read_weights(&bytes, (image.width(), image.height()), &files::LIMITS)
+                .map_err(|source| CliError::Weights { name: name(), source })?;
+        Ok(image
             .with_weights(weights)
-            .map_err(|_| CliError::Weights { name: files::name(Some(file), "weights") })
+            .map_err(ParameterError::from)
+            .map_err(GenerateError::from)?)
     }
 
     /// Writes the mesh in the compact forms asked for.

@@ -18,6 +18,7 @@
 //!
 //! [`DecodeOptions`] say what becomes of alpha and of files that end early, [`Geometry`] how a mesh
 //! lies in space: flat, as a relief of its luma or of a component, or as a solid on a base.
+//! [`read_weights`] reads how much each point of a picture matters, which is a picture itself.
 //!
 //! Rows of a file come from the top, those of an [`Image`](pixmesh_meshing::Image) from the bottom:
 //! decoders and encoders flip once, at this border.
@@ -70,6 +71,7 @@ mod surface;
 mod svg;
 mod tiff;
 mod webp;
+mod weights;
 
 pub use alpha::Alpha;
 pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
@@ -93,3 +95,4 @@ pub use pnm::write_pnm;
 pub use stl::write_stl;
 pub use surface::{Geometry, Relief, ReliefHeight};
 pub use svg::write_svg;
+pub use weights::{WeightsError, probe_weights, read_weights};

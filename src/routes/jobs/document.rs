@@ -78,7 +78,10 @@ fn image(picture: &Picture) -> Value {
         "components": picture.shape.components,
         "precision": picture.shape.precision,
         "bytes": picture.bytes,
-        "sha256": picture.digest.to_string(),
+        "sha256": picture.file_digest(),
+        "weights": picture.shape.weights.map(|weights| {
+            json!({ "bytes": weights.bytes, "sha256": weights.digest })
+        }),
     })
 }
 

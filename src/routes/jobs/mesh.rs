@@ -248,7 +248,7 @@ impl Finished<'_> {
 
     /// The shape of the image.
     fn shape(&self) -> Shape {
-        let PictureShape { width, height, components, precision } = self.record.picture.shape;
+        let PictureShape { width, height, components, precision, .. } = self.record.picture.shape;
         Shape { width, height, component_count: components, precision }
     }
 }

@@ -9,11 +9,14 @@ use crate::extract::idempotency;
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::prefer::Preference;
-use crate::extract::upload::{IMAGE_OF_JOB, Upload};
+use crate::extract::upload::{IMAGE_OF_JOB, Upload, Weighed};
 use crate::jobs::queue::{Lookup, Submitted};
-use crate::jobs::record::{JobId, NewJob, Picture, Record, State as JobState};
+use crate::jobs::record::{
+    JobId, KeptWeights, NewJob, Picture, PictureShape, Record, State as JobState,
+};
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
+use crate::routes::meshes::with_weights;
 use crate::telemetry;
 use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
@@ -51,8 +54,8 @@ async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Res
     let (head, body) = request.into_parts();
     let mut parameters = ParameterSet::of_query(head.uri.query())?;
     let receiving =
-        service.intake.receive(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
-    let [upload] = receiving.await?;
+        service.intake.receive_image(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
+    let upload = receiving.await?;
     let order = parameters.finish()?;
     let submission = submit(service, owner, &head.headers, upload, &order).await?;
     Ok(submission.accepted())
@@ -66,7 +69,7 @@ pub(in crate::routes) async fn prefer(
     service: &Service,
     owner: Owner,
     headers: &HeaderMap,
-    upload: Upload,
+    upload: Weighed<Upload>,
     order: &Order,
     preference: Preference,
 ) -> Result<Response, Problem> {
@@ -142,19 +145,21 @@ async fn submit(
     service: &Service,
     owner: Owner,
     headers: &HeaderMap,
-    upload: Upload,
+    upload: Weighed<Upload>,
     order: &Order,
 ) -> Result<Submission, Problem> {
     let idempotency_key = idempotency::key_of(headers)?;
-    let header = order.output.reading(&service.pictures).probe(&upload.bytes)?;
+    let header = order.output.reading(&service.pictures).probe(&upload.image.bytes)?;
     let plan = order.plan(&header)?;
     let format = if order.keeps_progression(&plan) { Format::Progression } else { Format::Model };
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
-        .with_file(upload.bytes.len() as u64);
+        .with_file(upload.image.bytes.len() as u64);
+    let cost = with_weights(cost, upload.weights.as_ref(), &header, &service.pictures)?;
     service.admission.refuse_too_large(cost)?;
-    let image = Bytes::from_owner(upload);
-    let (digest, image) = digest_of(image).await?;
-    let picture = Picture::new(digest, image.len(), &header);
+    let length = upload.image.bytes.len() as u64;
+    let Packed { digest, file: image, weights } = packed(upload).await?;
+    let shape = PictureShape { weights, ..PictureShape::from(&header) };
+    let picture = Picture { digest, bytes: length, shape };
     let job = NewJob { id: JobId::new(), owner, order: order.query(), picture, idempotency_key };
     match service.jobs.submit(job, image).await? {
         Submitted::Created(record) => {
@@ -169,10 +174,31 @@ async fn submit(
     }
 }
 
-/// The digest of an image of any size, which takes its time.
-async fn digest_of(image: Bytes) -> Result<(Digest, Bytes), Problem> {
-    let digested = spawn_blocking(move || (Digest::of(&image), image)).await;
-    digested.map_err(|error| internal("an image could not be digested", &error))
+/// The blob that a job starts from: the image, and its weights behind it.
+struct Packed {
+    digest: Digest,
+    file: Bytes,
+    weights: Option<KeptWeights>,
+}
+
+/// Packs an upload of any size, whose digests take their time.
+async fn packed(upload: Weighed<Upload>) -> Result<Packed, Problem> {
+    let pack = || {
+        let Weighed { mut image, weights } = upload;
+        let kept = weights.as_ref().map(|weights| KeptWeights {
+            bytes: weights.bytes.len() as u64,
+            digest: Digest::of(&weights.bytes),
+            picture_digest: Digest::of(&image.bytes),
+        });
+        if let Some(weights) = weights {
+            image.append(&weights)?;
+        }
+        let file = Bytes::from_owner(image);
+        Ok(Packed { digest: Digest::of(&file), file, weights: kept })
+    };
+    spawn_blocking(pack)
+        .await
+        .map_err(|error| internal("an image could not be digested", &error))?
 }
 
 fn key_reused() -> Problem {

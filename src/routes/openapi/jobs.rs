@@ -114,9 +114,10 @@ fn image_form_or_json() -> RequestBody {
     let params = TABLE
         .iter()
         .fold(ObjectBuilder::new(), |object, row| object.property(row.name, super::values(row)));
-    let base64 = ObjectBuilder::new().schema_type(Type::String).content_encoding("base64");
+    let base64 = || ObjectBuilder::new().schema_type(Type::String).content_encoding("base64");
     let json = ObjectBuilder::new()
-        .property("image", base64)
+        .property("image", base64())
+        .property("weights", base64())
         .required("image")
         .property("params", params)
         .build();
@@ -359,6 +360,7 @@ fn job() -> Value {
                 "properties": {
                     "width": count, "height": count, "components": count, "precision": count,
                     "bytes": count, "sha256": digest,
+                    "weights": object_or_null(&json!({ "bytes": count, "sha256": digest })),
                 },
             },
             "progress": progress(),

@@ -1,0 +1,137 @@
+//! Weights: how much each point of a picture matters, as another picture says.
+//!
+//! White matters most, black not at all; of a picture in colour the luma counts, as it does of the
+//! pictures that painting programs and browsers write of a gray drawing, and alpha is left out.
+
+use crate::alpha::Alpha;
+use crate::decode::DecodeOptions;
+use crate::error::DecodeError;
+use crate::header::Header;
+use crate::limits::Limits;
+use pixmesh_meshing::Image;
+use thiserror::Error;
+
+/// Why a picture gives no weights.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WeightsError {
+    /// It cannot be decoded.
+    #[error("the weights: {0}")]
+    Picture(#[from] DecodeError),
+    /// It is of another size than the picture whose points it weighs.
+    #[error(
+        "the weights are a picture of {}x{}, but that of the picture to weigh is {}x{}",
+        actual.0, actual.1, expected.0, expected.1
+    )]
+    Size {
+        /// Its columns and rows.
+        actual: (usize, usize),
+        /// Those of the other.
+        expected: (usize, usize),
+    },
+    /// It is neither gray nor in colour.
+    #[error("the weights are a picture of {0} components, but must have 1 (gray) or 3 (colour)")]
+    ComponentCount(usize),
+}
+
+/// Reads the header of the weights of a picture of so many columns and rows.
+///
+/// # Errors
+/// As [`read_weights`], but for broken pixels.
+pub fn probe_weights(
+    bytes: &[u8],
+    expected: (usize, usize),
+    limits: &Limits,
+) -> Result<Header, WeightsError> {
+    let header = reading(limits).probe(bytes)?;
+    check((header.width, header.height), header.component_count, expected)?;
+    Ok(header)
+}
+
+/// Reads the weights of a picture of so many columns and rows, from 0 to 255, as
+/// [`Image::with_weights`] takes them.
+///
+/// # Errors
+/// When the bytes are no picture, or one of another size or of neither 1 nor 3 components.
+pub fn read_weights(
+    bytes: &[u8],
+    expected: (usize, usize),
+    limits: &Limits,
+) -> Result<Vec<u8>, WeightsError> {
+    let picture = reading(limits).decode(bytes)?;
+    let size = (picture.width(), picture.height());
+    check(size, picture.component_count(), expected)?;
+    Ok(weights_of(&picture))
+}
+
+fn reading(limits: &Limits) -> DecodeOptions {
+    DecodeOptions { limits: *limits, alpha: Alpha::Drop, ..DecodeOptions::default() }
+}
+
+fn check(
+    actual: (usize, usize),
+    component_count: usize,
+    expected: (usize, usize),
+) -> Result<(), WeightsError> {
+    if actual != expected {
+        return Err(WeightsError::Size { actual, expected });
+    }
+    match component_count {
+        1 | 3 => Ok(()),
+        other => Err(WeightsError::ComponentCount(other)),
+    }
+}
+
+/// The luma of each point in thousandths of its samples' sum of weights, as 8 bits, to the nearest.
+fn weights_of(picture: &Image) -> Vec<u8> {
+    let largest = u64::from(picture.max_sample());
+    let scaled = |thousandths: u64| {
+        let most = 1000 * largest;
+        ((255 * thousandths + most / 2) / most) as u8
+    };
+    match picture.components() {
+        [red, green, blue] => {
+            let colours = red.iter().zip(green).zip(blue);
+            let luma =
+                |((&r, &g), &b)| 299 * u64::from(r) + 587 * u64::from(g) + 114 * u64::from(b);
+            colours.map(luma).map(scaled).collect()
+        }
+        components => components[0].iter().map(|&gray| scaled(1000 * u64::from(gray))).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &[u8], expected: (usize, usize)) -> Result<Vec<u8>, WeightsError> {
+        let limits = Limits::default();
+        assert_eq!(
+            probe_weights(text, expected, &limits).is_ok(),
+            read_weights(text, expected, &limits).is_ok()
+        );
+        read_weights(text, expected, &limits)
+    }
+
+    #[test]
+    fn gray_of_any_depth_and_colours_without_alpha_become_weights_of_8_bits() {
+        assert_eq!(
+            read(b"P2\n3 2\n15\n0 7 15 1 2 3\n", (3, 2)).unwrap(),
+            [17, 34, 51, 0, 119, 255]
+        );
+        assert_eq!(read(b"P1\n2 2\n0 1 1 0\n", (2, 2)).unwrap(), [0, 255, 255, 0]);
+        let colour = b"P3\n2 2\n255\n255 255 255 255 0 0 0 255 0 0 0 255\n";
+        assert_eq!(read(colour, (2, 2)).unwrap(), [150, 29, 255, 76]);
+        let alpha = b"P7\nWIDTH 2\nHEIGHT 2\nDEPTH 2\nMAXVAL 255\nTUPLTYPE GRAYSCALE_ALPHA\nENDHDR\nabcdefgh";
+        assert_eq!(read(alpha, (2, 2)).unwrap(), *b"egac");
+    }
+
+    #[test]
+    fn other_pictures_are_refused_and_told_why() {
+        let of = |text: &[u8], expected| read(text, expected).unwrap_err().to_string();
+        assert!(of(b"P2\n3 2\n15\n0 7 15 1 2 3\n", (2, 3)).contains("3x2"));
+        assert!(of(b"nothing", (2, 3)).starts_with("the weights: "));
+        let many = b"P7\nWIDTH 2\nHEIGHT 2\nDEPTH 5\nMAXVAL 255\nENDHDR\nabcdefghijklmnopqrst";
+        assert!(of(many, (2, 2)).contains("components"));
+    }
+}
