@@ -9,6 +9,7 @@
 mod descriptors;
 mod framing;
 mod listener;
+mod preface;
 mod stream;
 mod unreadable;
 

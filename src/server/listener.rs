@@ -1,8 +1,9 @@
 //! Accepts connections up to a number, and serves HTTP/1.1 on each with timeouts.
 //!
-//! HTTP/2 is not spoken: a connection that begins with its preface is closed. A connection whose
-//! request header does not arrive in time is closed, also an idle one. What comes over the number
-//! of connections is told 503 and closed; when many are being told so, the rest is closed untold.
+//! HTTP/2 is not spoken: a connection that begins with its preface is told 400 and closed. A
+//! connection whose request header does not arrive in time is closed, also an idle one. What comes
+//! over the number of connections is told 503 and closed; when many are being told so, the rest is
+//! closed untold.
 //!
 //! A client that goes away while its request is worked on is noticed when its end of the connection
 //! is read, and its work is stopped. That is not promised to one that sends bytes of a further

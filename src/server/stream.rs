@@ -11,6 +11,7 @@
 //! time that an answer takes in all.
 
 use super::framing::Framing;
+use super::preface::Preface;
 use super::unreadable;
 use std::future::Future;
 use std::io::{self, ErrorKind};
@@ -31,6 +32,7 @@ pub(super) struct Stream {
     /// Taken when dropped.
     socket: Option<TcpStream>,
     framing: Framing,
+    preface: Preface,
     stall_timeout: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
     /// What is being sent in place of bytes of the HTTP library.
@@ -54,8 +56,15 @@ impl Stream {
         framing: Framing,
         place: OwnedSemaphorePermit,
     ) -> Self {
-        let place = Some(place);
-        Self { socket: Some(socket), framing, stall_timeout, stalled: None, replaced: None, place }
+        Self {
+            socket: Some(socket),
+            framing,
+            preface: Preface::default(),
+            stall_timeout,
+            stalled: None,
+            replaced: None,
+            place: Some(place),
+        }
     }
 
     fn socket(&mut self) -> io::Result<Pin<&mut TcpStream>> {
@@ -114,7 +123,9 @@ impl AsyncRead for Stream {
     ) -> Poll<io::Result<()>> {
         let before = buffer.filled().len();
         ready!(self.socket()?.poll_read(context, buffer))?;
-        self.framing.see(&buffer.filled()[before..]);
+        let arrived = buffer.filled_mut().get_mut(before..).unwrap_or_default();
+        self.preface.see(arrived);
+        self.framing.see(arrived);
         Poll::Ready(Ok(()))
     }
 }
