@@ -22,6 +22,12 @@ impl Digest {
         Self(Sha256::digest(bytes).into())
     }
 
+    /// That of bytes that come piece by piece.
+    #[must_use]
+    pub fn of_pieces(hash: Sha256) -> Self {
+        Self(hash.finalize().into())
+    }
+
     /// That of several texts, none of which can run into the next.
     #[must_use]
     pub fn of_texts(texts: &[&str]) -> Self {

@@ -137,6 +137,9 @@ impl From<QueueError> for Problem {
                 Self::new(Kind::StorageUnavailable, "jobs can be neither stored nor read now")
                     .setting("--data-dir")
             }
+            QueueError::Damaged(_) => {
+                Self::new(Kind::StorageDamaged, "what was stored of this job is damaged")
+            }
         }
     }
 }

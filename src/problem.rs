@@ -97,6 +97,7 @@ problems! {
     TooManyJobs = TOO_MANY_REQUESTS "too-many-jobs" "As many jobs wait as one client may have";
     HeadersTooLarge = REQUEST_HEADER_FIELDS_TOO_LARGE "headers-too-large" "The request's header is too large";
     Internal = INTERNAL_SERVER_ERROR "internal" "The service failed";
+    StorageDamaged = INTERNAL_SERVER_ERROR "storage-damaged" "What was stored is damaged";
     AttemptsExhausted = INTERNAL_SERVER_ERROR "attempts-exhausted" "The job's worker ended in each attempt";
     Overloaded = SERVICE_UNAVAILABLE "overloaded" "The service is busy";
     DeadlineExceeded = SERVICE_UNAVAILABLE "deadline-exceeded" "The work took too long";

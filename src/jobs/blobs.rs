@@ -2,7 +2,10 @@
 //!
 //! A blob is written to a staged file, synced, and renamed, so that one that is there is whole and
 //! on stable storage. Several jobs may have the same one. Whoever stores a blob keeps a [`Hold`]
-//! until a job has it: only when there are no holds are blobs that no job has deleted.
+//! until a job has it: only when there are no holds are blobs that no job has deleted. What is read
+//! is what was stored, or it is refused as damaged.
+
+mod verified;
 
 use super::queue::QueueError;
 use crate::digest::Digest;
@@ -62,7 +65,7 @@ impl Blobs {
     /// When the storage is full or fails.
     pub async fn put(&self, _: &Hold, digest: Digest, bytes: Bytes) -> Result<(), QueueError> {
         let place = place(digest);
-        if self.store.head(&place).await.is_ok() {
+        if verified::is_same(&*self.store, &place, &bytes).await {
             return Ok(());
         }
         self.store.put(&place, bytes.into()).await.map(|_| ()).map_err(|error| failure(&error))
@@ -74,7 +77,8 @@ impl Blobs {
     /// When it is not there, or the storage fails.
     pub async fn get(&self, digest: Digest) -> Result<Bytes, QueueError> {
         let found = self.store.get(&place(digest)).await.map_err(|error| failure(&error))?;
-        found.bytes().await.map_err(|error| failure(&error))
+        let bytes = found.bytes().await.map_err(|error| failure(&error))?;
+        verified::whole(digest, bytes).await
     }
 
     /// A part of a blob at once.
@@ -95,6 +99,7 @@ impl Blobs {
         digest: Digest,
         range: Range<u64>,
     ) -> Result<BoxStream<'static, io::Result<Bytes>>, QueueError> {
+        verified::stored(&*self.store, &place(digest), digest).await?;
         let options = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
         let found = self.store.get_opts(&place(digest), options).await;
         let found = found.map_err(|error| failure(&error))?;

@@ -42,6 +42,9 @@ pub enum QueueError {
     /// The storage fails.
     #[error("the storage fails: {0}")]
     Storage(String),
+    /// The storage works, but what it kept is not what was given to it.
+    #[error("what was stored is damaged: {0}")]
+    Damaged(String),
 }
 
 /// What became of a submission.

@@ -13,7 +13,7 @@ use std::time::Duration;
 /// A job that waits, as far as the choice needs it.
 struct Waiting {
     id: JobId,
-    attempt: u32,
+    attempt: Result<u32>,
 }
 
 /// Gives the next job to a worker, and counts the attempt.
@@ -31,7 +31,14 @@ pub(super) fn claim(
         let running: usize = loads.iter().map(|load| load.running).sum();
         let Some(next) = next_owner(&loads, caps) else { return Ok(None) };
         let waiting = oldest(write, next)?;
-        let is_last = waiting.attempt + 1 >= MAX_ATTEMPTS;
+        let attempt = match waiting.attempt {
+            Ok(attempt) => attempt,
+            Err(error) => {
+                set_aside(write, waiting.id, &error, ttl)?;
+                continue;
+            }
+        };
+        let is_last = attempt.saturating_add(1) >= MAX_ATTEMPTS;
         if running > 0 && (is_last || last_attempt_runs(write)?) {
             return Ok(None);
         }
@@ -70,7 +77,7 @@ fn oldest(write: &Write<'_>, load: &OwnerLoad) -> Result<Waiting> {
              ORDER BY id LIMIT 1",
         )?
         .query_row([load.owner.as_str()], |row| {
-            Ok(Waiting { id: row::id(row, "id")?, attempt: row.get("attempt")? })
+            Ok(Waiting { id: row::id(row, "id")?, attempt: row.get("attempt") })
         })
 }
 
@@ -117,7 +124,7 @@ fn set_aside(
     ttl: Duration,
 ) -> Result<()> {
     tracing::error!(job = %id, %error, "a job's record cannot be read");
-    let problem = Problem::new(Kind::Internal, "the record of the job is damaged");
+    let problem = Problem::new(Kind::StorageDamaged, "the record of the job is damaged");
     let outcome = Outcome::Failed(problem.value());
     finish::end(write, id, &outcome, ttl)
 }

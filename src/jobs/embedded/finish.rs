@@ -143,7 +143,8 @@ pub(super) fn cancel(
              FROM jobs WHERE id = ?1 AND owner = ?2",
         )?
         .query_row(params![id.as_bytes(), owner.as_str(), Moment::now().0], |row: &Row<'_>| {
-            Ok((row::state(row)?, row.get::<_, bool>(1)?))
+            // One in no known state can at least be deleted.
+            Ok((row::state(row).unwrap_or(State::Failed), row.get::<_, bool>(1)?))
         })
         .optional()?;
     Ok(match found {

@@ -5,7 +5,7 @@ use super::row;
 use super::watchers::Changes;
 use super::writer::Write;
 use crate::digest::Digest;
-use crate::jobs::queue::{Swept, Terms};
+use crate::jobs::queue::{MAX_ATTEMPTS, Swept, Terms};
 use crate::jobs::record::{JobId, Moment, State};
 use rusqlite::{Connection, Result, Row, params};
 use std::time::Duration;
@@ -59,8 +59,9 @@ fn held(write: &Write<'_>, lease_end_ms: i64, limit: i64) -> Result<Vec<Held>> {
     let held = |row: &Row<'_>| {
         Ok(Held {
             id: row::id(row, "id")?,
-            attempt: row.get("attempt")?,
-            cancel_requested: row.get("cancel_requested")?,
+            // A job whose attempts cannot be counted gets no further one.
+            attempt: row.get("attempt").unwrap_or(MAX_ATTEMPTS),
+            cancel_requested: row.get("cancel_requested").unwrap_or(false),
         })
     };
     statement.query_map(params![lease_end_ms, limit], held)?.collect()

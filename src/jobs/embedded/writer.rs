@@ -138,8 +138,17 @@ fn carry_out(
 
 /// What a failure of the database means.
 pub(super) fn failure(error: &rusqlite::Error) -> QueueError {
-    match error.sqlite_error_code() {
-        Some(ErrorCode::DiskFull) => QueueError::StorageFull(error.to_string()),
+    use rusqlite::Error as E;
+    match (error.sqlite_error_code(), error) {
+        (Some(ErrorCode::DiskFull), _) => QueueError::StorageFull(error.to_string()),
+        (Some(ErrorCode::DatabaseCorrupt), _)
+        | (
+            _,
+            E::InvalidColumnType(..)
+            | E::IntegralValueOutOfRange(..)
+            | E::FromSqlConversionFailure(..)
+            | E::Utf8Error(..),
+        ) => QueueError::Damaged(error.to_string()),
         _ => QueueError::Storage(error.to_string()),
     }
 }
