@@ -19,6 +19,7 @@ use crate::problem::{Kind, Problem, internal};
 use axum::body::Body;
 use axum::http::HeaderMap;
 use axum::http::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
+use http_body::Body as _;
 use http_body_util::BodyExt;
 use meter::Metered;
 use std::error::Error;
@@ -298,11 +299,19 @@ fn refuse_encoded(headers: &HeaderMap) -> Result<(), Problem> {
     Err(Problem::new(Kind::UnsupportedEncoding, detail).allowed(&["identity"]))
 }
 
-/// The whole of a body.
+/// How much of a body must have come before there is room made for all that it announces.
+const TRUSTED_AFTER: usize = 256 * 1024;
+
+/// The whole of a body, which is copied as it grows, but a large one only once.
 async fn collect(mut body: Metered) -> Result<Vec<u8>, Problem> {
+    let announced = usize::try_from(body.size_hint().lower()).unwrap_or_default();
     let mut bytes = Vec::new();
     while let Some(frame) = body.frame().await {
         let frame = frame.map_err(|error| refusal_in(&*error).unwrap_or_else(broken_off))?;
+        if bytes.len() >= TRUSTED_AFTER {
+            // Without so much room at once it grows as it can.
+            let _ = bytes.try_reserve_exact(announced.saturating_sub(bytes.len()));
+        }
         bytes.extend_from_slice(frame.data_ref().map_or(&[], |data| data));
     }
     Ok(bytes)
