@@ -178,9 +178,19 @@ impl Server {
 
     /// A line of `/proc/<pid>/status` in KiB, such as `VmRSS` or `VmHWM`.
     pub(crate) fn memory_kib(&self, name: &str) -> u64 {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", self.process_id())).unwrap();
         let line = status.lines().find(|line| line.starts_with(name)).unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
+    }
+
+    pub(crate) fn process_id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Begins a new peak of memory, and says whether the system does that.
+    pub(crate) fn forget_peak(&self) -> bool {
+        std::fs::write(format!("/proc/{}/clear_refs", self.process_id()), "5").is_ok()
     }
 
     pub(crate) fn log(&self) -> String {

@@ -1,0 +1,36 @@
+//! Pictures of a few pixels and few grays, where many removals cost the same, against trying every
+//! point at every step.
+
+use super::input::Input;
+use super::twin::removal;
+use super::twin::triangulation::{triangles_of, triangulate};
+use pixmesh_meshing::{Image, Method, Parameters, Target, Unattended, generate, sample_points};
+
+/// The most columns and rows.
+const MOST: usize = 6;
+
+/// Makes the mesh of a picture, and the one of the twin.
+pub fn run(bytes: &[u8]) {
+    let mut input = Input(bytes);
+    let (width, height) = (input.between(2, MOST), input.between(2, MOST));
+    let (grays, size) = (input.between(1, 4) as u16, input.between(4, width * height));
+    let bad_point_removal = input.byte() % 2 == 1;
+    let samples = (0..width * height).map(|_| u16::from(input.byte()) % (grays + 1) * 50).collect();
+    let image = Image::new(width, height, 8, vec![samples]).expect("a picture of few grays");
+    for method in [Method::Mgpr, Method::Mgprfs] {
+        let own = method.parameters(Target::Size(size));
+        check(&image, &Parameters { bad_point_removal, ..own });
+    }
+}
+
+fn check(image: &Image, parameters: &Parameters) {
+    let made = generate(image, parameters, &Unattended).expect("a size that fits");
+    let initial = sample_points(image, parameters, made.plan.initial_size, &Unattended);
+    let initial = initial.expect("nobody cancels");
+    let is_trimmed = made.plan.initial_size > made.plan.size || parameters.bad_point_removal;
+    let expected =
+        if is_trimmed { removal::simplify(image, initial, made.plan, parameters) } else { initial };
+    assert_eq!(made.mesh.points(), expected, "{parameters:?}");
+    let faces = triangles_of(made.mesh.points(), made.mesh.faces());
+    assert_eq!(faces, triangulate(&expected));
+}

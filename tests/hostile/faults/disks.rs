@@ -1,0 +1,190 @@
+//! Disks.
+
+use super::wait_long_for;
+use crate::client::Answer;
+use crate::pictures::{disc, noise};
+use crate::samples::skip;
+use crate::server::{Folder, Server, program};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+/// Runs what is given in a file system of its own of so many KiB, mounted at the folder.
+fn in_file_system(kib: usize, folder: &Folder) -> Command {
+    std::fs::create_dir_all(folder.path()).unwrap();
+    let mut command = Command::new("unshare");
+    for (name, _) in std::env::vars_os() {
+        if name.to_string_lossy().starts_with("PIXMESH_") {
+            command.env_remove(name);
+        }
+    }
+    let script =
+        format!("mount -t tmpfs -o size={kib}k,mode=0777 tmpfs \"$FOLDER\" && exec \"$0\" \"$@\"");
+    command.args(["--user", "--map-root-user", "--mount", "sh", "-c", &script]);
+    command.env("FOLDER", folder.path());
+    command
+}
+
+/// Whether this machine lets a test have a file system of its own.
+fn has_file_systems() -> bool {
+    let folder = Folder::new();
+    let tried = in_file_system(64, &folder).arg("true").output();
+    let works = tried.is_ok_and(|output| output.status.success());
+    if !works {
+        println!("skipped: no file system can be mounted for a test here");
+    }
+    works
+}
+
+/// A service on a file system of its own.
+fn start_on(kib: usize, folder: &Arc<Folder>) -> Server {
+    let mut command = in_file_system(kib, folder);
+    command.arg(program().get_program());
+    Server::start_as(command, &["--workers", "1"], Arc::clone(folder))
+}
+
+/// Mounts the file system of a running service anew with other options.
+fn remount(server: &Server, folder: &Folder, options: &str) {
+    let target = server.process_id().to_string();
+    let mut command = Command::new("nsenter");
+    command.args(["--target", &target, "--user", "--mount", "--preserve-credentials"]);
+    command.args(["mount", "-o", &format!("remount,{options}")]).arg(folder.path());
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Submits until the storage takes no more, and returns the jobs that it took.
+fn fill(server: &Server, image: &[u8]) -> (Vec<String>, Answer) {
+    let (mut image, mut accepted) = (image.to_vec(), Vec::new());
+    loop {
+        // Each is another picture, so that each is written.
+        let last = image.len() - 1;
+        image[last] = image[last].wrapping_add(1);
+        let answer = server.submit("method=med&size=20", &[], &image);
+        if answer.status != 202 {
+            return (accepted, answer);
+        }
+        accepted.push(answer.header("location").to_owned());
+        assert!(accepted.len() < 500, "it never fills up");
+    }
+}
+
+#[test]
+fn a_disk_that_fills_up_is_told_and_used_again_when_there_is_room() {
+    if !has_file_systems() {
+        return skip("a full disk could not be made");
+    }
+    let folder = Arc::default();
+    let server = start_on(3000, &folder);
+    let (large, small) = (noise(400), disc(30, 30, 1));
+    let (mut accepted, refused) = fill(&server, &large);
+    assert!([503, 507].contains(&refused.status), "{}", refused.text());
+    let (more, refused) = fill(&server, &noise(40));
+    assert!([503, 507].contains(&refused.status), "{}", refused.text());
+    accepted.extend(more);
+    assert_eq!(server.operate("/livez").status, 200);
+    assert_eq!(server.mesh("", &[], &small).status, 200, "requests need no storage");
+    let listed = server.get("/v1/jobs?limit=100");
+    assert!([200, 503].contains(&listed.status), "{}", listed.text());
+    remount(&server, &folder, "size=60m");
+    server.wait_until("it is ready again", || server.operate("/readyz").status == 200);
+    for job in &accepted {
+        wait_long_for(&server, job, "completed");
+        assert_eq!(server.get(&format!("{job}/mesh")).status, 200);
+    }
+    let next = server.job("size=20", &small);
+    wait_long_for(&server, &next, "completed");
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_to_stops_the_start_with_a_reason() {
+    if !has_file_systems() {
+        return skip("a read-only disk could not be made");
+    }
+    let folder = Folder::new();
+    let mut command = in_file_system(4000, &folder);
+    let read_only = "mount -o remount,ro \"$FOLDER\" && exec \"$0\" \"$@\"";
+    command.args(["sh", "-c", read_only]).arg(program().get_program());
+    command.args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"]);
+    let output = command.arg("--data-dir").arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && message.contains("--data-dir"), "{message}");
+    assert!(message.contains("ead-only") && !message.contains("panicked"), "{message}");
+}
+
+/// The file of each blob in a folder.
+fn blobs(folder: &Folder) -> Vec<PathBuf> {
+    let read = |path: &Path| std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
+    read(&folder.path().join("blobs")).flat_map(|shelf| read(&shelf).collect::<Vec<_>>()).collect()
+}
+
+/// Flips a bit in the middle of each of the files.
+fn damage(files: &[PathBuf]) {
+    for file in files {
+        let mut bytes = std::fs::read(file).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(file, bytes).unwrap();
+    }
+}
+
+#[test]
+fn a_mesh_that_the_disk_has_changed_is_never_sent() {
+    let folder: Arc<Folder> = Arc::default();
+    let server = Server::start_in(&folder, &["--workers", "1"]);
+    let image = disc(60, 50, 3);
+    let job = server.job("size=100", &image);
+    server.wait_for(&job, "completed");
+    let whole = server.get(&format!("{job}/mesh"));
+    assert_eq!(whole.status, 200);
+    server.wait_until("only the mesh is left", || {
+        blobs(&folder).len() == 1 || blobs(&folder).len() == 2
+    });
+    damage(&blobs(&folder));
+    for format in ["model", "glb", "png"] {
+        server.get(&format!("{job}/mesh?format={format}")).problem(500, "storage-damaged");
+    }
+    assert_eq!(server.get(&job).status, 200, "the rest of the job is there");
+    // Made once more, it is stored once more.
+    let again = server.job("size=100", &image);
+    server.wait_for(&again, "completed");
+    for path in [&again, &job] {
+        assert!(server.get(&format!("{path}/mesh")).body == whole.body);
+    }
+}
+
+#[test]
+fn an_image_that_the_disk_has_changed_is_never_meshed() {
+    let folder: Arc<Folder> = Arc::default();
+    let mut server = Server::start_in(&folder, &["--workers", "1"]);
+    let holding = server.job(super::SLOW, &noise(900));
+    server.wait_for(&holding, "running");
+    let waiting = server.job("size=20", &noise(50));
+    server.kill();
+    damage(&blobs(&folder));
+    let server = Server::start_in(&folder, &["--workers", "1"]);
+    for job in [&holding, &waiting] {
+        let document = server.wait_for(job, "failed");
+        assert_eq!(document["error"]["type"], "/problems/storage-damaged", "{document}");
+    }
+    let again = server.job("size=20", &noise(50));
+    server.wait_for(&again, "completed");
+}
+
+#[test]
+fn a_database_that_is_none_stops_the_start_with_a_reason() {
+    let folder: Arc<Folder> = Arc::default();
+    let mut server = Server::start_in(&folder, &[]);
+    let job = server.job("size=20", &disc(30, 30, 1));
+    server.wait_for(&job, "completed");
+    server.kill();
+    for name in ["jobs.sqlite3", "jobs.sqlite3-wal"] {
+        let _ = std::fs::write(folder.path().join(name), vec![0xA5; 8192]);
+    }
+    let mut command = program();
+    command.args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"]);
+    let output = command.arg("--data-dir").arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && message.contains("jobs.sqlite3"), "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+}
