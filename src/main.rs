@@ -1,8 +1,9 @@
-//! The program `pixmesh`: `serve`, `health`, `doctor`, `config`, `key` and `openapi`.
+//! The program `pixmesh`: `serve`, `health`, `doctor`, `config`, `key`, `openapi` and `monitoring`.
 
 use clap::{Parser, Subcommand};
 use pixmesh::access::{NewKey, issue};
 use pixmesh::config::{self, HealthSettings, Settings};
+use pixmesh::monitoring::Monitor;
 use pixmesh::{doctor, health, routes, server};
 use std::error::Error;
 use std::io::{self, Write};
@@ -35,6 +36,9 @@ enum Command {
     Key(KeyCommand),
     /// Prints the interface as an OpenAPI document.
     Openapi,
+    /// Prints what watches the service.
+    #[command(subcommand)]
+    Monitoring(Monitor),
 }
 
 #[derive(Subcommand)]
@@ -61,6 +65,7 @@ fn run(command: Command) -> Result<(), Box<dyn Error>> {
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
         Command::Doctor(settings) => doctor::examine(&settings)?,
         Command::Key(KeyCommand::New(order)) => issue(&order)?,
+        Command::Monitoring(monitor) => write!(io::stdout(), "{}", monitor.text())?,
         Command::Openapi => write!(io::stdout(), "{}", routes::openapi::document_text())?,
     }
     Ok(())

@@ -1,9 +1,10 @@
-//! The log, and every metric by name.
+//! The log, and what is counted under the [names] of the metrics.
 //!
 //! Metrics are in base units, and their names begin with `pixmesh_`, but for the usual `process_`. A label never holds what a
 //! client sent: a route is one of the route table or `UNKNOWN`, a method one of HTTP's or `OTHER`.
 
 mod log;
+pub mod names;
 #[cfg(feature = "otlp")]
 mod otlp;
 
@@ -13,32 +14,11 @@ use crate::jobs::queue::Stats;
 use crate::jobs::record::State;
 use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
+use names::*;
 use std::time::Duration;
 
 /// The route label of a request that matches none.
 pub const UNKNOWN_ROUTE: &str = "UNKNOWN";
-
-const HTTP_REQUESTS: &str = "pixmesh_http_requests_total";
-const HTTP_DURATION: &str = "pixmesh_http_request_duration_seconds";
-const STAGE_DURATION: &str = "pixmesh_stage_duration_seconds";
-const REQUESTS_IN_PROGRESS: &str = "pixmesh_requests_in_progress";
-const JOBS_IN_PROGRESS: &str = "pixmesh_jobs_in_progress";
-const QUEUE_DEPTH: &str = "pixmesh_queue_depth";
-const QUEUE_WAIT: &str = "pixmesh_queue_wait_seconds";
-const REQUESTS_SHED: &str = "pixmesh_requests_shed_total";
-const MEMORY_PERMITS: &str = "pixmesh_memory_permits_mib";
-const WORKERS: &str = "pixmesh_workers";
-const INPUT_PIXELS: &str = "pixmesh_input_pixels";
-const MESH_VERTICES: &str = "pixmesh_mesh_vertices";
-const JOBS: &str = "pixmesh_jobs_total";
-const JOB_ATTEMPTS: &str = "pixmesh_job_attempts_total";
-const JOBS_WAITING: &str = "pixmesh_jobs_queued";
-const JOBS_OLDEST: &str = "pixmesh_jobs_oldest_queued_age_seconds";
-const PANICS: &str = "pixmesh_panics_total";
-const PROCESS_RESIDENT: &str = "process_resident_memory_bytes";
-const PROCESS_CPU: &str = "process_cpu_seconds_total";
-const PROCESS_FDS: &str = "process_open_fds";
-const BUILD_INFO: &str = "pixmesh_build_info";
 
 const DURATION_BUCKETS_S: [f64; 13] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
@@ -75,27 +55,13 @@ pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
 
 fn describe() {
     use metrics::{describe_counter, describe_gauge, describe_histogram};
-    describe_counter!(HTTP_REQUESTS, "Requests answered, by route, method and status");
-    describe_histogram!(HTTP_DURATION, "Seconds from a request's header to its answer");
-    describe_histogram!(STAGE_DURATION, "Seconds that a stage of the work took");
-    describe_gauge!(REQUESTS_IN_PROGRESS, "Requests being received, waiting or worked on");
-    describe_gauge!(JOBS_IN_PROGRESS, "Meshes being made");
-    describe_gauge!(QUEUE_DEPTH, "Requests that wait for a worker or memory");
-    describe_histogram!(QUEUE_WAIT, "Seconds that work waited");
-    describe_counter!(REQUESTS_SHED, "Requests turned away because of load, by reason");
-    describe_gauge!(MEMORY_PERMITS, "Memory for work and its answers, used and in all, in MiB");
-    describe_gauge!(WORKERS, "Meshes that can be made at the same time");
-    describe_histogram!(INPUT_PIXELS, "Pixels of the images meshed");
-    describe_histogram!(MESH_VERTICES, "Vertices of the meshes made");
-    describe_counter!(JOBS, "Durable jobs that came to this state");
-    describe_counter!(JOB_ATTEMPTS, "Attempts at durable jobs");
-    describe_gauge!(JOBS_WAITING, "Durable jobs that wait for a worker");
-    describe_gauge!(JOBS_OLDEST, "Seconds that the oldest durable job waiting has waited");
-    describe_counter!(PANICS, "Panics, each a defect");
-    describe_gauge!(PROCESS_RESIDENT, "Resident memory of the process in bytes");
-    describe_gauge!(PROCESS_FDS, "Files and connections the process has open");
-    describe_gauge!(PROCESS_CPU, "Seconds of processor time, of all threads");
-    describe_gauge!(BUILD_INFO, "Version of the service, and the commit it was built from");
+    for metric in METRICS {
+        match metric.kind {
+            Kind::Counter => describe_counter!(metric.name, metric.meaning),
+            Kind::Gauge => describe_gauge!(metric.name, metric.meaning),
+            Kind::Histogram => describe_histogram!(metric.name, metric.meaning),
+        }
+    }
 }
 
 /// Why a request was turned away.

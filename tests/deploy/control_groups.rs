@@ -1,0 +1,88 @@
+//! A container's limits: the control group of the process says how many workers there are, and how much
+//! memory for work.
+
+use crate::server::program;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Groups with limits, of either version; removed when dropped.
+struct Group(Vec<PathBuf>);
+
+impl Group {
+    /// Makes groups that allow one processor and so much memory; says why it cannot.
+    fn make(name: &str, memory_bytes: u64) -> Result<Self, String> {
+        let name = format!("pixmesh-{name}-{}", std::process::id());
+        let memory = memory_bytes.to_string();
+        let root = Path::new("/sys/fs/cgroup");
+        let mut group = Self(Vec::new());
+        if root.join("cgroup.controllers").exists() {
+            group
+                .limit(root.join(name), &[("memory.max", &memory), ("cpu.max", "100000 100000")])?;
+        } else {
+            let quota = [("cpu.cfs_period_us", "100000"), ("cpu.cfs_quota_us", "100000")];
+            group.limit(root.join("memory").join(&name), &[("memory.limit_in_bytes", &memory)])?;
+            group.limit(root.join("cpu").join(&name), &quota)?;
+        }
+        Ok(group)
+    }
+
+    fn limit(&mut self, folder: PathBuf, limits: &[(&str, &str)]) -> Result<(), String> {
+        let why = |error: std::io::Error| format!("{}: {error}", folder.display());
+        fs::create_dir(&folder).map_err(why)?;
+        self.0.push(folder.clone());
+        for (file, limit) in limits {
+            fs::write(folder.join(file), limit).map_err(why)?;
+        }
+        Ok(())
+    }
+
+    /// The settings that the program has within.
+    fn settings(&self) -> String {
+        let enter: Vec<String> = self
+            .0
+            .iter()
+            .map(|group| format!("echo $$ > {}/cgroup.procs", group.display()))
+            .collect();
+        let mut shell = Command::new("sh");
+        let own = program();
+        for (name, value) in own.get_envs() {
+            assert!(value.is_none(), "it only takes settings away");
+            shell.env_remove(name);
+        }
+        let script = format!("{} && exec \"$0\" config", enter.join(" && "));
+        let output = shell.args(["-c", &script]).arg(own.get_program()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+}
+
+impl Drop for Group {
+    fn drop(&mut self) {
+        for folder in &self.0 {
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+#[test]
+fn workers_and_memory_follow_the_limits_of_a_container() {
+    let group = match Group::make("limits", 600 << 20) {
+        Ok(group) => group,
+        Err(why) => {
+            // Only an administrator, and not in every container, can make groups.
+            eprintln!("left out: no control group can be made: {why}");
+            return;
+        }
+    };
+    let settings = group.settings();
+    assert!(settings.contains("--workers 1\n"), "{settings}");
+    assert!(settings.contains("--memory-budget 400MiB\n"), "{settings}");
+}
+
+#[test]
+fn what_is_set_wins_over_the_limits() {
+    let output = program().args(["config", "--workers", "3", "--memory-budget", "2GiB"]).output();
+    let settings = String::from_utf8(output.unwrap().stdout).unwrap();
+    assert!(settings.contains("--workers 3\n") && settings.contains("--memory-budget 2GiB\n"));
+}

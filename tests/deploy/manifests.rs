@@ -1,0 +1,151 @@
+//! The image's recipe, the manifests for Kubernetes, and the file for Compose.
+
+use crate::server::program;
+use crate::tools::{checkout, is_there, run, text};
+use crate::{python_tool, read};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const OVERLAYS: [&str; 2] = ["single", "cluster"];
+/// Kinds that Kubernetes itself does not know: of the Prometheus operator and of KEDA.
+const CUSTOM: [&str; 3] = ["PrometheusRule", "ScaledObject", "ServiceMonitor"];
+
+/// The resources of an overlay, each as the text of one document; `None` without the program for it.
+fn resources(overlay: &str) -> Option<Vec<String>> {
+    let folder = checkout("deploy/kubernetes/overlays").join(overlay);
+    let mut command = if has_kubectl() {
+        let mut kubectl = Command::new("kubectl");
+        kubectl.arg("kustomize");
+        kubectl
+    } else if is_there("kustomize") {
+        let mut kustomize = Command::new("kustomize");
+        kustomize.arg("build");
+        kustomize
+    } else {
+        return None;
+    };
+    let rendered = run(command.arg(folder));
+    Some(rendered.split("\n---\n").map(str::to_owned).collect())
+}
+
+/// Whether there is a kubectl that knows components; older ones do not.
+fn has_kubectl() -> bool {
+    let version = Command::new("kubectl").args(["version", "--client"]).output();
+    version.is_ok_and(|output| text(&output).contains("Kustomize Version: v5"))
+}
+
+fn kind(resource: &str) -> &str {
+    resource.lines().find_map(|line| line.strip_prefix("kind: ")).unwrap()
+}
+
+/// Checks resources against the schemas of Kubernetes; every property must be known.
+fn validate(name: &str, resources: &[String]) -> Result<(), String> {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("manifests-{name}"));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let write = |(number, resource): (usize, &String)| {
+        let path = folder.join(format!("{number}-{}.yaml", kind(resource)));
+        std::fs::write(&path, resource).unwrap();
+        path
+    };
+    let files: Vec<PathBuf> = resources.iter().enumerate().map(write).collect();
+    let program = checkout(&python_tool("kubernetes-validate"));
+    let output = Command::new(program).arg("--strict").args(&files).output().unwrap();
+    let said = text(&output);
+    let unknown = said.contains("Couldn't find schema");
+    if output.status.success() && !unknown { Ok(()) } else { Err(said) }
+}
+
+#[test]
+fn the_manifests_are_valid() {
+    if !is_there(&python_tool("kubernetes-validate")) {
+        return;
+    }
+    for overlay in OVERLAYS {
+        let Some(resources) = resources(overlay) else { return };
+        let (custom, known): (Vec<_>, Vec<_>) =
+            resources.into_iter().partition(|resource| CUSTOM.contains(&kind(resource)));
+        assert!(
+            known.len() >= 6 && custom.len() >= 2,
+            "{overlay}: {} {}",
+            known.len(),
+            custom.len()
+        );
+        validate(overlay, &known).unwrap_or_else(|said| panic!("{overlay}: {said}"));
+    }
+}
+
+#[test]
+fn a_mistake_in_a_manifest_is_found() {
+    if !is_there(&python_tool("kubernetes-validate")) {
+        return;
+    }
+    let Some(resources) = resources("single") else { return };
+    let deployment = resources.iter().find(|resource| kind(resource) == "Deployment").unwrap();
+    let wrong = deployment.replace("readOnlyRootFilesystem", "readOnlyRootFileSystem");
+    assert!(wrong != *deployment);
+    assert!(validate("wrong", &[wrong]).unwrap_err().contains("readOnlyRootFileSystem"));
+}
+
+#[test]
+fn pods_have_no_rights_and_their_image_is_of_this_version() {
+    let image = format!("image: pixmesh:{}", env!("CARGO_PKG_VERSION"));
+    for overlay in OVERLAYS {
+        let Some(resources) = resources(overlay) else { return };
+        let pods = ["Deployment", "StatefulSet"];
+        for resource in resources.iter().filter(|resource| pods.contains(&kind(resource))) {
+            for line in [
+                "runAsNonRoot: true",
+                "readOnlyRootFilesystem: true",
+                "allowPrivilegeEscalation: false",
+                "automountServiceAccountToken: false",
+                "type: RuntimeDefault",
+                "livenessProbe:",
+                "memory:",
+            ] {
+                assert!(resource.contains(line), "{overlay}: {line} is missing: {resource}");
+            }
+            assert!(
+                resource.contains(&image) || resource.contains("image: docker.io/library/nats:")
+            );
+        }
+    }
+}
+
+#[test]
+fn the_service_has_the_settings_that_the_single_form_gives_it() {
+    let help = run(program().args(["serve", "--help"]));
+    let manifest = read("deploy/kubernetes/base/deployment.yaml");
+    let line = manifest.lines().find(|line| line.trim().starts_with("args: [serve")).unwrap();
+    let flags = line.split(['[', ',', ']']).filter_map(|word| word.trim().strip_prefix("--"));
+    let flags: Vec<_> = flags.map(|flag| flag.split('=').next().unwrap()).collect();
+    assert_eq!(flags.len(), 2);
+    for flag in flags {
+        assert!(help.contains(&format!("--{flag} ")), "there is no --{flag}");
+    }
+}
+
+#[test]
+fn compose_can_read_its_file() {
+    if !is_there(&python_tool("check-jsonschema")) {
+        return;
+    }
+    let compose = checkout("deploy/compose.yaml");
+    let mut check = Command::new(checkout(&python_tool("check-jsonschema")));
+    run(check.args(["--builtin-schema", "vendor.compose-spec"]).arg(&compose));
+    // Each file that it mounts is there.
+    for line in read("deploy/compose.yaml").lines() {
+        let Some(mounted) = line.trim().strip_prefix("- ./") else { continue };
+        let path = Path::new("deploy").join(mounted.split(':').next().unwrap());
+        assert!(checkout(path.to_str().unwrap()).exists(), "{} is missing", path.display());
+    }
+}
+
+#[test]
+fn the_recipe_of_the_image_is_good() {
+    if !is_there(&python_tool("hadolint")) || !is_there("shellcheck") {
+        return;
+    }
+    run(Command::new(checkout(&python_tool("hadolint"))).arg(checkout("Dockerfile")));
+    run(Command::new("shellcheck").arg(checkout("deploy/container/verify")).arg(checkout("test")));
+}
