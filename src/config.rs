@@ -5,11 +5,13 @@
 //! that begins with `PIXMESH_` but is no setting stops the start.
 
 mod access;
+mod broker;
 mod container;
 mod quantity;
 mod trace;
 
 pub use access::AccessSettings;
+pub use broker::{BrokerSettings, QueueEngine};
 pub use container::{BESIDE_BUDGET, memory_limit};
 pub use quantity::{ByteSize, Period};
 pub use trace::{Secret, TraceSettings};
@@ -73,9 +75,9 @@ pub struct JobSettings {
     /// Folder of the jobs, their pictures and results; one process has it at a time.
     #[arg(long, env = "PIXMESH_DATA_DIR", default_value = "./pixmesh-data")]
     pub data_dir: PathBuf,
-    /// Engine of the queue.
-    #[arg(long, env = "PIXMESH_QUEUE", default_value = "embedded")]
-    pub queue: QueueEngine,
+    /// What keeps the queue, and how it is reached.
+    #[command(flatten)]
+    pub broker: BrokerSettings,
     /// Store of pictures and results.
     #[arg(long, env = "PIXMESH_BLOBS", default_value = "file")]
     pub blobs: BlobEngine,
@@ -88,13 +90,6 @@ pub struct JobSettings {
     /// Most jobs that wait; what comes on top is turned away.
     #[arg(long, env = "PIXMESH_MAX_QUEUED_JOBS", default_value = "10000")]
     pub max_queued_jobs: NonZeroUsize,
-}
-
-/// What keeps the queue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum QueueEngine {
-    /// A database in the data folder.
-    Embedded,
 }
 
 /// What keeps pictures and results.
@@ -255,9 +250,8 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
         writeln!(formatter, "--max-connections {}", limits.max_connections)?;
-        let JobSettings { queue: QueueEngine::Embedded, blobs: BlobEngine::File, .. } = jobs;
         writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;
-        writeln!(formatter, "--queue embedded")?;
+        write!(formatter, "{}", jobs.broker.shown())?;
         writeln!(formatter, "--blobs file")?;
         writeln!(formatter, "--job-deadline {}", jobs.job_deadline)?;
         writeln!(formatter, "--result-ttl {}", jobs.result_ttl)?;

@@ -23,6 +23,7 @@
 //! | [`queue`] | the queue as a trait, whatever engine keeps it |
 //! | [`fairness`] | whose job is next |
 //! | [`embedded`] | the queue in an SQLite database of this process |
+//! | [`nats`] | the queue in a broker that many nodes share |
 //! | [`blobs`] | pictures and meshes, by the digest of their bytes |
 //! | [`folder`] | the folder of both, which one process has at a time |
 //! | [`worker`] | takes jobs from the queue and does them |
@@ -34,6 +35,7 @@ mod conformance;
 pub mod embedded;
 pub mod fairness;
 pub mod folder;
+pub mod nats;
 pub mod queue;
 pub mod record;
 pub mod retention;
@@ -139,6 +141,10 @@ impl From<QueueError> for Problem {
             }
             QueueError::Damaged(_) => {
                 Self::new(Kind::StorageDamaged, "what was stored of this job is damaged")
+            }
+            QueueError::Unreachable(_) => {
+                Self::new(Kind::StorageUnavailable, "the broker that keeps jobs does not answer")
+                    .setting("--queue")
             }
         }
     }

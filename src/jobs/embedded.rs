@@ -139,10 +139,17 @@ impl Queue for Embedded {
         self.writer.write(move |write| finish::cancel(write, &owner, id, ttl)).await
     }
 
-    async fn events(&self, id: JobId, after: u64) -> Result<Vec<Event>, QueueError> {
+    async fn events(
+        &self,
+        owner: &Owner,
+        id: JobId,
+        after: u64,
+    ) -> Result<Vec<Event>, QueueError> {
         let mut changes = self.watchers.subscribe(id);
         loop {
-            let read = self.readers.read(move |connection| read::events(connection, id, after));
+            let owner = owner.clone();
+            let read =
+                self.readers.read(move |connection| read::events(connection, &owner, id, after));
             let (events, more_may_come) = read.await?;
             if !events.is_empty() || !more_may_come {
                 return Ok(events);

@@ -45,6 +45,9 @@ pub enum QueueError {
     /// The storage works, but what it kept is not what was given to it.
     #[error("what was stored is damaged: {0}")]
     Damaged(String),
+    /// The engine that keeps the queue does not answer.
+    #[error("the broker does not answer: {0}")]
+    Unreachable(String),
 }
 
 /// What became of a submission.
@@ -227,9 +230,14 @@ pub trait Queue: fmt::Debug + Send + Sync {
     /// Cancels an owner's job, or deletes it where it has come to its end.
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError>;
 
-    /// What happened to a job after a revision; waits until something has. Empty when there is no
+    /// What happened to an owner's job after a revision; waits until something has. Empty when there is no
     /// such job, or nothing more will happen to it.
-    async fn events(&self, id: JobId, after: u64) -> Result<Vec<Event>, QueueError>;
+    async fn events(
+        &self,
+        owner: &Owner,
+        id: JobId,
+        after: u64,
+    ) -> Result<Vec<Event>, QueueError>;
 
     /// How much there is of what.
     async fn stats(&self) -> Result<Stats, QueueError>;

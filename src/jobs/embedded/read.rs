@@ -89,11 +89,19 @@ pub(super) fn standing(connection: &Connection, lease: Lease) -> Result<Renewal>
 const MOST_EVENTS: usize = 256;
 
 /// What happened to a job after a revision, and whether more may come.
-pub(super) fn events(connection: &Connection, id: JobId, after: u64) -> Result<(Vec<Event>, bool)> {
+pub(super) fn events(
+    connection: &Connection,
+    owner: &Owner,
+    id: JobId,
+    after: u64,
+) -> Result<(Vec<Event>, bool)> {
     let state = connection
-        .prepare_cached("SELECT state FROM jobs WHERE id = ?1 AND is_gone = 0")?
-        .query_row([id.as_bytes()], row::state)
+        .prepare_cached("SELECT state FROM jobs WHERE id = ?1 AND owner = ?2 AND is_gone = 0")?
+        .query_row(params![id.as_bytes(), owner.as_str()], row::state)
         .optional()?;
+    if state.is_none() {
+        return Ok((Vec::new(), false));
+    }
     let sql = format!(
         "SELECT {EVENT} FROM events WHERE job = ?1 AND revision > ?2 ORDER BY revision LIMIT ?3"
     );

@@ -11,9 +11,18 @@ use std::path::PathBuf;
 /// A queue in a folder of its own.
 struct InFolder(PathBuf);
 
+#[async_trait]
 impl Engine for InFolder {
-    fn open(&self, terms: Terms) -> Arc<dyn Queue> {
+    const SHORT: Duration = Duration::from_millis(50);
+    const LEASE: Duration = Duration::from_secs(3600);
+
+    async fn open(&self, terms: Terms) -> Arc<dyn Queue> {
         Arc::new(open(&self.0, terms))
+    }
+
+    /// The folder is this process's alone: whoever ran jobs there before has ended.
+    async fn open_after_kill(&self, terms: Terms) -> Arc<dyn Queue> {
+        self.open(terms).await
     }
 }
 
@@ -33,7 +42,7 @@ fn engine(name: &str) -> InFolder {
     InFolder(folder_for_test(name))
 }
 
-conforms! { engine;
+conforms! { engine, InFolder;
     a_job_goes_from_queued_by_running_to_completed
     a_failed_job_keeps_its_problem
     what_was_acknowledged_is_there_after_a_kill

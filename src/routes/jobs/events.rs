@@ -44,6 +44,7 @@ pub async fn follow(
     let id = super::find(&service, &owner, path).await?.id;
     let follower = Follower {
         queue: Arc::clone(&service.jobs.queue),
+        owner,
         stop: service.stop.clone(),
         id,
         last: last_event(request.headers()),
@@ -65,6 +66,7 @@ fn last_event(headers: &HeaderMap) -> u64 {
 /// One who follows a job.
 struct Follower {
     queue: Arc<dyn Queue>,
+    owner: Owner,
     stop: CancellationToken,
     id: JobId,
     /// The revision sent last.
@@ -87,7 +89,7 @@ impl Follower {
     async fn next(&mut self) -> Option<Change> {
         if self.changes.is_empty() && !self.has_ended {
             let changes = tokio::select! {
-                changes = self.queue.events(self.id, self.last) => changes,
+                changes = self.queue.events(&self.owner, self.id, self.last) => changes,
                 () = self.stop.cancelled() => return None,
             };
             let changes = changes.inspect_err(|error| {

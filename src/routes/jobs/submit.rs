@@ -231,7 +231,7 @@ async fn wait_for_end(
 ) -> Result<Record, Problem> {
     let until = Instant::now() + wait;
     while !record.state.is_final() {
-        let changes = service.jobs.queue.events(record.id, record.revision);
+        let changes = service.jobs.queue.events(owner, record.id, record.revision);
         let changed = tokio::select! {
             changed = timeout_at(until.into(), changes) => changed,
             () = service.stop.cancelled() => return Ok(record),

@@ -1,0 +1,202 @@
+//! A job comes in: its reference to the image, its record, its message.
+//!
+//! A submission with a word first leaves under the word all that it takes to complete it. Whoever
+//! comes with the same word completes what is there, so that a submission that was cut off half-way
+//! is one job all the same.
+
+use super::Nats;
+use super::streams::{record_name, work_name};
+use super::stored::StoredJob;
+use super::table::{Expected, Put, Versioned};
+use crate::digest::Digest;
+use crate::extract::owner::Owner;
+use crate::jobs::queue::{QueueError, Submitted};
+use crate::jobs::record::{JobId, Moment, NewJob, Picture, PictureShape};
+use async_nats::jetstream::message::PublishMessage;
+use serde::{Deserialize, Serialize};
+
+/// How often a word is looked at again that changes under one's eyes.
+const TRIES: usize = 8;
+
+/// What is kept under a word.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct StoredWord {
+    fingerprint: String,
+    until_ms: i64,
+    job: String,
+    order: String,
+    image: String,
+    image_bytes: u64,
+    shape: PictureShape,
+}
+
+impl Nats {
+    /// Puts a job among those that wait, unless there is a reason not to.
+    pub(super) async fn submit_job(&self, job: NewJob) -> Result<Submitted, QueueError> {
+        let submitted = match &job.idempotency_key {
+            None => self.create(&job, None).await?,
+            Some(word) => self.submit_with_word(&job, &word_name(&job.owner, word)).await?,
+        };
+        if !matches!(submitted, Submitted::Created(_)) {
+            // Its blob was stored before, for nothing.
+            self.give_up(&job.picture.digest.to_string()).await?;
+        }
+        Ok(submitted)
+    }
+
+    async fn submit_with_word(&self, job: &NewJob, name: &str) -> Result<Submitted, QueueError> {
+        for _ in 0..TRIES {
+            let expected = match self.streams.words.get::<StoredWord>(name).await? {
+                None => Expected::Nothing,
+                Some(found) if found.value.until_ms <= Moment::now().0 => {
+                    Expected::Version(found.version)
+                }
+                Some(found) => match self.again(job, name, &found).await? {
+                    Some(submitted) => return Ok(submitted),
+                    None => Expected::Version(found.version),
+                },
+            };
+            let word = StoredWord::of(job, self.terms.idempotency_ttl);
+            if self.streams.words.put(name, &word, expected).await? == Put::Conflict {
+                continue;
+            }
+            let submitted = self.create(job, Some(name.to_owned())).await?;
+            if !matches!(submitted, Submitted::Created(_) | Submitted::Existing(_)) {
+                self.streams.words.remove(name).await?;
+            }
+            return Ok(submitted);
+        }
+        Err(QueueError::Storage("a word for a submission changes without end".into()))
+    }
+
+    /// What a repeated word stands for; `None` when its job is no longer there.
+    async fn again(
+        &self,
+        job: &NewJob,
+        name: &str,
+        found: &Versioned<StoredWord>,
+    ) -> Result<Option<Submitted>, QueueError> {
+        if found.value.fingerprint != job.fingerprint().to_string() {
+            return Ok(Some(Submitted::KeyReused));
+        }
+        let Some(first) = found.value.job(&job.owner) else { return Ok(None) };
+        if let Some(record) = self.record(&first.owner, first.id).await? {
+            // Its message may be missing, if whoever submitted it was cut off.
+            if record.value.attempt() == 0 && !record.value.is_final() {
+                self.send_to_work(&first.owner, first.id).await?;
+            }
+            let kept = record.value.record(first.id).filter(|_| !record.value.is_over());
+            return Ok(kept.map(Submitted::Existing));
+        }
+        Ok(match self.create(&first, Some(name.to_owned())).await? {
+            Submitted::Created(record) => Some(Submitted::Existing(record)),
+            other => Some(other),
+        })
+    }
+
+    /// Stores a job, unless there is no room.
+    async fn create(&self, job: &NewJob, word: Option<String>) -> Result<Submitted, QueueError> {
+        if let Some(full) = self.full(&job.owner).await? {
+            return Ok(full);
+        }
+        let (name, stored) = (record_name(&job.owner, job.id), StoredJob::new(job, word));
+        let image = job.picture.digest.to_string();
+        let (refers, put) = tokio::join!(
+            self.refer(&image, &job.owner, job.id),
+            self.streams.jobs.put(&name, &stored, Expected::Nothing)
+        );
+        refers?;
+        if put? == Put::Conflict {
+            // Somebody has completed the submission in the meantime.
+            let record = self.record(&job.owner, job.id).await?;
+            let record = record.and_then(|record| record.value.record(job.id));
+            return record.map(Submitted::Existing).ok_or_else(|| unreadable(job.id));
+        }
+        if self.send_to_work(&job.owner, job.id).await? == Put::Conflict {
+            self.streams.jobs.remove(&name).await?;
+            self.release(&image, job.id).await?;
+            return Ok(Submitted::QueueFull { limit: self.terms.caps.queued });
+        }
+        stored.record(job.id).map(Submitted::Created).ok_or_else(|| unreadable(job.id))
+    }
+
+    /// Puts the message of a job into the stream of work, if it is not there, and calls workers.
+    /// [`Put::Conflict`] when the stream is full.
+    pub(super) async fn send_to_work(&self, owner: &Owner, id: JobId) -> Result<Put, QueueError> {
+        self.owners.consumer(owner).await?;
+        let message = PublishMessage::build().message_id(id.to_string());
+        let put = match self.streams.work.publish(&work_name(owner, id), message).await {
+            Err(QueueError::StorageFull(text)) if text.contains("per subject") => Put::Stored(0),
+            Err(QueueError::StorageFull(text)) if text.contains("maximum messages") => {
+                Put::Conflict
+            }
+            put => put?,
+        };
+        self.call_to_work(owner).await;
+        Ok(put)
+    }
+
+    /// Why there is no room for another job of an owner.
+    async fn full(&self, owner: &Owner) -> Result<Option<Submitted>, QueueError> {
+        let caps = &self.terms.caps;
+        let (of_all, of_owner) = tokio::join!(self.waiting(), async {
+            match owner.is_anonymous() {
+                true => Ok(0),
+                false => self.owners.info(owner).await.map(|info| info.num_pending as usize),
+            }
+        });
+        if of_all? >= caps.queued {
+            return Ok(Some(Submitted::QueueFull { limit: caps.queued }));
+        }
+        let limit = caps.queued_of(owner);
+        Ok((of_owner? >= limit).then_some(Submitted::OwnerFull { limit }))
+    }
+
+    /// How many jobs wait; as many as there are, where that is few enough.
+    async fn waiting(&self) -> Result<usize, QueueError> {
+        let info = self.streams.work.stream().get_info().await;
+        let info = info
+            .map_err(|error| super::broker::failure("the stream of work cannot be asked", &error))?;
+        let unfinished = info.state.messages as usize;
+        if unfinished < self.terms.caps.queued {
+            return Ok(unfinished);
+        }
+        Ok(unfinished.saturating_sub(self.running().await?))
+    }
+}
+
+impl StoredWord {
+    fn of(job: &NewJob, ttl: std::time::Duration) -> Self {
+        let kept_ms = i64::try_from(ttl.as_millis()).unwrap_or(i64::MAX);
+        Self {
+            fingerprint: job.fingerprint().to_string(),
+            until_ms: Moment::now().0.saturating_add(kept_ms),
+            job: job.id.to_string(),
+            order: job.order.clone(),
+            image: job.picture.digest.to_string(),
+            image_bytes: job.picture.bytes,
+            shape: job.picture.shape,
+        }
+    }
+
+    /// The job as it was first submitted.
+    fn job(&self, owner: &Owner) -> Option<NewJob> {
+        let digest = self.image.parse().ok()?;
+        Some(NewJob {
+            id: JobId::parse(&self.job)?,
+            owner: owner.clone(),
+            order: self.order.clone(),
+            picture: Picture { digest, bytes: self.image_bytes, shape: self.shape },
+            idempotency_key: None,
+        })
+    }
+}
+
+/// The name under which a client's word is kept: of the word only its digest, whatever is in it.
+fn word_name(owner: &Owner, word: &str) -> String {
+    format!("word.{}", Digest::of_texts(&[owner.as_str(), word]))
+}
+
+fn unreadable(id: JobId) -> QueueError {
+    QueueError::Storage(format!("the record of job {id} is damaged"))
+}
