@@ -11,6 +11,7 @@ pub mod metrics;
 pub mod openapi;
 pub mod problems;
 pub mod reconstructions;
+pub mod studio;
 
 mod answer;
 mod cors;
@@ -103,7 +104,8 @@ pub fn public(service: Arc<Service>) -> Router {
     let authenticate = from_fn_with_state(service.keys.clone(), authenticate);
     let cors = cors::layer(&service.origins);
     let routes = Router::new()
-        .route("/", get(index::show))
+        .route("/", get(studio::show))
+        .route("/studio/{asset}", get(studio::asset))
         .route("/v1/meshes", post(meshes::create))
         .route("/v1/jobs", get(jobs::list::list).post(jobs::create))
         .route("/v1/jobs/{id}", get(jobs::show).delete(jobs::cancel))

@@ -241,6 +241,15 @@ pub fn choose_among(
     best(offered, &ranges).ok_or_else(|| not_acceptable(offered))
 }
 
+/// Whether a client that may have a page or JSON would rather have JSON: one that asks for it, and
+/// not as much for a page.
+#[must_use]
+pub fn prefers_json_to_html(headers: &HeaderMap) -> bool {
+    let values = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    let ranges: Vec<MediaRange> = values.flat_map(|v| v.split(',')).filter_map(range).collect();
+    quality("application/json", &ranges) > quality("text/html", &ranges)
+}
+
 fn not_acceptable(offered: &[Representation]) -> Problem {
     let offered: Vec<_> = offered.iter().map(|offer| offer.media_type).collect();
     let detail = format!("the Accept header allows none of {}", offered.join(", "));
@@ -285,7 +294,7 @@ fn best(offered: &[Representation], ranges: &[MediaRange]) -> Option<Representat
     let mut best = None;
     let mut best_quality = 0.0;
     for offer in offered {
-        let quality = quality(offer, ranges);
+        let quality = quality(offer.media_type, ranges);
         if quality > best_quality {
             (best, best_quality) = (Some(*offer), quality);
         }
@@ -293,11 +302,11 @@ fn best(offered: &[Representation], ranges: &[MediaRange]) -> Option<Representat
     best
 }
 
-/// The quality that the most specific range gives an offer; 0 without any.
-fn quality(offer: &Representation, ranges: &[MediaRange]) -> f32 {
+/// The quality that the most specific range gives a media type; 0 without any.
+fn quality(media_type: &str, ranges: &[MediaRange]) -> f32 {
     let matching = ranges
         .iter()
-        .filter_map(|range| Some((range.specificity(offer.media_type)?, range.quality)));
+        .filter_map(|range| Some((range.specificity(media_type)?, range.quality)));
     matching.max_by_key(|(specificity, _)| *specificity).map_or(0.0, |(_, quality)| quality)
 }
 
@@ -334,6 +343,18 @@ mod tests {
         assert_eq!(chosen(Some(Format::Glb), "*/*"), "model/gltf-binary");
         assert_eq!(chosen(Some(Format::Glb), "image/*"), "image/png");
         assert_eq!(chosen(None, "*/*"), "text/plain");
+    }
+
+    #[test]
+    fn programs_that_ask_for_json_are_told_from_browsers() {
+        let prefers = |accept: &str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(ACCEPT, accept.parse().unwrap());
+            prefers_json_to_html(&headers)
+        };
+        assert!(prefers("application/json") && prefers("text/html;q=0.5, application/*"));
+        assert!(!prefers("*/*") && !prefers("text/html,application/xhtml+xml,*/*;q=0.8"));
+        assert!(!prefers("") && !prefers_json_to_html(&HeaderMap::new()));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `GET /`: what there is.
+//! `GET /` for programs, which ask for JSON: what there is.
 
 use axum::Json;
 use serde_json::{Value, json};

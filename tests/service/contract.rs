@@ -52,7 +52,8 @@ fn the_type_of_a_problem_can_be_looked_up() {
 #[test]
 fn the_index_links_to_what_there_is_and_head_has_no_body() {
     let server = Server::start(&[]);
-    let index = server.get("/").json();
+    let as_json = [("Accept", "application/json")];
+    let index = send(server.public, "GET", "/", &as_json, &[]).json();
     assert_eq!(server.get(index["links"]["methods"].as_str().unwrap()).status, 200);
     assert_eq!(server.get(index["links"]["openapi"].as_str().unwrap()).status, 200);
     use std::io::{Read, Write};

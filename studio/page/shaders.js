@@ -1,0 +1,161 @@
+// The programs of the graphics card.
+
+const HEAD = `#version 300 es
+precision highp float;
+`;
+
+/** A lattice point stands at the middle of its pixel; `place` maps pixels to clip space. */
+const PLACED = `
+uniform vec4 place;
+vec4 placed(vec2 lattice) {
+  return vec4((lattice + 0.5) * place.xy + place.zw, 0.0, 1.0);
+}
+`;
+
+/** From black over violet and orange to a pale yellow: equal steps look equal. */
+const HEAT = `
+vec3 heat(float t) {
+  vec3 a = vec3(0.02, 0.02, 0.06), b = vec3(0.28, 0.09, 0.44), c = vec3(0.73, 0.22, 0.40);
+  vec3 d = vec3(0.97, 0.55, 0.20), e = vec3(0.99, 0.96, 0.72);
+  t = clamp(t, 0.0, 1.0) * 4.0;
+  if (t < 1.0) return mix(a, b, t);
+  if (t < 2.0) return mix(b, c, t - 1.0);
+  if (t < 3.0) return mix(c, d, t - 2.0);
+  return mix(d, e, t - 3.0);
+}
+`;
+
+/** Triangles with the interpolation of the method: linear, then rounded, halves up. */
+export const MESH = {
+  vertex: `${HEAD}${PLACED}
+layout(location = 0) in vec2 lattice;
+layout(location = 1) in vec4 samples;
+out vec4 value;
+void main() {
+  value = samples;
+  gl_Position = placed(lattice);
+}`,
+  fragment: `${HEAD}
+uniform float most;
+uniform bool rounds;
+in vec4 value;
+out vec4 color;
+void main() {
+  // A sum that must be a half is one within a thousandth.
+  vec4 rounded = floor(value + 0.501);
+  color = (rounds ? rounded : value) / most;
+}`,
+};
+
+/** Edges and points, drawn to be seen on whatever is behind them. */
+export const MARKS = {
+  vertex: `${HEAD}${PLACED}
+uniform float most;
+uniform float pointSize;
+layout(location = 0) in vec2 lattice;
+layout(location = 1) in vec4 samples;
+out vec3 own;
+void main() {
+  own = samples.rgb / most;
+  gl_Position = placed(lattice);
+  gl_PointSize = pointSize;
+}`,
+  fragment: `${HEAD}
+uniform float strength;
+uniform float ownColor;
+uniform bool isPoint;
+in vec3 own;
+out vec4 color;
+void main() {
+  float light = dot(own, vec3(0.299, 0.587, 0.114));
+  vec3 contrast = light > 0.5 ? own * 0.25 : own * 0.4 + 0.6;
+  float alpha = strength;
+  vec3 drawn = mix(contrast, own * 0.75 + 0.25, ownColor);
+  if (isPoint) {
+    float radius = length(gl_PointCoord - 0.5) * 2.0;
+    alpha *= 1.0 - smoothstep(0.8, 1.0, radius);
+    drawn = mix(vec3(1.0), vec3(0.05), smoothstep(0.45, 0.6, radius));
+    drawn = mix(drawn, own, 1.0 - smoothstep(0.3, 0.45, radius));
+  }
+  color = vec4(drawn, 1.0) * alpha;
+}`,
+};
+
+/** The picture's rectangle, with what is chosen to be seen in it. */
+export const PICTURE = {
+  vertex: `${HEAD}
+uniform vec4 place;
+uniform vec2 size;
+out vec2 at;
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  at = corner;
+  gl_Position = vec4(corner * size * place.xy + place.zw, 0.0, 1.0);
+}`,
+  fragment: `${HEAD}${HEAT}
+uniform sampler2D mesh;
+uniform sampler2D original;
+uniform sampler2D density;
+uniform vec2 size;
+uniform int layer;
+uniform float errorScale;
+uniform float pixelSide;
+in vec2 at;
+out vec4 color;
+
+vec3 flattened(vec4 sampled) {
+  vec2 square = floor(at * size / 8.0);
+  float shade = mod(square.x + square.y, 2.0) < 1.0 ? 0.45 : 0.55;
+  return mix(vec3(shade), sampled.rgb, sampled.a);
+}
+
+void main() {
+  vec3 shown;
+  if (layer == 0) shown = flattened(texture(mesh, at));
+  else if (layer == 1) shown = flattened(texture(original, at));
+  else if (layer == 2) shown = heat(texture(density, at).r);
+  else if (layer == 3) {
+    vec4 difference = abs(texture(mesh, at) - texture(original, at));
+    float error = max(max(difference.r, difference.g), max(difference.b, difference.a));
+    shown = heat(error * 255.0 / errorScale);
+  } else shown = vec3(0.055, 0.065, 0.09);
+  // Single pixels get an edge when they are large.
+  vec2 within = fract(at * size);
+  float edge = 1.0 / pixelSide;
+  if (pixelSide >= 14.0 && layer != 4 && (within.x < edge || within.y < edge)) {
+    shown = mix(shown, vec3(dot(shown, vec3(0.333)) > 0.5 ? 0.0 : 1.0), 0.12);
+  }
+  color = vec4(shown, 1.0);
+}`,
+};
+
+/** The relief, lit from the upper left. */
+export const RELIEF = {
+  vertex: `${HEAD}
+uniform mat4 camera;
+uniform vec3 middle;
+uniform float stretch;
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec4 linearColor;
+out vec3 ground;
+out vec3 tint;
+void main() {
+  vec3 raised = (position - middle) * vec3(1.0, 1.0, stretch);
+  ground = raised;
+  tint = linearColor.rgb;
+  gl_Position = camera * vec4(raised, 1.0);
+}`,
+  fragment: `${HEAD}
+in vec3 ground;
+in vec3 tint;
+out vec4 color;
+vec3 encoded(vec3 linear) {
+  return mix(1.055 * pow(max(linear, 0.0), vec3(1.0 / 2.4)) - 0.055, 12.92 * linear, lessThan(linear, vec3(0.0031308)));
+}
+void main() {
+  vec3 normal = normalize(cross(dFdx(ground), dFdy(ground)));
+  if (normal.z < 0.0) normal = -normal;
+  float light = 0.62 + 0.55 * max(dot(normal, normalize(vec3(-0.5, 0.6, 0.75))), 0.0);
+  color = vec4(encoded(tint) * light, 1.0);
+}`,
+};
