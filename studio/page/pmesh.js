@@ -14,6 +14,7 @@
  * @property {Int32Array} ys
  * @property {Uint16Array} samples
  * @property {Uint32Array | null} ranks
+ * @property {Uint32Array} [faces]  Where they do not follow from the points.
  */
 
 const HEADER_BYTES = 24;

@@ -2,6 +2,7 @@
 
 import { densityOf } from "./density.js";
 import { geometryOf } from "./geometry.js";
+import { withTwins } from "./model.js";
 import { prefix } from "./pmesh.js";
 import { psnrDb, rasterize } from "./rasterize.js";
 import { triangulate } from "./triangulate.js";
@@ -77,8 +78,8 @@ function step() {
   if (wanted) {
     const size = wanted;
     wanted = 0;
-    shown = meshOf(points, size);
-    const { geometry } = shown;
+    const { geometry, ...mesh } = meshOf(points, size);
+    shown = mesh;
     const buffers = [geometry.positions, geometry.values, geometry.triangles, geometry.edges];
     tell({ kind: "mesh", generation, size, geometry }, buffers.map((array) => array.buffer));
   } else if (unmeasured && picture && shown) {
@@ -88,7 +89,7 @@ function step() {
   } else if (curve.length && picture) {
     const size = /** @type {number} */ (curve.shift());
     const part = prefix(points, size);
-    const psnr = psnrDb(picture, rasterize(part, triangulate(part.xs, part.ys).origins));
+    const psnr = psnrDb(picture, rasterize(part, part.faces ?? triangulate(part.xs, part.ys).origins));
     tell({ kind: "curve", generation, size, psnr });
   }
   proceed();
@@ -97,7 +98,7 @@ function step() {
 /** @param {Points} all @param {number} size */
 function meshOf(all, size) {
   const part = prefix(all, size);
-  const triangulation = triangulate(part.xs, part.ys);
+  const triangulation = part.faces ? withTwins(part.faces) : triangulate(part.xs, part.ys);
   return { size, points: part, origins: triangulation.origins, geometry: geometryOf(part, triangulation) };
 }
 

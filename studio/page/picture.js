@@ -1,0 +1,93 @@
+// The original: as the browser decodes it, or as the service does.
+
+import { query, request } from "./api.js";
+
+/** @typedef {import("./rasterize.js").Picture} Picture */
+/** @typedef {import("./renderer.js").Bitmap} Bitmap */
+/** @typedef {{ width: number, height: number, components: number, precision: number }} Shape */
+
+/**
+ * The pixels of a file, upright and without colour management, as the service reads them; null
+ * where the browser does not know the format.
+ * @param {Blob} file
+ * @returns {Promise<Bitmap | null>}
+ */
+export async function decoded(file) {
+  let image;
+  try {
+    image = await createImageBitmap(file, { colorSpaceConversion: "none", premultiplyAlpha: "none", imageOrientation: "from-image" });
+  } catch {
+    return null;
+  }
+  const { width, height } = image;
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d", { willReadFrequently: true });
+  if (!context) return null;
+  // Rows from the bottom.
+  context.setTransform(1, 0, 0, -1, 0, height);
+  context.drawImage(image, 0, 0);
+  image.close();
+  const { data } = context.getImageData(0, 0, width, height);
+  return { width, height, rgba: new Uint8Array(data.buffer) };
+}
+
+/**
+ * The samples of a bitmap that the browser has not changed: eight bits, without alpha; null for others.
+ * @param {Bitmap} bitmap @param {Shape} shape
+ * @returns {Picture | null}
+ */
+export function samplesOf({ width, height, rgba }, shape) {
+  const { components, precision } = shape;
+  const isSame = width === shape.width && height === shape.height;
+  if (!isSame || precision !== 8 || (components !== 1 && components !== 3)) return null;
+  const samples = new Uint8Array(width * height * components);
+  for (let i = 0; i < width * height; i++) {
+    for (let c = 0; c < components; c++) samples[i * components + c] = rgba[4 * i + c];
+  }
+  return { width, height, components, precision, samples };
+}
+
+/**
+ * The picture as the service decodes it: the picture of the mesh that has every pixel as a vertex.
+ * @param {Blob} file @param {import("./api.js").Parameters} reading  How it is to be read.
+ * @param {AbortSignal} signal
+ */
+export async function fromService(file, reading, signal) {
+  const path = `/v1/meshes?${query({ ...reading, method: "med", density: "100", format: "pnm" })}`;
+  const response = await request(path, { method: "POST", body: file, signal });
+  return readPnm(new Uint8Array(await response.arrayBuffer()));
+}
+
+/** @param {Uint8Array} bytes @returns {Picture} */
+export function readPnm(bytes) {
+  const isPam = bytes[1] === 0x37;
+  const lines = isPam ? /^P7\n[^]*?ENDHDR\n/ : /^P[56]\s+\d+\s+\d+\s+\d+\s/;
+  const head = lines.exec(new TextDecoder("latin1").decode(bytes.subarray(0, 512)))?.[0] ?? "";
+  /** @param {string} name */
+  const field = (name) => Number(new RegExp(`${name} (\\d+)`).exec(head)?.[1]);
+  const [width, height, most] = isPam ? ["WIDTH", "HEIGHT", "MAXVAL"].map(field) : head.split(/\s+/).slice(1, 4).map(Number);
+  const components = isPam ? field("DEPTH") : bytes[1] === 0x36 ? 3 : 1;
+  const isWide = most > 255, row = width * components;
+  const samples = isWide ? new Uint16Array(row * height) : new Uint8Array(row * height);
+  for (let y = 0; y < height; y++) {
+    const from = head.length + (height - 1 - y) * row * (isWide ? 2 : 1);
+    for (let i = 0; i < row; i++) {
+      samples[y * row + i] = isWide ? bytes[from + 2 * i] * 256 + bytes[from + 2 * i + 1] : bytes[from + i];
+    }
+  }
+  return { width, height, components, precision: Math.ceil(Math.log2(most + 1)), samples };
+}
+
+/** @param {Picture} picture @returns {Bitmap} */
+export function bitmapOf({ width, height, components, precision, samples }) {
+  const rgba = new Uint8Array(4 * width * height), most = 2 ** precision - 1;
+  const hasAlpha = components === 2 || components === 4;
+  for (let i = 0; i < width * height; i++) {
+    for (let k = 0; k < 3; k++) {
+      const c = components >= 3 ? k : 0;
+      rgba[4 * i + k] = Math.round((samples[i * components + c] * 255) / most);
+    }
+    rgba[4 * i + 3] = hasAlpha ? Math.round((samples[(i + 1) * components - 1] * 255) / most) : 255;
+  }
+  return { width, height, rgba };
+}

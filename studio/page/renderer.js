@@ -1,0 +1,311 @@
+// Draws pictures and meshes into one canvas.
+//
+// A mesh is first drawn at the picture's own size into a texture, in the picture's own values: what
+// the service's PNG of it holds. That texture is then shown at any zoom; edges and points are drawn
+// over it at the screen's resolution.
+
+import { bufferOf, compiled, textureOf } from "./gl.js";
+import { Relief } from "./relief.js";
+import { MARKS, MESH, PICTURE } from "./shaders.js";
+
+/** @typedef {import("./geometry.js").Geometry} Geometry */
+/**
+ * What is to be seen.
+ * @typedef {object} Scene
+ * @property {"mesh" | "original" | "density" | "error" | "none"} layer
+ * @property {boolean} wireframe
+ * @property {boolean} points
+ * @property {boolean} smooth  Triangles at the screen's resolution instead of pixels.
+ * @property {number | null} split  How much of each pane, from the left, shows the original.
+ * @property {number} errorScale  Levels of 255 at the end of the scale.
+ * @property {number} zoom  Pixels of the page for a pixel of the picture.
+ * @property {number} x  What is in the middle, in pixels from the picture's lower left corner.
+ * @property {number} y
+ * @property {number} paneCount  1, or 2 side by side.
+ * @property {boolean} relief
+ */
+/**
+ * A picture of four bytes a pixel, rows from the bottom.
+ * @typedef {{ width: number, height: number, rgba: Uint8Array }} Bitmap
+ */
+/**
+ * A mesh on the graphics card, and the picture that it models.
+ * @typedef {object} Drawn
+ * @property {Geometry} geometry
+ * @property {number} most
+ * @property {WebGLVertexArrayObject} array
+ * @property {(WebGLBuffer | null)[]} buffers
+ */
+
+const LAYERS = { mesh: 0, original: 1, density: 2, error: 3, none: 4 };
+
+export class Renderer {
+  /** @param {HTMLCanvasElement} canvas @param {() => void} onRestored */
+  constructor(canvas, onRestored) {
+    this.canvas = canvas;
+    const options = { antialias: true, alpha: true, powerPreference: /** @type {const} */ ("high-performance") };
+    const gl = /** @type {WebGL2RenderingContext | null} */ (canvas.getContext("webgl2", options));
+    if (!gl) throw new Error("This browser cannot draw with WebGL 2. Turn hardware acceleration on, or use a current browser.");
+    this.gl = gl;
+    this.width = 1;
+    this.height = 1;
+    /** JavaScript's part of the last frame, in milliseconds. */
+    this.frameMs = 0;
+    /** @type {(Drawn | null)[]} */
+    this.meshes = [null, null];
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.begin();
+      onRestored();
+    });
+    this.begin();
+  }
+
+  begin() {
+    const { gl } = this;
+    this.meshProgram = compiled(gl, MESH);
+    this.marksProgram = compiled(gl, MARKS);
+    this.pictureProgram = compiled(gl, PICTURE);
+    this.empty = gl.createVertexArray();
+    this.original = textureOf(gl, 1, 1, new Uint8Array([14, 17, 23, 255]));
+    this.density = textureOf(gl, 1, 1, new Uint8Array([0]), true);
+    this.targets = [this.target(1, 1), this.target(1, 1)];
+    this.meshes = [null, null];
+    this.relief = new Relief(gl);
+  }
+
+  /** @param {number} width @param {number} height */
+  target(width, height) {
+    const { gl } = this;
+    const texture = textureOf(gl, width, height, null);
+    const framebuffer = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    return { texture, framebuffer };
+  }
+
+  /** The largest side that a picture may have here. */
+  get maxSide() {
+    return /** @type {number} */ (this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE));
+  }
+
+  /** Begins with another picture. @param {Bitmap} bitmap */
+  setOriginal({ width, height, rgba }) {
+    const { gl } = this;
+    this.setSize(width, height);
+    gl.deleteTexture(this.original ?? null);
+    this.original = textureOf(gl, width, height, rgba);
+  }
+
+  /** Begins with a picture of this size that is not there. @param {number} width @param {number} height */
+  setSize(width, height) {
+    const { gl } = this;
+    this.width = width;
+    this.height = height;
+    for (const { texture, framebuffer } of this.targets ?? []) {
+      gl.deleteTexture(texture);
+      gl.deleteFramebuffer(framebuffer);
+    }
+    this.targets = [this.target(width, height), this.target(width, height)];
+    for (const side of [0, 1]) this.clearMesh(side);
+    gl.deleteTexture(this.original ?? null);
+    this.original = textureOf(gl, 1, 1, new Uint8Array([14, 17, 23, 255]));
+    gl.deleteTexture(this.density ?? null);
+    this.density = textureOf(gl, 1, 1, new Uint8Array([0]), true);
+  }
+
+  /** @param {Uint8Array} map */
+  setDensity(map) {
+    const { gl } = this;
+    gl.deleteTexture(this.density ?? null);
+    this.density = textureOf(gl, this.width, this.height, map, true);
+  }
+
+  /** @param {number} side */
+  clearMesh(side) {
+    const drawn = this.meshes[side];
+    if (drawn) {
+      this.gl.deleteVertexArray(drawn.array);
+      drawn.buffers.forEach((buffer) => this.gl.deleteBuffer(buffer));
+    }
+    this.meshes[side] = null;
+  }
+
+  /**
+   * Puts a mesh in the place of one, and draws its picture.
+   * @param {number} side @param {Geometry} geometry @param {number} precision
+   */
+  setMesh(side, geometry, precision) {
+    const { gl } = this;
+    this.clearMesh(side);
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    const buffers = [bufferOf(gl, gl.ARRAY_BUFFER, geometry.positions)];
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    buffers.push(bufferOf(gl, gl.ARRAY_BUFFER, geometry.values));
+    gl.enableVertexAttribArray(1);
+    gl.vertexAttribPointer(1, 4, gl.UNSIGNED_SHORT, false, 0, 0);
+    const indices = new Uint32Array(geometry.triangles.length + geometry.edges.length);
+    indices.set(geometry.triangles);
+    indices.set(geometry.edges, geometry.triangles.length);
+    buffers.push(bufferOf(gl, gl.ELEMENT_ARRAY_BUFFER, indices));
+    gl.bindVertexArray(null);
+    this.meshes[side] = { geometry, most: 2 ** precision - 1, array, buffers };
+    this.drawPicture(side);
+  }
+
+  /** Draws the picture that a mesh models, at its own size. @param {number} side */
+  drawPicture(side) {
+    const { gl, targets, width, height } = this;
+    const drawn = this.meshes[side];
+    if (!drawn || !targets) return;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, targets[side].framebuffer);
+    gl.viewport(0, 0, width, height);
+    gl.disable(gl.BLEND);
+    gl.disable(gl.SCISSOR_TEST);
+    this.drawTriangles(drawn, [2 / width, 2 / height, -1, -1], true);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.bindTexture(gl.TEXTURE_2D, targets[side].texture);
+    gl.generateMipmap(gl.TEXTURE_2D);
+  }
+
+  /** @param {Drawn} drawn @param {number[]} place @param {boolean} rounds */
+  drawTriangles(drawn, place, rounds) {
+    const { gl } = this;
+    const { program, uniforms } = /** @type {import("./gl.js").Program} */ (this.meshProgram);
+    gl.useProgram(program);
+    gl.uniform4fv(uniforms.place, place);
+    gl.uniform1f(uniforms.most, drawn.most);
+    gl.uniform1i(uniforms.rounds, Number(rounds));
+    gl.bindVertexArray(drawn.array);
+    gl.drawElements(gl.TRIANGLES, drawn.geometry.triangles.length, gl.UNSIGNED_INT, 0);
+  }
+
+  /** The picture that a mesh models: four bytes a pixel, rows from the bottom. @param {number} side */
+  readPicture(side) {
+    const { gl, targets, width, height } = this;
+    const pixels = new Uint8Array(width * height * 4);
+    if (!targets) return pixels;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, targets[side].framebuffer);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return pixels;
+  }
+
+  /** Draws a frame. @param {Scene} scene */
+  draw(scene) {
+    const began = performance.now();
+    const { gl, canvas } = this;
+    const ratio = globalThis.devicePixelRatio || 1;
+    const width = Math.max(Math.round(canvas.clientWidth * ratio), 1);
+    const height = Math.max(Math.round(canvas.clientHeight * ratio), 1);
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (scene.relief) {
+      this.relief?.draw(width, height);
+    } else {
+      gl.enable(gl.SCISSOR_TEST);
+      for (let side = 0; side < scene.paneCount; side++) {
+        const left = Math.round((side * width) / scene.paneCount);
+        const right = Math.round(((side + 1) * width) / scene.paneCount) - (side + 1 < scene.paneCount ? 2 : 0);
+        this.drawPane(scene, side, left, right - left, height, ratio);
+      }
+    }
+    this.frameMs = performance.now() - began;
+  }
+
+  /**
+   * @param {Scene} scene @param {number} side @param {number} left @param {number} width
+   * @param {number} height @param {number} ratio
+   */
+  drawPane(scene, side, left, width, height, ratio) {
+    const { gl } = this;
+    gl.viewport(left, 0, width, height);
+    const scale = scene.zoom * ratio;
+    // Whole pixels, so that a picture at its own size is seen as it is.
+    const originX = Math.round(width / 2 - scene.x * scale), originY = Math.round(height / 2 - scene.y * scale);
+    const place = [(2 * scale) / width, (2 * scale) / height, (2 * originX) / width - 1, (2 * originY) / height - 1];
+    const cut = scene.split === null ? 0 : Math.round(scene.split * width);
+    if (cut > 0) {
+      gl.scissor(left, 0, cut, height);
+      this.drawRectangle("original", side, place, scale, scene.errorScale);
+    }
+    if (cut >= width) return;
+    gl.scissor(left + cut, 0, width - cut, height);
+    const drawn = this.meshes[side];
+    if (scene.layer === "mesh" && scene.smooth && drawn) {
+      gl.disable(gl.BLEND);
+      this.drawTriangles(drawn, place, false);
+    } else {
+      this.drawRectangle(scene.layer, side, place, scale, scene.errorScale);
+    }
+    if (drawn) this.drawMarks(scene, drawn, place, scale, ratio);
+  }
+
+  /**
+   * @param {Scene["layer"]} layer @param {number} side @param {number[]} place @param {number} scale
+   * @param {number} errorScale
+   */
+  drawRectangle(layer, side, place, scale, errorScale) {
+    const { gl, targets, original, density } = this;
+    const { program, uniforms } = /** @type {import("./gl.js").Program} */ (this.pictureProgram);
+    gl.disable(gl.BLEND);
+    gl.useProgram(program);
+    gl.bindVertexArray(this.empty ?? null);
+    const textures = { mesh: targets?.[side].texture, original, density };
+    Object.entries(textures).forEach(([name, texture], unit) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, texture ?? null);
+      gl.uniform1i(uniforms[name], unit);
+    });
+    gl.activeTexture(gl.TEXTURE0);
+    gl.uniform4fv(uniforms.place, place);
+    gl.uniform2f(uniforms.size, this.width, this.height);
+    gl.uniform1i(uniforms.layer, LAYERS[layer]);
+    gl.uniform1f(uniforms.errorScale, errorScale);
+    gl.uniform1f(uniforms.pixelSide, scale);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+
+  /**
+   * Draws edges and points, fainter where they are so dense that they would hide the picture.
+   * @param {Scene} scene @param {Drawn} drawn @param {number[]} place @param {number} scale
+   * @param {number} ratio
+   */
+  drawMarks(scene, drawn, place, scale, ratio) {
+    if (!scene.wireframe && !scene.points) return;
+    const { gl } = this;
+    const { program, uniforms } = /** @type {import("./gl.js").Program} */ (this.marksProgram);
+    const { geometry } = drawn;
+    const spacing = scale * Math.sqrt((this.width * this.height) / geometry.vertexCount);
+    gl.useProgram(program);
+    gl.bindVertexArray(drawn.array);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.uniform4fv(uniforms.place, place);
+    gl.uniform1f(uniforms.most, drawn.most);
+    gl.uniform1f(uniforms.ownColor, scene.layer === "none" ? 1 : 0);
+    if (scene.wireframe) {
+      const strength = scene.layer === "none" ? 0.95 : 0.62;
+      gl.uniform1f(uniforms.strength, strength * Math.min(1, Math.max(0.16, spacing / (14 * ratio))));
+      gl.uniform1i(uniforms.isPoint, 0);
+      gl.drawElements(gl.LINES, geometry.edges.length, gl.UNSIGNED_INT, 4 * geometry.triangles.length);
+    }
+    if (scene.points) {
+      gl.uniform1f(uniforms.strength, 1);
+      gl.uniform1i(uniforms.isPoint, 1);
+      gl.uniform1f(uniforms.pointSize, Math.min(11 * ratio, Math.max(2.5 * ratio, spacing * 0.45)));
+      gl.drawArrays(gl.POINTS, 0, geometry.vertexCount);
+    }
+    gl.disable(gl.BLEND);
+  }
+}
