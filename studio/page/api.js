@@ -92,10 +92,10 @@ export function meshPath(id, parameters) {
  */
 export async function mesh(id, signal) {
   try {
-    const response = await request(meshPath(id, { format: "pmesh" }), { signal });
+    const response = await request(meshPath(id, { format: "progression" }), { signal });
     return await readPmesh(await response.arrayBuffer());
   } catch (error) {
-    // A mesh whose faces or values do not follow from its points has no such file.
+    // A mesh whose faces or values do not follow from its points has no order.
     if (!(error instanceof ServiceError) || isPassing(error)) throw error;
     const response = await request(meshPath(id, { format: "model" }), { signal });
     return readModel(await response.text());

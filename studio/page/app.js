@@ -15,7 +15,7 @@ import { SAMPLES } from "./samples.js";
 import { Stage } from "./stage.js";
 import { Track } from "./track.js";
 
-/** @typedef {import("./rasterize.js").Picture} Picture */
+/** @typedef {import("./picture.js").Picture} Picture */
 /** @typedef {import("./renderer.js").Bitmap} Bitmap */
 /** The picture that is meshed. @typedef {{ name: string, file: Blob, sample: string | null, bitmap: Bitmap | null, picture: Picture | null }} Source */
 
@@ -36,7 +36,7 @@ class Studio {
     this.askedView = [];
     this.asksRelief = false;
     this.stage = new Stage({
-      onDensity: () => this.tracks[0].order({ kind: "density" }),
+      onDensity: () => this.orderDensity(),
       onRelief: () => this.showRelief(),
       onRestored: () => this.restore(),
       onSeen: () => this.settle(),
@@ -217,8 +217,12 @@ class Studio {
       this.restoreMeshes();
     }
     source.picture = picture;
-    for (const track of this.tracks) track.setPicture(picture);
-    if (this.stage.scene.layer === "density") this.tracks[0].order({ kind: "density" });
+    if (this.stage.scene.layer === "density") this.orderDensity();
+  }
+
+  orderDensity() {
+    const picture = this.source?.picture;
+    if (picture) this.tracks[0].order({ kind: "density", picture });
   }
 
   // Jobs.
@@ -387,7 +391,7 @@ class Studio {
     /** @param {string} id @param {string} text */
     const put = (id, text) => (byId(id, HTMLElement).textContent = text);
     put("figure-vertices", track.size ? counted(track.size) : "–");
-    put("figure-psnr", track.psnr === undefined && track.size ? "…" : decibels(track.psnr));
+    put("figure-psnr", decibels(track.psnr));
     put("figure-faces", track.faceCount ? counted(track.faceCount) : "–");
     put("figure-share", panels.shareOf(track));
     const isWhole = track.stage === "final" && track.size > 0;

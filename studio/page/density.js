@@ -2,7 +2,7 @@
 // the magnitude of the second derivative in the direction where it is largest (MMSODD), after
 // binomial smoothing of order 3, zero beyond the border.
 
-/** @typedef {import("./rasterize.js").Picture} Picture */
+/** @typedef {import("./picture.js").Picture} Picture */
 
 const SMOOTH = [0.25, 0.5, 0.25];
 const SECOND = [0.25, 0, -0.5, 0, 0.25];

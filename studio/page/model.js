@@ -27,7 +27,7 @@ export function readModel(text) {
   for (let f = 0; f < faceCount; f++, at += 4) {
     for (let k = 0; k < 3; k++) faces[3 * f + k] = numbers[at + 1 + k];
   }
-  return { width, height, components, precision, xs, ys, samples, ranks: null, faces };
+  return { width, height, components, precision, xs, ys, samples, ranks: null, squaredErrors: null, faces };
 }
 
 /**

@@ -2,7 +2,15 @@
 
 import { query, request } from "./api.js";
 
-/** @typedef {import("./rasterize.js").Picture} Picture */
+/**
+ * A picture of samples, pixel by pixel, rows from the bottom.
+ * @typedef {object} Picture
+ * @property {number} width
+ * @property {number} height
+ * @property {number} components
+ * @property {number} precision
+ * @property {Uint8Array | Uint16Array} samples
+ */
 /** @typedef {import("./renderer.js").Bitmap} Bitmap */
 /** @typedef {{ width: number, height: number, components: number, precision: number }} Shape */
 

@@ -14,6 +14,7 @@
  * @property {Int32Array} ys
  * @property {Uint16Array} samples
  * @property {Uint32Array | null} ranks
+ * @property {Float64Array | null} squaredErrors  Of each size from 4 up, where there are ranks.
  * @property {Uint32Array} [faces]  Where they do not follow from the points.
  */
 
@@ -39,8 +40,10 @@ export async function readPmesh(buffer) {
   const planes = components * (precision > 8 ? 2 : 1);
   const differences = bytes.subarray(end, end + planes * count);
   const samples = readSamples({ width, height, components, precision }, xs, ys, differences);
-  const ranks = isOrdered ? readRanks(bytes.subarray(end + planes * count), count) : null;
-  return { width, height, components, precision, xs, ys, samples, ranks };
+  const order = bytes.subarray(end + planes * count);
+  const ranks = isOrdered ? readRanks(order, count) : null;
+  const squaredErrors = isOrdered ? readErrors(order, 4 * count, count) : null;
+  return { width, height, components, precision, xs, ys, samples, ranks, squaredErrors };
 }
 
 /** @param {ArrayBuffer} deflated */
@@ -49,18 +52,25 @@ async function inflated(deflated) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
+/** A number in groups of seven bits, from the lowest. @param {Uint8Array} bytes @param {number} at */
+function readNumber(bytes, at) {
+  let number = 0, weight = 1, byte;
+  do {
+    byte = bytes[at++];
+    number += (byte & 0x7f) * weight;
+    weight *= 128;
+  } while (byte >= 0x80);
+  return { number, end: at };
+}
+
 /** @param {Uint8Array} bytes @param {number} count @param {number} width */
 function readPlaces(bytes, count, width) {
   const xs = new Int32Array(count), ys = new Int32Array(count);
   let end = 0, next = 0;
   for (let v = 0; v < count; v++) {
-    let gap = 0, weight = 1, byte;
-    do {
-      byte = bytes[end++];
-      gap += (byte & 0x7f) * weight;
-      weight *= 128;
-    } while (byte >= 0x80);
-    const place = next + gap;
+    const gap = readNumber(bytes, end);
+    end = gap.end;
+    const place = next + gap.number;
     xs[v] = place % width;
     ys[v] = Math.floor(place / width);
     next = place + 1;
@@ -91,8 +101,6 @@ function readSamples(shape, xs, ys, differences) {
           const rise = samples[v * components] - samples[nearest * components];
           expected = (expected + modulus + rise) % modulus;
         }
-      } else if (c > 0) {
-        expected = 0;
       }
       samples[v * components + c] = (expected + difference) % modulus;
     }
@@ -140,6 +148,32 @@ function readRanks(bytes, count) {
 }
 
 /**
+ * The error of the smallest mesh, and by how much each vertex lowers it.
+ * @param {Uint8Array} bytes @param {number} at @param {number} count
+ */
+function readErrors(bytes, at, count) {
+  const errors = new Float64Array(count - 3);
+  let { number: error, end } = readNumber(bytes, at);
+  errors[0] = error;
+  for (let size = 5; size <= count; size++) {
+    const folded = readNumber(bytes, end);
+    end = folded.end;
+    error -= folded.number % 2 === 0 ? folded.number / 2 : -(folded.number + 1) / 2;
+    errors[size - 4] = error;
+  }
+  return errors;
+}
+
+/**
+ * The PSNR in decibels of the mesh of a size: infinite for a perfect copy.
+ * @param {Points} points @param {number} size
+ */
+export function psnrOf({ width, height, components, precision, squaredErrors }, size) {
+  const error = squaredErrors?.[size - 4] ?? NaN;
+  return 10 * Math.log10(((2 ** precision - 1) ** 2 * width * height * components) / error);
+}
+
+/**
  * The points of the n lowest ranks.
  * @param {Points} points @param {number} n
  * @returns {Points}
@@ -157,5 +191,5 @@ export function prefix(points, n) {
     for (let c = 0; c < components; c++) samples[at * components + c] = points.samples[v * components + c];
     at++;
   }
-  return { ...points, xs, ys, samples, ranks: null };
+  return { ...points, xs, ys, samples, ranks: null, squaredErrors: null };
 }

@@ -2,21 +2,23 @@
 // what is seen of it.
 
 import * as api from "./api.js";
+import { psnrOf } from "./pmesh.js";
+import { ServiceError } from "./problems.js";
 
 /** @typedef {import("./api.js").Job} Job */
 /** @typedef {import("./api.js").Parameters} Parameters */
 /** @typedef {import("./pmesh.js").Points} Points */
-/** @typedef {import("./rasterize.js").Picture} Picture */
+/** @typedef {import("./picture.js").Picture} Picture */
 /**
  * What is heard of a track: its job has changed, there are other points, the mesh of a size is
- * there, its figures are, a point of the curve is, the density is.
+ * there, the density is.
  * @typedef {{ kind: "job" } | { kind: "points" } | { kind: "density", map: Uint8Array }
  *   | { kind: "mesh", geometry: import("./geometry.js").Geometry }
- *   | { kind: "figures" } | { kind: "curve" } | { kind: "failure", error: Error }} Word
+ *   | { kind: "failure", error: Error }} Word
  */
 
-/** Sizes of the curve. */
-const CURVE_POINTS = 26;
+/** Sizes of the curve, at the most. */
+const CURVE_POINTS = 160;
 
 export class Track {
   /** @param {number} side @param {(track: Track, word: Word) => void} hear */
@@ -92,7 +94,7 @@ export class Track {
       // What is wrong with the picture or the parameters, the job will say.
       if (withPreview) await this.preview(file, signal).catch(() => {});
       if (signal.aborted) return;
-      this.job = await api.submit(file, parameters, signal);
+      this.job = await this.submit(file, signal);
       this.hear(this, { kind: "job" });
       await this.followToEnd(this.job.id, signal);
     });
@@ -122,14 +124,24 @@ export class Track {
     }
   }
 
+  /** Submits a job that keeps every size, where its method can. @param {Blob} file @param {AbortSignal} signal */
+  async submit(file, signal) {
+    try {
+      return await api.submit(file, { ...this.parameters, format: "progression" }, signal);
+    } catch (error) {
+      if (!(error instanceof ServiceError) || error.slug !== "format-not-possible") throw error;
+      return api.submit(file, this.parameters, signal);
+    }
+  }
+
   /** @param {Blob} file @param {AbortSignal} signal */
   async preview(file, signal) {
     const target = ["density", "size"].find((name) => this.parameters[name]);
     const reading = this.reading();
     const { points, psnr } = await api.preview(file, target ? { ...reading, [target]: this.parameters[target] } : reading, signal);
     this.stage = "preview";
-    this.setPoints(points);
     this.psnr = psnr;
+    this.setPoints(points);
   }
 
   /** The parameters by which the picture is read. @returns {Parameters} */
@@ -160,8 +172,8 @@ export class Track {
     if (job.state === "completed") {
       const points = await api.mesh(job.id, signal);
       this.stage = "final";
-      this.setPoints(points);
       this.psnr = job.mesh?.psnr_db;
+      this.setPoints(points);
     }
     this.hear(this, { kind: "job" });
   }
@@ -170,33 +182,30 @@ export class Track {
   setPoints(points) {
     this.points = points;
     this.generation++;
-    this.curve.clear();
+    this.curve = this.isProgressive ? this.wholeCurve(points) : new Map();
     this.order({ kind: "points", points });
+    this.size = 0;
     this.show(points.xs.length);
     this.hear(this, { kind: "points" });
-    if (this.isProgressive) this.order({ kind: "curve", sizes: this.curveSizes() });
   }
 
-  /** Sizes from the corners to all, evenly by their logarithm, coarse ones first. */
-  curveSizes() {
-    const sizes = new Set();
-    for (let step = 8; step >= 1; step /= 2) {
-      for (let i = 0; i <= CURVE_POINTS; i += step) sizes.add(Math.round(4 * (this.most / 4) ** (i / CURVE_POINTS)));
+  /** PSNR at sizes from the corners to all, evenly by their logarithm. @param {Points} points */
+  wholeCurve(points) {
+    /** @type {Map<number, number>} */
+    const curve = new Map();
+    for (let i = 0; i <= CURVE_POINTS; i++) {
+      const size = Math.round(4 * (this.most / 4) ** (i / CURVE_POINTS));
+      curve.set(size, psnrOf(points, size));
     }
-    return [...sizes];
-  }
-
-  /** Gives the worker the original. @param {Picture} picture */
-  setPicture(picture) {
-    this.order({ kind: "picture", picture });
+    return curve;
   }
 
   /** Has the mesh of a size drawn. @param {number} size */
   show(size) {
     const shown = this.isProgressive ? Math.min(Math.max(size, 4), this.most) : this.most;
-    if (shown === this.size && this.psnr !== undefined) return;
+    if (shown === this.size || !this.points) return;
     this.size = shown;
-    this.psnr = shown === this.most && this.stage === "final" ? this.job?.mesh?.psnr_db : undefined;
+    if (this.isProgressive) this.psnr = psnrOf(this.points, shown);
     this.order({ kind: "show", size: shown });
   }
 
@@ -209,19 +218,9 @@ export class Track {
   receive(news) {
     if (news.kind === "density") {
       this.hear(this, news);
-      return;
-    }
-    if (news.generation !== this.generation) return;
-    if (news.kind === "mesh") {
+    } else if (news.generation === this.generation) {
       this.faceCount = news.geometry.faceCount;
       this.hear(this, news);
-    } else if (news.kind === "curve") {
-      this.curve.set(news.size, news.psnr);
-      this.hear(this, { kind: "curve" });
-    } else if (news.size === this.size) {
-      // The service's own figure stands where it has told one.
-      this.psnr ??= news.psnr;
-      this.hear(this, { kind: "figures" });
     }
   }
 }

@@ -1,0 +1,110 @@
+// What the scenarios share: a browser, the page in it, and pictures.
+
+import { strict as assert } from "node:assert";
+import { fileURLToPath } from "node:url";
+import { chromium } from "playwright-core";
+
+export const service = process.argv[3];
+
+/** A picture in colour of 384 by 256 pixels. */
+export const PICTURE = fileURLToPath(new URL("../../docs/images/picture.png", import.meta.url));
+
+/** A browser whose graphics are software, so that it draws anywhere. */
+export const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+  args: ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+});
+
+/** A page that has failed in nothing yet; nothing in it moves by itself. */
+export async function opened(path = "/", options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: "reduce", acceptDownloads: true, ...options });
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  const page = await context.newPage();
+  page.setDefaultTimeout(60_000);
+  page.failures = [];
+  page.on("pageerror", (error) => page.failures.push(error.message));
+  page.on("console", (message) => {
+    const isRefusal = message.text().startsWith("Failed to load resource");
+    if (message.type() === "error" && !isRefusal) page.failures.push(message.text());
+  });
+  await page.goto(service + path);
+  return page;
+}
+
+/** Waits until the mesh of what was asked for is there, and returns its number of vertices. */
+export async function finished(page) {
+  await page.waitForFunction(async () => {
+    const { studio } = await import("/studio/app.js");
+    return studio?.tracks[0].stage === "final" && studio.tracks[0].size > 0;
+  });
+  await settled(page);
+  return page.evaluate(async () => (await import("/studio/app.js")).studio.tracks[0].most);
+}
+
+/** Waits until what is asked for is drawn, and what follows from it is shown. */
+export async function settled(page) {
+  await page.waitForTimeout(250);
+  await page.waitForFunction(async () => {
+    const { studio } = await import("/studio/app.js");
+    return studio.seen.every(({ side, size }) => !size || studio.stage.renderer.meshes[side]?.geometry.vertexCount === size);
+  });
+}
+
+/** Chooses a file and waits for its mesh. */
+export async function choose(page, file = PICTURE) {
+  await began(page);
+  await page.setInputFiles("#file", file);
+  await page.waitForFunction(async (name) => (await import("/studio/app.js")).studio.source?.name === name, nameOf(file));
+  return finished(page);
+}
+
+/** Waits until the page has begun with its first picture, so that a chosen one comes after it. */
+export async function began(page) {
+  await page.waitForFunction(async () => (await import("/studio/app.js")).studio?.tracks[0].job);
+}
+
+export function nameOf(file) {
+  return typeof file === "string" ? file.split("/").pop() : file.name;
+}
+
+/** Sets the slider to a size by typing it. */
+export async function setSize(page, size) {
+  await page.fill("#size-number", String(size));
+  await page.press("#size-number", "Enter");
+  await settled(page);
+}
+
+/** The path of the mesh that is seen. */
+export async function meshPath(page) {
+  return page.evaluate(async () => `/v1/jobs/${(await import("/studio/app.js")).studio.tracks[0].job.id}/mesh`);
+}
+
+/** The pixels of a picture of the service: bytes of red, green, blue and alpha, rows from the bottom. */
+export async function picturePixels(page, path) {
+  return page.evaluate(async (path) => {
+    const { decoded } = await import("/studio/picture.js");
+    const bitmap = await decoded(await (await fetch(path)).blob());
+    return [...bitmap.rgba];
+  }, path);
+}
+
+/** A picture of 16 bits of gray, as PGM. */
+export function grayPicture(width, height) {
+  const head = Buffer.from(`P5\n${width} ${height}\n65535\n`);
+  const body = Buffer.alloc(2 * width * height);
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) {
+      const disc = Math.hypot(x - width / 2, y - height / 3) < height / 4 ? 40000 : 0;
+      body.writeUInt16BE(Math.min(65535, disc + Math.round((20000 * x) / width) + ((x * 7919 + y * 104729) % 800)), 2 * (y * width + x));
+    }
+  }
+  return { name: "gray.pgm", mimeType: "image/x-portable-graymap", buffer: Buffer.concat([head, body]) };
+}
+
+/** The largest difference of two pictures in red, green and blue. */
+export function largestDifference(a, b) {
+  assert.equal(a.length, b.length);
+  let most = 0;
+  for (let i = 0; i < a.length; i++) if (i % 4 !== 3) most = Math.max(most, Math.abs(a[i] - b[i]));
+  return most;
+}
