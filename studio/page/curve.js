@@ -65,13 +65,15 @@ export class Curve {
     const width = chart.clientWidth, height = chart.clientHeight;
     if (!tracks.length || width < 80) return;
     const values = tracks.flatMap((track) => [...track.curve.values()]).filter(Number.isFinite);
-    const low = Math.floor(Math.min(...values, 20) / 5) * 5, high = Math.ceil((Math.max(...values, 30) + 0.5) / 5) * 5;
+    const least = Math.min(...values, 20), most = Math.max(...values, 30) + 0.5;
+    const step = most - least > 22 ? 10 : 5;
+    const low = Math.floor(least / step) * step, high = Math.ceil(most / step) * step;
     const room = { x: width - MARGIN.left - MARGIN.right, y: height - MARGIN.top - MARGIN.bottom };
     /** @param {number} size */
     const x = (size) => MARGIN.left + room.x * Math.min(1, this.placeOf(size));
     /** @param {number} psnr */
     const y = (psnr) => MARGIN.top + room.y * (1 - (Math.min(psnr, high) - low) / (high - low));
-    const parts = this.grid(low, high, x, y, width, height);
+    const parts = this.grid({ low, high, step }, x, y, width, height);
     for (const track of [...tracks].reverse()) {
       const isFirst = track === tracks[0];
       const points = [...track.curve].sort((a, b) => a[0] - b[0]).map(([size, psnr]) => `${x(size).toFixed(1)} ${y(psnr).toFixed(1)}`);
@@ -92,10 +94,10 @@ export class Curve {
   }
 
   /**
-   * @param {number} low @param {number} high @param {(size: number) => number} x
+   * @param {{ low: number, high: number, step: number }} scale @param {(size: number) => number} x
    * @param {(psnr: number) => number} y @param {number} width @param {number} height
    */
-  grid(low, high, x, y, width, height) {
+  grid({ low, high, step }, x, y, width, height) {
     const parts = [];
     /** @param {string} text @param {Record<string, string | number>} at */
     const label = (text, at) => {
@@ -103,7 +105,6 @@ export class Curve {
       element.textContent = text;
       parts.push(element);
     };
-    const step = high - low > 30 ? 10 : 5;
     for (let psnr = low; psnr <= high; psnr += step) {
       parts.push(makeSvg("line", { x1: MARGIN.left, x2: width - MARGIN.right, y1: y(psnr), y2: y(psnr), class: "grid" }));
       label(psnr === high ? `${psnr} dB` : String(psnr), { x: MARGIN.left - 6, y: y(psnr) + 4, "text-anchor": "end" });

@@ -32,7 +32,7 @@ export function compiled(gl, sources) {
 }
 
 /**
- * A texture of single pixels when it is enlarged, smooth when it is reduced.
+ * A texture, smooth when it is reduced.
  * @param {WebGL2RenderingContext} gl @param {number} width @param {number} height
  * @param {ArrayBufferView | null} bytes  Rows from the bottom.
  * @param {boolean} [isSingle]  One byte a pixel instead of four.
@@ -43,7 +43,7 @@ export function textureOf(gl, width, height, bytes, isSingle = false) {
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   const [stored, sent] = isSingle ? [gl.R8, gl.RED] : [gl.RGBA8, gl.RGBA];
   gl.texImage2D(gl.TEXTURE_2D, 0, stored, width, height, 0, sent, gl.UNSIGNED_BYTE, bytes);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);

@@ -1,7 +1,7 @@
 // What can be taken from the page: numbers, files, commands, and the jobs of before.
 
 import * as api from "./api.js";
-import { byId, copy, counted, decibels, make, sized, timed } from "./dom.js";
+import { byId, copy, counted, decibels, make, timed } from "./dom.js";
 import { FORMATS, STAGES } from "./methods.js";
 
 /** @typedef {import("./track.js").Track} Track */
@@ -59,11 +59,10 @@ export function showDownloads(track, formats, name, onFailure) {
   list.replaceChildren(
     ...formats.map((format) => {
       const path = meshPathOf(track, format);
-      const file = `${name.replace(/\.\w+$/, "")}-${track.size}.${format === "model" ? "model" : format}`;
+      const file = `${name.replace(/\.\w+$/, "")}-${track.size}.${format === "progression" ? "pmesh" : format}`;
       const link = make("a", { href: path, download: file, title: FORMATS[format] ?? format, "data-format": format }, format);
-      // A link carries no key: with one, the file is fetched first.
+      // A link would carry no key, and the file would have the service's name instead of the picture's.
       link.addEventListener("click", (event) => {
-        if (!api.key.get()) return;
         event.preventDefault();
         save(path, file).catch(onFailure);
       });
@@ -159,5 +158,3 @@ export function showProgress(track) {
     ...shown.map((known) => make("li", known === stage ? { "aria-current": "step" } : {}, STAGES[known] ?? known)),
   );
 }
-
-export { sized };

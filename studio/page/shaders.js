@@ -109,13 +109,23 @@ vec3 flattened(vec4 sampled) {
   return mix(vec3(shade), sampled.rgb, sampled.a);
 }
 
+// Enlarged pixels are even and their edges a screen pixel wide, whatever the zoom; where it is a
+// whole number nothing is mixed.
+vec2 enlarged() {
+  if (pixelSide < 1.0) return at;
+  vec2 place = at * size - 0.5;
+  vec2 nearest = floor(place);
+  return (nearest + 0.5 + clamp((place - nearest - 0.5) * pixelSide + 0.5, 0.0, 1.0)) / size;
+}
+
 void main() {
   vec3 shown;
-  if (layer == 0) shown = flattened(texture(mesh, at));
-  else if (layer == 1) shown = flattened(texture(original, at));
-  else if (layer == 2) shown = heat(texture(density, at).r);
+  vec2 from = enlarged();
+  if (layer == 0) shown = flattened(texture(mesh, from));
+  else if (layer == 1) shown = flattened(texture(original, from));
+  else if (layer == 2) shown = heat(texture(density, from).r);
   else if (layer == 3) {
-    vec4 difference = abs(texture(mesh, at) - texture(original, at));
+    vec4 difference = abs(texture(mesh, from) - texture(original, from));
     float error = max(max(difference.r, difference.g), max(difference.b, difference.a));
     shown = heat(error * 255.0 / errorScale);
   } else shown = vec3(0.055, 0.065, 0.09);

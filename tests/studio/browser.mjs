@@ -19,6 +19,11 @@ export const browser = await chromium.launch({
 export async function opened(path = "/", options = {}) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: "reduce", acceptDownloads: true, ...options });
   await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  // What the page's module gives away, for what cannot be seen from outside.
+  await context.addInitScript(() => {
+    if (location.pathname !== "/") return;
+    addEventListener("DOMContentLoaded", async () => (globalThis.studio = (await import("/studio/app.js")).studio));
+  });
   const page = await context.newPage();
   page.setDefaultTimeout(60_000);
   page.failures = [];
@@ -33,19 +38,18 @@ export async function opened(path = "/", options = {}) {
 
 /** Waits until the mesh of what was asked for is there, and returns its number of vertices. */
 export async function finished(page) {
-  await page.waitForFunction(async () => {
-    const { studio } = await import("/studio/app.js");
-    return studio?.tracks[0].stage === "final" && studio.tracks[0].size > 0;
+  await page.waitForFunction(() => {
+    const track = globalThis.studio?.tracks[0];
+    return track?.stage === "final" && track.size > 0;
   });
   await settled(page);
-  return page.evaluate(async () => (await import("/studio/app.js")).studio.tracks[0].most);
+  return page.evaluate(async () => studio.tracks[0].most);
 }
 
 /** Waits until what is asked for is drawn, and what follows from it is shown. */
 export async function settled(page) {
   await page.waitForTimeout(250);
-  await page.waitForFunction(async () => {
-    const { studio } = await import("/studio/app.js");
+  await page.waitForFunction(() => {
     return studio.seen.every(({ side, size }) => !size || studio.stage.renderer.meshes[side]?.geometry.vertexCount === size);
   });
 }
@@ -54,13 +58,13 @@ export async function settled(page) {
 export async function choose(page, file = PICTURE) {
   await began(page);
   await page.setInputFiles("#file", file);
-  await page.waitForFunction(async (name) => (await import("/studio/app.js")).studio.source?.name === name, nameOf(file));
+  await page.waitForFunction((name) => studio.source?.name === name, nameOf(file));
   return finished(page);
 }
 
 /** Waits until the page has begun with its first picture, so that a chosen one comes after it. */
 export async function began(page) {
-  await page.waitForFunction(async () => (await import("/studio/app.js")).studio?.tracks[0].job);
+  await page.waitForFunction(() => studio?.tracks[0].job);
 }
 
 export function nameOf(file) {
@@ -76,7 +80,7 @@ export async function setSize(page, size) {
 
 /** The path of the mesh that is seen. */
 export async function meshPath(page) {
-  return page.evaluate(async () => `/v1/jobs/${(await import("/studio/app.js")).studio.tracks[0].job.id}/mesh`);
+  return page.evaluate(async () => `/v1/jobs/${studio.tracks[0].job.id}/mesh`);
 }
 
 /** The pixels of a picture of the service: bytes of red, green, blue and alpha, rows from the bottom. */
