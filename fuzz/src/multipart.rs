@@ -39,9 +39,9 @@ fn receive(body: &[u8], length: usize) -> Outcome {
     let mut parameters = ParameterSet::default();
     let body = Body::from_stream(stream::iter(pieces));
     let owner = Owner::anonymous();
-    let receiving = intake.receive(&owner, &IMAGE, &headers, body, &mut parameters);
+    let receiving = intake.receive_image(&owner, &IMAGE, &headers, body, &mut parameters);
     let received = RUNTIME.with(|runtime| runtime.block_on(receiving));
-    let [upload] = received.map_err(|problem| problem.kind().slug())?;
+    let upload = received.map_err(|problem| problem.kind().slug())?;
     let order = parameters.finish().map_err(|problem| problem.kind().slug())?;
-    Ok((upload.bytes, order.query()))
+    Ok((upload.image.bytes, order.query()))
 }
