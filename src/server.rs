@@ -20,6 +20,7 @@ use crate::config::{self, BESIDE_BUDGET, Settings};
 use crate::jobs::Jobs;
 use crate::jobs::retention;
 use crate::jobs::worker::Worker;
+use crate::pipeline;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
 use descriptors::OPERATIONS_CONNECTIONS;
@@ -213,6 +214,7 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
         admission: service.admission.clone(),
         pictures: service.pictures,
         deadline: settings.jobs.job_deadline.0,
+        make: pipeline::mesh_of_job,
     };
     let stop = service.stop.clone();
     tokio::spawn(async move {

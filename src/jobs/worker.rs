@@ -47,7 +47,13 @@ pub struct Worker {
     pub pictures: Limits,
     /// The longest time of an attempt.
     pub deadline: Duration,
+    /// What makes the mesh: [`pipeline::mesh_of_job`], or what a test has in its place.
+    pub make: Make,
 }
+
+/// Makes the mesh of an image by an order, with its progression or without.
+pub type Make =
+    fn(Weighed<Bytes>, &Order, bool, &Limits, &Watch) -> Result<(Answer, Option<Vec<u8>>), Problem>;
 
 impl Worker {
     /// Does jobs until `stop`, then lets those that run end within `grace`, and hands back the rest.
@@ -200,9 +206,9 @@ impl Worker {
         };
         drop(file);
         let ticket = self.admission.admit_to(slot, cost, deadline).await?;
-        let limits = self.pictures;
+        let (limits, make) = (self.pictures, self.make);
         let answer = pool::run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
-            let made = pipeline::mesh_of_job(source, &order, keeps_progression, &limits, watch)?;
+            let made = make(source, &order, keeps_progression, &limits, watch)?;
             Ok(Product::new(made))
         });
         let product = answer.await.map_err(too_slow_for_a_job)?;
@@ -304,3 +310,6 @@ fn figures_of(answer: &Answer) -> MeshFigures {
         progression: None,
     }
 }
+
+#[cfg(test)]
+mod tests;
