@@ -3,13 +3,13 @@
 use crate::attendant::Attendant;
 use crate::document::DocumentOptions;
 use crate::options::MeshOptions;
-use crate::output::OutputOptions;
+use crate::output::{OutputOptions, picture_of};
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
 use pixmesh_meshing::{
     GenerateError, Image, Model, OnThreads, ParameterError, Parameters, Progression, Removal,
-    Stage, Unattended, generate, rasterize,
+    Stage, Unattended, generate,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -200,12 +200,8 @@ impl MakeModel {
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {
-            let rebuilt = match &model.flat {
-                Some(flat) => flat.picture.clone(),
-                None => rasterize(&model.mesh, &Unattended).map_err(GenerateError::from)?,
-            };
             let mut png = Vec::new();
-            pixmesh_codec::write_png(&rebuilt, &mut png)?;
+            pixmesh_codec::write_png(picture_of(model)?.as_ref(), &mut png)?;
             files::write(Some(file), &png)?;
         }
         if self.history_file.is_some() {

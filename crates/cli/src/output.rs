@@ -8,6 +8,7 @@ use pixmesh_codec::{
     ReliefHeight, ReliefSource, Shading, Texture, Texturing,
 };
 use pixmesh_meshing::{Image, Model, Unattended, rasterize};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Headings of the help.
@@ -86,6 +87,8 @@ pub enum MeshFormat {
     Stl,
     /// The figures and the arrays as JSON.
     Json,
+    /// Points and samples, compressed.
+    Pmesh,
     /// The picture rebuilt from the mesh, as PNG.
     Png,
     /// The same as PGM, PPM or PAM.
@@ -162,14 +165,12 @@ impl OutputOptions {
             MeshFormat::Json => {
                 pixmesh_codec::write_json(mesh, Some(&model.fidelity), &geometry, out)?;
             }
+            MeshFormat::Pmesh => pixmesh_codec::write_pmesh(mesh, out)?,
             MeshFormat::Png => {
-                let picture = match &model.flat {
-                    Some(flat) => flat.picture.clone(),
-                    None => rasterize(mesh, &Unattended)?,
-                };
+                let picture = picture_of(model)?;
                 pixmesh_codec::write_png_with(&picture, self.png_compression, out)?;
             }
-            MeshFormat::Pnm => pixmesh_codec::write_pnm(&rasterize(mesh, &Unattended)?, out)?,
+            MeshFormat::Pnm => pixmesh_codec::write_pnm(picture_of(model)?.as_ref(), out)?,
         }
         Ok(bytes)
     }
@@ -186,6 +187,14 @@ impl OutputOptions {
         });
         let base = self.base.unwrap_or(0.0);
         Geometry { pixel_size: self.pixel_size, relief, base, unit: self.unit }
+    }
+}
+
+/// The picture that a model gives: of one colour for each face, where it is made for that.
+pub(crate) fn picture_of(model: &Model) -> Result<Cow<'_, Image>, CliError> {
+    match &model.flat {
+        Some(flat) => Ok(Cow::Borrowed(&flat.picture)),
+        None => Ok(Cow::Owned(rasterize(&model.mesh, &Unattended)?)),
     }
 }
 

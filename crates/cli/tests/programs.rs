@@ -379,7 +379,7 @@ fn manual_pages_and_completions_name_every_option() {
 fn the_ending_of_the_output_and_the_option_choose_the_format() {
     let folder = std::env::temp_dir().join(format!("pixmesh-formats-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
-    let starts: [(&str, &[u8]); 10] = [
+    let starts: [(&str, &[u8]); 11] = [
         ("model", b"48 32 1 8\nOFF\n"),
         ("glb", b"glTF"),
         ("gltf", b"{\"asset\""),
@@ -388,6 +388,7 @@ fn the_ending_of_the_output_and_the_option_choose_the_format() {
         ("obj", b"# lengths"),
         ("stl", b"binary STL"),
         ("json", b"{\"width\":48"),
+        ("pmesh", b"PMSH\x01\0\x08\x01"),
         ("png", b"\x89PNG"),
         ("pgm", b"P5\n48 32"),
     ];
@@ -434,4 +435,103 @@ fn alpha_is_dropped_and_files_that_end_early_are_read_on_request() {
     let cut = &pam[..pam.len() - 50];
     assert!(fail(MAKE_MODEL, "--density 9", cut).contains("ends early"));
     assert_eq!(start("--density 9 --lenient", cut), b"9 9 2 8");
+}
+
+/// A folder of its own for a test's files, removed when dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("pixmesh-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn file(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn one_run_keeps_every_size_and_the_compact_mesh() {
+    let folder = Folder::new("progressive");
+    let (pmesh, order) = (folder.file("mesh.pmesh"), folder.file("order.pmesh"));
+    let start = "--initial-generator all --bad-point-removal 0";
+    let words = format!("--size 120 {start} --pmesh {pmesh} --progressive {order}");
+    let model = succeed(MAKE_MODEL, &words, &gray_pgm());
+    let rebuilt = succeed(RASTERIZE_MODEL, "", &model);
+    for file in [&pmesh, &order] {
+        let picture = succeed(RASTERIZE_MODEL, &format!("--input {file}"), b"");
+        assert!(picture == rebuilt, "{file}");
+    }
+    let is_larger = |a: &str, b: &str| {
+        std::fs::metadata(a).unwrap().len() > std::fs::metadata(b).unwrap().len()
+    };
+    assert!(is_larger(&order, &pmesh));
+    for size in [4, 17, 119, 120] {
+        let smaller = succeed(MAKE_MODEL, &format!("--size {size} {start}"), &gray_pgm());
+        let expected = succeed(RASTERIZE_MODEL, "", &smaller);
+        let words = format!("--input {order} --size {size}");
+        assert!(succeed(RASTERIZE_MODEL, &words, b"") == expected, "{size}");
+    }
+    for (words, said) in [
+        (format!("--input {order} --size 3"), "size is 3, but must lie in 4 to 120"),
+        (format!("--input {order} --size 121"), "size is 121"),
+        (format!("--input {pmesh} --size 50"), "keeps no order"),
+    ] {
+        let message = fail(RASTERIZE_MODEL, &words, b"");
+        assert!(message.contains(said), "{message}");
+    }
+    assert!(fail(RASTERIZE_MODEL, "--size 50", &model).contains("no pmesh"));
+    for (words, said) in [
+        ("--connectivity free --pmesh", "holds no faces"),
+        ("--connectivity free --progressive", "keeps no order"),
+        ("--values fitted --progressive", "keeps no order"),
+        ("--method flat --progressive", "keeps no order"),
+    ] {
+        let file = folder.file("refused");
+        let output = run(MAKE_MODEL, &format!("--size 40 {words} {file}"), &gray_pgm());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && message.contains(said), "{words}: {message}");
+    }
+}
+
+#[test]
+fn weights_draw_vertices_to_where_they_are_large() {
+    let folder = Folder::new("weights");
+    let noisy = {
+        let mut picture = b"P5\n48 32\n255\n".to_vec();
+        picture.extend((0..48 * 32_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8));
+        picture
+    };
+    let mask = |header: &str, of: &dyn Fn(usize) -> Vec<u8>| {
+        [header.as_bytes().to_vec(), (0..48 * 32).flat_map(of).collect()].concat()
+    };
+    let side = |i: usize| if i % 48 < 24 { 255 } else { 9 };
+    std::fs::write(folder.file("gray"), mask("P5\n48 32\n255\n", &|i| vec![side(i)])).unwrap();
+    std::fs::write(folder.file("colour"), mask("P6\n48 32\n255\n", &|i| vec![side(i); 3])).unwrap();
+    std::fs::write(folder.file("small"), b"P5\n2 2\n255\nabcd").unwrap();
+    std::fs::write(folder.file("none"), b"nothing").unwrap();
+    let with =
+        |words: &str| succeed(MAKE_MODEL, &format!("--method mgprfs --size 150 {words}"), &noisy);
+    let on_the_left = |model: &[u8]| {
+        let text = std::str::from_utf8(model).unwrap();
+        let vertices = text.lines().skip(3).take(150);
+        let columns = vertices.map(|line| line.split(' ').next().unwrap().parse::<u32>().unwrap());
+        columns.filter(|&x| x < 24).count()
+    };
+    let (plain, gray) = (with(""), with(&format!("--weights {}", folder.file("gray"))));
+    assert!(on_the_left(&gray) > on_the_left(&plain) + 25);
+    assert!(with(&format!("--weights {}", folder.file("colour"))) == gray);
+    for (file, said) in [("small", "2x2"), ("none", "the weights"), ("missing", "No such file")] {
+        let words = format!("--size 150 --weights {}", folder.file(file));
+        let message = fail(MAKE_MODEL, &words, &noisy);
+        assert!(message.contains(said), "{message}");
+    }
 }

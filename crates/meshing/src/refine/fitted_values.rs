@@ -199,3 +199,87 @@ impl Moments {
         moments
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::refine::tests::picture;
+    use crate::refine::valued_mesh::tests::{error_of_rebuilt, faces_of};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    /// The interpolation weights of every lattice point: its place among the points, and what each
+    /// vertex of the face that owns it counts there.
+    fn weights_of_points(mesh: &ValuedMesh<'_>) -> Vec<(Point, [(u32, f64); 3])> {
+        let mut rows = Vec::new();
+        for face in faces_of(mesh) {
+            let [a, b, c] = face.map(|v| mesh.triangulation.points[v as usize]);
+            let area = orientation(a, b, c) as f64;
+            for_each_row([a, b, c], |y, first, end| {
+                for x in first..end {
+                    let p = Point::new(x, y);
+                    let weights = [(b, c), (c, a), (a, b)].map(|(u, v)| orientation(u, v, p));
+                    let weight = |i: usize| (face[i], weights[i] as f64 / area);
+                    rows.push((p, [weight(0), weight(1), weight(2)]));
+                }
+            });
+        }
+        rows
+    }
+
+    /// The least-squares values of a component by elimination on the full matrix.
+    fn solved_by_elimination(mesh: &ValuedMesh<'_>, c: usize) -> Vec<f64> {
+        let count = mesh.triangulation.points.len();
+        let mut matrix = vec![vec![0.0; count + 1]; count];
+        for (p, weights) in weights_of_points(mesh) {
+            let sample = f64::from(mesh.image.sample(c, p.x as usize, p.y as usize));
+            for (u, weight) in weights {
+                for (v, other) in weights {
+                    matrix[u as usize][v as usize] += weight * other;
+                }
+                matrix[u as usize][count] += weight * sample;
+            }
+        }
+        for pivot in 0..count {
+            let largest =
+                |&a: &usize, &b: &usize| matrix[a][pivot].abs().total_cmp(&matrix[b][pivot].abs());
+            let row = (pivot..count).max_by(largest).unwrap();
+            matrix.swap(pivot, row);
+            let pivot_row = matrix[pivot].clone();
+            for (_, row) in matrix.iter_mut().enumerate().filter(|(i, _)| *i != pivot) {
+                let factor = row[pivot] / pivot_row[pivot];
+                for (entry, above) in row.iter_mut().zip(&pivot_row) {
+                    *entry -= factor * above;
+                }
+            }
+        }
+        (0..count).map(|v| matrix[v][count] / matrix[v][v]).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn conjugate_gradients_find_what_elimination_finds(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let equations = NormalEquations::new(&mesh);
+            for c in 0..2 {
+                let mut values = vec![0.0; points.len()];
+                equations.solve(c, &mut values, &Unattended).unwrap();
+                for (value, expected) in values.iter().zip(solved_by_elimination(&mesh, c)) {
+                    prop_assert!((value - expected).abs() < 1e-3, "{value} is not {expected}");
+                }
+            }
+            let before = mesh.total_error;
+            fit_values(&mut mesh, &Unattended).unwrap();
+            let error = error_of_rebuilt(&image, &points, &mesh.values, &faces_of(&mesh));
+            prop_assert_eq!(mesh.total_error, error);
+            prop_assert!(error <= before);
+        }
+    }
+}

@@ -122,3 +122,50 @@ fn weighted_mean(corners: [Point; 3], weights: [i32; 3]) -> Point {
     };
     Point::new(mean(|p| p.x), mean(|p| p.y))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::refine::tests::{measure_of, measured, picture, sum_of_errors};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn openings_gain_what_triangulating_afresh_gains_the_best_first(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let measure = measure_of(&image);
+            let mut mesh = measured(&measure, &image, points.clone());
+            let mut openings = Openings::find(&mut mesh, usize::MAX, 0, &Unattended).unwrap();
+            let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
+            let before = error(&points);
+            let gain = |place: Point| {
+                let mut more = points.clone();
+                more.insert(more.partition_point(|p| *p < place), place);
+                before as i64 - error(&more) as i64
+            };
+            // The best place tried of every face, where it gains anything.
+            let best = |corners: [Point; 3]| {
+                let tried = TRIED.iter().map(|&weights| weighted_mean(corners, weights));
+                let vacant = tried.filter(|place| !points.contains(place));
+                vacant.map(gain).filter(|&gain| gain > 0).max()
+            };
+            let faces = (0..mesh.triangulation.slot_count() as u32)
+                .map(|slot| mesh.triangulation.corners(slot));
+            let mut expected: Vec<i64> = faces.filter_map(best).collect();
+            expected.sort_unstable_by(|a, b| b.cmp(a));
+            let mut found = Vec::new();
+            while let Some(opening) = openings.pop(&mesh) {
+                prop_assert_eq!(opening.gain, gain(opening.place));
+                found.push(opening.gain);
+            }
+            prop_assert_eq!(found, expected);
+        }
+    }
+}

@@ -47,3 +47,44 @@ impl RemovalCosts {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::refine::tests::{measure_of, measured, picture, sum_of_errors};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn the_cheapest_vertex_is_the_one_whose_loss_costs_least_when_all_is_triangulated_afresh(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
+        ) {
+            let (image, mut points) = picture(width, height, &samples, &seeds);
+            let measure = measure_of(&image);
+            let mut mesh = measured(&measure, &image, points.clone());
+            let mut costs = RemovalCosts::new(&mut mesh, &Unattended).unwrap();
+            let error = |points: &[_]| sum_of_errors(&image, points, &triangulate(points)) as i64;
+            let numbers = points.clone();
+            while let Some((cost, vertex)) = costs.cheapest() {
+                let without = |v: u32| {
+                    let gone = numbers[v as usize];
+                    points.iter().copied().filter(|p| *p != gone).collect::<Vec<_>>()
+                };
+                let left = (0..numbers.len() as u32).filter(|&v| mesh.is_movable(v));
+                let all = left.map(|v| (error(&without(v)) - error(&points), v));
+                prop_assert_eq!(Some((cost, vertex)), all.min());
+                points = without(vertex);
+                costs.remove_cheapest();
+                mesh.remove(vertex);
+                let around = mesh.left().to_vec();
+                costs.update(&mut mesh, &around);
+            }
+            prop_assert_eq!(points.len(), 4);
+        }
+    }
+}

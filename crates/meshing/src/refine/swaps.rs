@@ -56,3 +56,68 @@ fn swap<M: FaceMeasure>(mesh: &mut MeasuredMesh<M>, vertex: u32, opening: Openin
     mesh.insert(vertex, if pays { opening.place } else { from }, slot);
     pays
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::refine::tests::{measure_of, measured, picture, sum_of_errors};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn a_swap_is_made_when_triangulating_afresh_says_that_it_pays_and_else_changes_nothing(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let measure = measure_of(&image);
+            let mut mesh = measured(&measure, &image, points.clone());
+            let mut openings = Openings::find(&mut mesh, usize::MAX, 0, &Unattended).unwrap();
+            let vertices: Vec<u32> =
+                (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect();
+            let Some(opening) = openings.pop(&mesh) else { return Ok(()) };
+            let error = |points: &[_]| {
+                let mut sorted = points.to_vec();
+                sorted.sort_unstable();
+                sum_of_errors(&image, &sorted, &triangulate(&sorted))
+            };
+            for vertex in vertices {
+                let mut mesh = measured(&measure, &image, points.clone());
+                let mut moved = points.clone();
+                moved[vertex as usize] = opening.place;
+                let pays = error(&moved) < error(&points);
+                prop_assert_eq!(swap(&mut mesh, vertex, opening), pays);
+                let expected = if pays { moved } else { points.clone() };
+                prop_assert_eq!(mesh.total_error(), error(&expected));
+                let (_, faces, _) = mesh.triangulation.mesh();
+                let mut sorted = expected.clone();
+                sorted.sort_unstable();
+                prop_assert_eq!(faces, triangulate(&sorted));
+                prop_assert_eq!(&mesh.triangulation.points, &expected);
+            }
+        }
+
+        #[test]
+        fn a_round_of_swaps_never_raises_the_error_nor_loses_a_vertex(
+            (width, height) in (2usize..12, 2usize..12),
+            samples in prop::collection::vec(0u16..64, 144),
+            seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let measure = measure_of(&image);
+            let mut mesh = measured(&measure, &image, points.clone());
+            let before = mesh.total_error();
+            let mut relocation = Relocation::new(&mesh);
+            swap_vertices(&mut mesh, usize::MAX, &mut relocation, &Unattended).unwrap();
+            let (left, faces, _) = mesh.triangulation.mesh();
+            prop_assert_eq!(left.len(), points.len());
+            prop_assert_eq!(&faces, &triangulate(&left));
+            prop_assert_eq!(mesh.total_error(), sum_of_errors(&image, &left, &faces));
+            prop_assert!(mesh.total_error() <= before);
+        }
+    }
+}

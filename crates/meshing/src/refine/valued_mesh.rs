@@ -136,3 +136,90 @@ pub(crate) fn squared_error(image: &Image, corners: [Point; 3], values: [&[u16];
     }
     sum
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::mesh::Mesh;
+    use crate::metrics::Fidelity;
+    use crate::rasterize::rasterize;
+    use crate::refine::tests::picture;
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+    use std::collections::HashMap;
+
+    /// The squared error of a picture rebuilt from faces and values, sample by sample.
+    pub(in crate::refine) fn error_of_rebuilt(
+        image: &Image,
+        points: &[Point],
+        values: &[u16],
+        faces: &[Face],
+    ) -> u64 {
+        let (points, values) = (points.to_vec(), values.to_vec());
+        let mesh = Mesh::from_kernel(image.shape(), points, values, faces.to_vec());
+        let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+        Fidelity::between(image, &rebuilt).unwrap().squared_error
+    }
+
+    /// The faces, each by its vertices as the mesh numbers them.
+    pub(in crate::refine) fn faces_of(mesh: &ValuedMesh<'_>) -> Vec<Face> {
+        let slots = 0..mesh.triangulation.slot_count() as u32;
+        slots.map(|slot| mesh.triangulation.vertices_of(slot)).collect()
+    }
+
+    /// All faces with one edge flipped, for each edge between two faces whose quadrilateral is
+    /// convex.
+    fn flipped(points: &[Point], faces: &[Face]) -> Vec<Vec<Face>> {
+        let corner = |face: Face, i: usize| face[i % 3];
+        let sides: HashMap<(u32, u32), (usize, u32)> = (0..faces.len())
+            .flat_map(|f| {
+                (0..3).map(move |i| {
+                    let face = faces[f];
+                    ((corner(face, i), corner(face, i + 1)), (f, corner(face, i + 2)))
+                })
+            })
+            .collect();
+        let is_face = |face: Face| {
+            let [a, b, c] = face.map(|v| points[v as usize]);
+            orientation(a, b, c) > 0
+        };
+        let mut all = Vec::new();
+        for (&(a, b), &(f, c)) in &sides {
+            let Some(&(g, d)) = sides.get(&(b, a)) else { continue };
+            let (first, second) = ([d, b, c], [c, a, d]);
+            if f < g && is_face(first) && is_face(second) {
+                let mut faces = faces.to_vec();
+                (faces[f], faces[g]) = (first, second);
+                all.push(faces);
+            }
+        }
+        all
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn edges_are_flipped_until_no_flip_of_one_lowers_the_error_of_the_rebuilt_picture(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let faces = triangulate(&points);
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            let error = |mesh: &ValuedMesh<'_>, faces: &[Face]| {
+                error_of_rebuilt(&image, &points, &mesh.values, faces)
+            };
+            prop_assert_eq!(mesh.total_error, error(&mesh, &faces));
+            mesh.flip_edges();
+            let after = faces_of(&mesh);
+            prop_assert_eq!(mesh.total_error, error(&mesh, &after));
+            prop_assert!(mesh.total_error <= error(&mesh, &faces));
+            prop_assert_eq!(after.len(), faces.len());
+            for other in flipped(&points, &after) {
+                prop_assert!(error(&mesh, &other) >= mesh.total_error);
+            }
+        }
+    }
+}

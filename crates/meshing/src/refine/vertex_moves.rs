@@ -228,3 +228,109 @@ fn add_face(
         }
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::mesh::Face;
+    use crate::refine::tests::picture;
+    use crate::refine::valued_mesh::tests::{error_of_rebuilt, faces_of};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    /// The squared error, without rounding, of one component over the faces around a vertex whose
+    /// place and value are given.
+    fn unrounded_error(
+        mesh: &ValuedMesh<'_>,
+        around: &[(u32, u32)],
+        place: Point,
+        c: usize,
+        z: f64,
+    ) -> f64 {
+        let mut sum = 0.0;
+        for &(u, v) in around {
+            let [a, b] = [u, v].map(|v| mesh.triangulation.points[v as usize]);
+            let [za, zb] = [u, v].map(|v| f64::from(mesh.values_of(v)[c]));
+            let area = orientation(a, b, place) as f64;
+            for_each_row([a, b, place], |y, first, end| {
+                for x in first..end {
+                    let p = Point::new(x, y);
+                    let weight = |from, to| orientation(from, to, p) as f64 / area;
+                    let value = za * weight(b, place) + zb * weight(place, a) + z * weight(a, b);
+                    let sample = f64::from(mesh.image.sample(c, x as usize, y as usize));
+                    sum += (sample - value).powi(2);
+                }
+            });
+        }
+        sum
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn the_value_estimated_best_is_the_best_of_all_values_and_its_error_is_the_sum_over_points(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let freedom = Freedom { connectivity: true, values: true };
+            let mut moves = VertexMoves::new(points.len(), freedom);
+            for vertex in 0..points.len() as u32 {
+                mesh.triangulation.star(vertex, &mut moves.ring);
+                let from = points[vertex as usize];
+                for (dx, dy) in PLACES {
+                    let place = Point::new(from.x + dx, from.y + dy);
+                    if place != from && !moves.may_move(&mesh, from, place) {
+                        continue;
+                    }
+                    let estimate = moves.estimate(&mesh, place);
+                    let around: Vec<(u32, u32)> = moves.ring.edges().collect();
+                    let error = |c: usize, z: u16| {
+                        unrounded_error(&mesh, &around, place, c, z.into())
+                    };
+                    let at_best: f64 = (0..2).map(|c| error(c, moves.values[c])).sum();
+                    prop_assert!((estimate - at_best).abs() < 1e-6 * (1.0 + at_best));
+                    for c in 0..2 {
+                        let best = error(c, moves.values[c]);
+                        for z in 0..=image.max_sample() {
+                            prop_assert!(best <= error(c, z) + 1e-6 * (1.0 + best));
+                        }
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn passes_keep_account_of_the_rebuilt_picture_and_never_make_it_worse(
+            (width, height) in (2usize..12, 2usize..12),
+            samples in prop::collection::vec(0u16..64, 144),
+            seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
+            (connectivity, values) in (any::<bool>(), any::<bool>()),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let mut moves = VertexMoves::new(points.len(), Freedom { connectivity, values });
+            let mut last = mesh.total_error;
+            for _ in 0..3 {
+                moves.pass(&mut mesh, &Unattended).unwrap();
+                let places = &mesh.triangulation.points;
+                let error = error_of_rebuilt(&image, places, &mesh.values, &faces_of(&mesh));
+                prop_assert_eq!(mesh.total_error, error);
+                prop_assert!(error <= last);
+                last = error;
+            }
+            let is_sample = |v: usize| {
+                let Point { x, y } = mesh.triangulation.points[v];
+                (0..2).all(|c| mesh.values_of(v as u32)[c] == image.sample(c, x as usize, y as usize))
+            };
+            prop_assert!(values || (0..points.len()).all(is_sample));
+            if !connectivity {
+                let (points, faces, _): (Vec<Point>, Vec<Face>, _) = mesh.triangulation.mesh();
+                prop_assert_eq!(faces, triangulate(&points));
+            }
+        }
+    }
+}
