@@ -5,7 +5,7 @@
 
 import * as api from "./api.js";
 import { Curve } from "./curve.js";
-import { byId, counted, decibels, make, sized } from "./dom.js";
+import { byId, counted, decibels, sized } from "./dom.js";
 import { Form } from "./form.js";
 import { readGlb } from "./glb.js";
 import * as history from "./history.js";
@@ -133,12 +133,9 @@ class Studio {
     /** @type {Map<string, (blob: Blob) => void>} */
     this.painting = new Map();
     this.painter.onmessage = ({ data: { name, width, blob } }) => this.painting?.get(`${name} ${width}`)?.(blob);
-    const list = byId("samples", HTMLDivElement);
-    for (const [name, { title }] of Object.entries(SAMPLES)) {
-      const image = make("img", { alt: "", width: "120", height: "90" });
-      const button = make("button", { type: "button", "aria-pressed": "false", "data-sample": name }, image, title);
+    for (const button of document.querySelectorAll("#samples button")) {
+      const name = /** @type {HTMLElement} */ (button).dataset.sample ?? "";
       button.addEventListener("click", () => this.chooseSample(name));
-      list.append(button);
     }
   }
 
@@ -307,11 +304,14 @@ class Studio {
       view.fit();
     }
     if (!track.isProgressive) return;
-    const size = this.wantedSize || track.most;
-    if (track.side === 1) track.show(this.tracks[0].size);
-    else if (!this.isTouched && this.mayMove()) this.grow();
-    else this.setSize(size);
-    this.wantedSize = 0;
+    if (track.side === 1) {
+      track.show(this.wantedSize || this.tracks[0].size || track.most);
+    } else if (!this.isTouched && this.mayMove()) {
+      this.grow();
+    } else {
+      this.setSize(this.wantedSize || track.most);
+      this.wantedSize = 0;
+    }
   }
 
   /** @param {Track} track @param {Source} source */

@@ -14,9 +14,13 @@ const ROWS = [
   ["Triangles", ({ faceCount, size }) => (size ? counted(faceCount) : "–")],
   ["Of the pixels", (track) => shareOf(track)],
   ["PSNR", ({ psnr }) => decibels(psnr)],
-  ["Largest mesh", ({ job, stage }) => (stage === "final" && job?.mesh ? `${counted(job.mesh.vertices ?? 0)}, ${decibels(job.mesh.psnr_db)}` : "–")],
+  ["Largest size", ({ job, stage }) => (stage === "final" && job?.mesh ? counted(job.mesh.vertices ?? 0) : "–")],
+  ["its PSNR", ({ job, stage }) => (stage === "final" && job?.mesh ? decibels(job.mesh.psnr_db) : "–")],
   ["Time in all", ({ job }) => (job?.timings_ms ? timed(Object.values(job.timings_ms).reduce((sum, ms) => sum + ms, 0)) : "–")],
 ];
+
+/** Stages in their order, which are shown whether or not a job has had them. */
+const USUAL_STAGES = ["queue", "decode", "density", "diffuse", "triangulate", "simplify", "order", "encode"];
 
 /** @param {Track} track */
 export function shareOf({ points, size }) {
@@ -25,7 +29,7 @@ export function shareOf({ points, size }) {
 
 /** The table of one or two tracks. @param {Track[]} tracks */
 export function showNumbers(tracks) {
-  const stages = [...new Set(tracks.flatMap(({ job }) => Object.keys(job?.timings_ms ?? {})))];
+  const stages = [...new Set([...USUAL_STAGES, ...tracks.flatMap(({ job }) => Object.keys(job?.timings_ms ?? {}))])];
   /** @type {[string, (track: Track) => string][]} */
   const times = stages.map((stage) => [STAGES[stage] ?? stage, ({ job }) => (job?.timings_ms?.[stage] === undefined ? "–" : timed(job.timings_ms[stage]))]);
   const body = [...ROWS, ...times].map(([name, value]) => {
@@ -152,8 +156,7 @@ export function showProgress(track) {
   const bar = byId("progress-bar", HTMLProgressElement);
   if (fraction === undefined) bar.removeAttribute("value");
   else bar.value = fraction;
-  const shown = ["queue", "decode", "density", "diffuse", "triangulate", "simplify", "encode"];
-  if (!shown.includes(stage)) shown.splice(6, 0, stage);
+  const shown = USUAL_STAGES.includes(stage) ? USUAL_STAGES : [...USUAL_STAGES.slice(0, -1), stage, "encode"];
   byId("progress-stages", HTMLOListElement).replaceChildren(
     ...shown.map((known) => make("li", known === stage ? { "aria-current": "step" } : {}, STAGES[known] ?? known)),
   );

@@ -3,12 +3,8 @@
 /** A colour of 0 to 1. @typedef {[number, number, number]} Color */
 /** @typedef {(x: number, y: number) => Color} Painter  Places from -1 to 1 across, 0 at the middle, y up. */
 
-/** @type {Record<string, { title: string, paint: Painter }>} */
-export const SAMPLES = {
-  lake: { title: "Lake at dusk", paint: lake },
-  spheres: { title: "Glass and marble", paint: spheres },
-  bloom: { title: "Bloom", paint: bloom },
-};
+/** @type {Record<string, Painter>} */
+export const SAMPLES = { lake, spheres, bloom };
 
 /**
  * The picture of a painter, as the bytes of a canvas: rows from the top, smooth edges by two
