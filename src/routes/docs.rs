@@ -46,5 +46,6 @@ fn file(name: &str) -> Result<Response, Problem> {
 
 /// The page with links that hold with or without a slash at the end of its address.
 fn rooted(page: &[u8]) -> Vec<u8> {
-    String::from_utf8_lossy(page).replace("=\"./", "=\"/docs/").into_bytes()
+    let page = String::from_utf8_lossy(page).replace("=\"./", "=\"/docs/");
+    page.replace("=\"index.css", "=\"/docs/index.css").into_bytes()
 }

@@ -60,7 +60,7 @@ fn document() -> OpenApi {
         .license(Some(license))
         .build();
     let paths = PathsBuilder::new()
-        .path("/", get("index", "What there is", object()))
+        .path("/", studio())
         .path("/v1/meshes", PathItem::new(HttpMethod::Post, create_mesh()))
         .path("/v1/methods", list_methods())
         .path("/problems/{slug}", problem_type())
@@ -111,6 +111,16 @@ fn list_methods() -> PathItem {
 /// A request below /v1/ needs a key where there are any.
 fn with_or_without_key() -> [SecurityRequirement; 2] {
     [SecurityRequirement::default(), SecurityRequirement::new(KEY, [""; 0])]
+}
+
+fn studio() -> PathItem {
+    let summary = "The studio, a page to try the service in; what there is, for who asks for JSON";
+    let mut item = get("index", summary, object());
+    let response = item.get.as_mut().and_then(|get| get.responses.responses.get_mut("200"));
+    if let Some(RefOr::T(response)) = response {
+        response.content.insert("text/html".to_owned(), RefOr::T(content(text())));
+    }
+    item
 }
 
 fn docs() -> PathItem {
