@@ -15,8 +15,8 @@ thread_local! {
         Builder::new_current_thread().enable_time().build().expect("a runtime of one thread");
 }
 
-/// What became of a form: the picture and the parameters, or what was wrong.
-type Outcome = Result<(Vec<u8>, String), &'static str>;
+/// What became of a form: the picture, its weights and the parameters, or what was wrong.
+type Outcome = Result<(Vec<u8>, Option<Vec<u8>>, String), &'static str>;
 
 /// Receives a form in one piece and in small ones.
 pub fn run(bytes: &[u8]) {
@@ -41,7 +41,8 @@ fn receive(body: &[u8], length: usize) -> Outcome {
     let owner = Owner::anonymous();
     let receiving = intake.receive_image(&owner, &IMAGE, &headers, body, &mut parameters);
     let received = RUNTIME.with(|runtime| runtime.block_on(receiving));
-    let upload = received.map_err(|problem| problem.kind().slug())?;
+    let source = received.map_err(|problem| problem.kind().slug())?;
     let order = parameters.finish().map_err(|problem| problem.kind().slug())?;
-    Ok((upload.image.bytes, order.query()))
+    let weights = source.weights.map(|weights| weights.bytes);
+    Ok((source.image.bytes, weights, order.query()))
 }
