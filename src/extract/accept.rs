@@ -304,9 +304,8 @@ fn best(offered: &[Representation], ranges: &[MediaRange]) -> Option<Representat
 
 /// The quality that the most specific range gives a media type; 0 without any.
 fn quality(media_type: &str, ranges: &[MediaRange]) -> f32 {
-    let matching = ranges
-        .iter()
-        .filter_map(|range| Some((range.specificity(media_type)?, range.quality)));
+    let matching =
+        ranges.iter().filter_map(|range| Some((range.specificity(media_type)?, range.quality)));
     matching.max_by_key(|(specificity, _)| *specificity).map_or(0.0, |(_, quality)| quality)
 }
 

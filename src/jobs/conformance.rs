@@ -162,7 +162,8 @@ pub(super) async fn what_was_acknowledged_is_there_after_a_kill<E: Engine>(engin
 }
 
 pub(super) async fn a_job_whose_worker_falls_silent_is_given_to_another<E: Engine>(engine: &E) {
-    let (queue, owner) = (engine.open(Terms { lease: E::SHORT, ..terms() }).await, Owner::named("a"));
+    let (queue, owner) =
+        (engine.open(Terms { lease: E::SHORT, ..terms() }).await, Owner::named("a"));
     let id = submit(&queue, &owner, "image").await;
     let silent = claim(&queue).await.lease;
     assert_eq!(queue.sweep().await.unwrap().requeued, 0, "the lease has not ended");
@@ -280,7 +281,9 @@ pub(super) async fn the_worker_of_a_cancelled_job_is_told<E: Engine>(engine: &E)
     assert_eq!(found(&queue, &owner, id).await.mesh, None);
 }
 
-pub(super) async fn a_cancelled_job_stays_cancelled_when_its_worker_is_killed<E: Engine>(engine: &E) {
+pub(super) async fn a_cancelled_job_stays_cancelled_when_its_worker_is_killed<E: Engine>(
+    engine: &E,
+) {
     let terms = Terms { lease: E::LEASE, ..terms() };
     let owner = Owner::named("a");
     let queue = engine.open(terms).await;
@@ -383,7 +386,9 @@ pub(super) async fn no_more_jobs_wait_than_may<E: Engine>(engine: &E) {
     submit(&queue, &b, "4").await;
 }
 
-pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may<E: Engine>(engine: &E) {
+pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may<E: Engine>(
+    engine: &E,
+) {
     let caps = Caps { running_per_owner: 2, ..CAPS };
     let queue = engine.open(Terms { caps, ..terms() }).await;
     let (a, b) = (Owner::named("a"), Owner::named("b"));

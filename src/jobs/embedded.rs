@@ -139,12 +139,7 @@ impl Queue for Embedded {
         self.writer.write(move |write| finish::cancel(write, &owner, id, ttl)).await
     }
 
-    async fn events(
-        &self,
-        owner: &Owner,
-        id: JobId,
-        after: u64,
-    ) -> Result<Vec<Event>, QueueError> {
+    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError> {
         let mut changes = self.watchers.subscribe(id);
         loop {
             let owner = owner.clone();

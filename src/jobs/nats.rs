@@ -212,12 +212,7 @@ impl Queue for Nats {
         self.cancel_job(owner, id).await
     }
 
-    async fn events(
-        &self,
-        owner: &Owner,
-        id: JobId,
-        after: u64,
-    ) -> Result<Vec<Event>, QueueError> {
+    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError> {
         self.events_after(owner, id, after).await
     }
 

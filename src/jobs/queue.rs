@@ -232,12 +232,7 @@ pub trait Queue: fmt::Debug + Send + Sync {
 
     /// What happened to an owner's job after a revision; waits until something has. Empty when there is no
     /// such job, or nothing more will happen to it.
-    async fn events(
-        &self,
-        owner: &Owner,
-        id: JobId,
-        after: u64,
-    ) -> Result<Vec<Event>, QueueError>;
+    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError>;
 
     /// How much there is of what.
     async fn stats(&self) -> Result<Stats, QueueError>;

@@ -14,7 +14,7 @@ use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::upload::Weighed;
-use crate::pipeline::{self, Answer};
+use crate::pipeline::Answer;
 use crate::pool::{self, Watch};
 use crate::problem::{Kind, Problem};
 use crate::telemetry;

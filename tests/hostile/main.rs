@@ -27,5 +27,6 @@ mod samples;
 mod server;
 mod table;
 #[path = "../../fuzz/src/lib.rs"]
+#[allow(unreachable_pub, reason = "a crate of its own for the fuzzer")]
 mod targets;
 mod transport;

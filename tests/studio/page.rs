@@ -15,7 +15,9 @@ static BROWSER: Mutex<()> = Mutex::new(());
 
 /// Whether there is a browser and what drives it.
 fn can_browse() -> bool {
-    is_there("chromium") && is_there("node") && is_there("tests/studio/node_modules/playwright-core")
+    is_there("chromium")
+        && is_there("node")
+        && is_there("tests/studio/node_modules/playwright-core")
 }
 
 fn browser(scenario: &str, service: SocketAddr, more: &[&str]) -> Child {
@@ -172,9 +174,8 @@ fn a_job_goes_on_when_the_service_goes_away_and_comes_back() {
 #[test]
 fn programs_get_links_and_browsers_the_page_compressed_and_once() {
     let server = Server::start(&[]);
-    let get = |target: &str, headers: &[(&str, &str)]| {
-        send(server.public, "GET", target, headers, &[])
-    };
+    let get =
+        |target: &str, headers: &[(&str, &str)]| send(server.public, "GET", target, headers, &[]);
     let page = get("/", &[("Accept", "text/html,*/*;q=0.8"), ("Accept-Encoding", "gzip, br")]);
     assert_eq!((page.status, page.header("content-encoding")), (200, "gzip"));
     assert!(page.body.starts_with(&[0x1f, 0x8b]));

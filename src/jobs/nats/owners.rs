@@ -54,8 +54,7 @@ impl Owners {
 
     /// Learns of owners from the server.
     pub(super) async fn refresh(&self) -> Result<(), QueueError> {
-        let names: Result<Vec<String>, _> =
-            self.work.stream().consumer_names().try_collect().await;
+        let names: Result<Vec<String>, _> = self.work.stream().consumer_names().try_collect().await;
         let names = names.map_err(|error| failure("owners cannot be read", &error))?;
         let words = names.iter().filter_map(|name| name.strip_prefix(CONSUMER));
         let mut known = self.known();

@@ -94,7 +94,8 @@ fn configs(broker: &Broker, terms: &Terms) -> [Config; 5] {
 async fn provide(broker: &Broker, config: Config) -> Result<(), QueueError> {
     let name = config.name.clone();
     let stream = broker.context.get_or_create_stream(config.clone()).await;
-    let stream = stream.map_err(|error| failure(&format!("stream {name} cannot be made"), &error))?;
+    let stream =
+        stream.map_err(|error| failure(&format!("stream {name} cannot be made"), &error))?;
     let found = &stream.cached_info().config;
     if found.retention != config.retention || found.subjects != config.subjects {
         return Err(QueueError::Storage(format!(
@@ -102,20 +103,23 @@ async fn provide(broker: &Broker, config: Config) -> Result<(), QueueError> {
         )));
     }
     let is_as_asked = found.max_messages == config.max_messages || config.max_messages == 0;
-    if is_as_asked
-        && found.num_replicas == config.num_replicas
-        && found.max_age == config.max_age
-    {
+    if is_as_asked && found.num_replicas == config.num_replicas && found.max_age == config.max_age {
         return Ok(());
     }
     let changed = Config {
-        max_messages: if config.max_messages == 0 { found.max_messages } else { config.max_messages },
+        max_messages: if config.max_messages == 0 {
+            found.max_messages
+        } else {
+            config.max_messages
+        },
         max_age: config.max_age,
         num_replicas: config.num_replicas,
         ..found.clone()
     };
     let updated = broker.context.update_stream(changed).await;
-    updated.map(|_| ()).map_err(|error| failure(&format!("stream {name} cannot be changed"), &error))
+    updated
+        .map(|_| ())
+        .map_err(|error| failure(&format!("stream {name} cannot be changed"), &error))
 }
 
 /// The word for an owner in subjects.

@@ -5,8 +5,8 @@
 //! is one job all the same.
 
 use super::Nats;
-use super::streams::{record_name, work_name};
 use super::stored::StoredJob;
+use super::streams::{record_name, work_name};
 use super::table::{Expected, Put, Versioned};
 use crate::digest::Digest;
 use crate::extract::owner::Owner;
@@ -155,8 +155,9 @@ impl Nats {
     /// How many jobs wait; as many as there are, where that is few enough.
     async fn waiting(&self) -> Result<usize, QueueError> {
         let info = self.streams.work.stream().get_info().await;
-        let info = info
-            .map_err(|error| super::broker::failure("the stream of work cannot be asked", &error))?;
+        let info = info.map_err(|error| {
+            super::broker::failure("the stream of work cannot be asked", &error)
+        })?;
         let unfinished = info.state.messages as usize;
         if unfinished < self.terms.caps.queued {
             return Ok(unfinished);

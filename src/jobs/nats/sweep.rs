@@ -66,11 +66,7 @@ impl Nats {
     }
 
     /// The jobs whose messages workers were given.
-    async fn given_out(
-        &self,
-        filter: &str,
-        last: u64,
-    ) -> Result<Vec<(Owner, JobId)>, QueueError> {
+    async fn given_out(&self, filter: &str, last: u64) -> Result<Vec<(Owner, JobId)>, QueueError> {
         let (mut found, mut version) = (Vec::new(), 1);
         while let Some((name, message)) = self.streams.work.next(filter, version).await? {
             if message.sequence > last || found.len() >= MOST_MESSAGES {
@@ -91,9 +87,7 @@ impl Nats {
     ) -> Result<(), QueueError> {
         let (ttl, version) = (self.terms.result_ttl, record.version);
         // One that was renewed meanwhile is left alone.
-        let changed = self
-            .change_version(owner, id, record, |job| job.take_back(ttl))
-            .await?;
+        let changed = self.change_version(owner, id, record, |job| job.take_back(ttl)).await?;
         let Some((taken, record)) = changed else { return Ok(()) };
         tracing::info!(job = %id, version, ?taken, "its worker fell silent");
         if taken == TakenBack::Queued {
@@ -114,7 +108,8 @@ impl Nats {
     async fn expire_due(&self, places: &mut Places) -> Result<usize, QueueError> {
         let mut expired = 0;
         for _ in 0..MOST_MESSAGES {
-            let Some((name, message)) = self.streams.jobs.next("job.*.*", places.ends).await? else {
+            let Some((name, message)) = self.streams.jobs.next("job.*.*", places.ends).await?
+            else {
                 places.ends = 0;
                 break;
             };

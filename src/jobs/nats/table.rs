@@ -183,6 +183,8 @@ fn with_expectation(message: PublishMessage, expected: Expected) -> PublishMessa
 fn is_conflict(error: &(dyn Error + 'static)) -> bool {
     matches!(
         server_code(error),
-        Some(ErrorCode::STREAM_WRONG_LAST_SEQUENCE | ErrorCode::STREAM_WRONG_LAST_SEQUENCE_CONSTANT)
+        Some(
+            ErrorCode::STREAM_WRONG_LAST_SEQUENCE | ErrorCode::STREAM_WRONG_LAST_SEQUENCE_CONSTANT
+        )
     )
 }

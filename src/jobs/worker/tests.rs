@@ -10,6 +10,7 @@ use crate::jobs::folder::DataFolder;
 use crate::jobs::queue::{Lookup, Submitted, Terms};
 use crate::jobs::record::{JobId, NewJob, Picture, Record};
 use crate::jobs::{blobs::Blobs, folder_for_test};
+use crate::pipeline;
 use pixmesh_codec::probe;
 
 const PICTURE: &[u8] = b"P2\n4 3\n9\n0 1 2 3 4 5 6 7 8 9 0 1\n";
@@ -57,7 +58,7 @@ async fn end(jobs: &Jobs, id: JobId) -> Record {
         match jobs.queue.get(&Owner::anonymous(), id).await.unwrap() {
             Lookup::Found(record) if record.state.is_final() => return *record,
             Lookup::Found(record) => {
-                jobs.queue.events(id, record.revision).await.unwrap();
+                jobs.queue.events(&Owner::anonymous(), id, record.revision).await.unwrap();
             }
             other => panic!("{other:?}"),
         }
@@ -88,7 +89,7 @@ async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
     let stop = CancellationToken::new();
     let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
     for (size, id) in submitted {
-        let record = tokio::time::timeout(Duration::from_secs(60), end(&jobs, id)).await.unwrap();
+        let record = timeout(Duration::from_secs(60), end(&jobs, id)).await.unwrap();
         let problem = record.problem.map(|problem| problem.to_string()).unwrap_or_default();
         assert_eq!(record.mesh.is_some(), size != 5, "{problem}");
         assert_eq!(problem.contains("/problems/internal"), size == 5, "{problem}");
