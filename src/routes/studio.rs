@@ -82,7 +82,7 @@ fn file(name: &str, request: &HeaderMap) -> Result<Response, Problem> {
     if !compresses {
         return Ok((headers, kind, Body::from(file.data.into_owned())).into_response());
     }
-    let body = compressed(file)
+    let body = compressed(&file)
         .map_err(|error| internal("an asset of the studio cannot be compressed", &error))?;
     Ok((headers, kind, [(CONTENT_ENCODING, "gzip")], body).into_response())
 }
@@ -108,7 +108,7 @@ fn accepts_gzip(request: &HeaderMap) -> bool {
 }
 
 /// The file compressed, which is done once for each.
-fn compressed(file: EmbeddedFile) -> io::Result<Bytes> {
+fn compressed(file: &EmbeddedFile) -> io::Result<Bytes> {
     let mut known = COMPRESSED.lock().unwrap_or_else(PoisonError::into_inner);
     let digest = file.metadata.sha256_hash();
     if let Some(bytes) = known.get(&digest) {

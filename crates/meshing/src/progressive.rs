@@ -305,7 +305,7 @@ mod tests {
     fn picture(side: usize, component_count: usize) -> Image {
         let sample = |c: usize, i: usize| {
             let (x, y) = (i % side, i / side);
-            let inside = (x / 9 + y / 7 + c) % 3 == 0;
+            let inside = (x / 9 + y / 7 + c).is_multiple_of(3);
             (if inside { 200 } else { 40 }) + ((i * 40_503 + c * 977) >> 5) as u16 % 19
         };
         let plane = |c| (0..side * side).map(|i| sample(c, i)).collect();
