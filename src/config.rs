@@ -5,12 +5,14 @@
 //! that begins with `PIXMESH_` but is no setting stops the start.
 
 mod access;
+mod blobs;
 mod broker;
 mod container;
 mod quantity;
 mod trace;
 
 pub use access::AccessSettings;
+pub use blobs::BlobEngine;
 pub use broker::{BrokerSettings, QueueEngine};
 pub use container::{BESIDE_BUDGET, memory_limit};
 pub use quantity::{ByteSize, Period};
@@ -78,9 +80,16 @@ pub struct JobSettings {
     /// What keeps the queue, and how it is reached.
     #[command(flatten)]
     pub broker: BrokerSettings,
-    /// Store of pictures and results.
-    #[arg(long, env = "PIXMESH_BLOBS", default_value = "file")]
-    pub blobs: BlobEngine,
+    /// Store of pictures and results: `file` in the data folder, file:///FOLDER or s3://BUCKET for
+    /// many nodes, or `nats`, the broker's own [default: that of the queue].
+    #[arg(long, env = "PIXMESH_BLOBS")]
+    pub blobs: Option<BlobEngine>,
+    /// Take jobs in and do none: workers of the same queue do them.
+    #[arg(long, env = "PIXMESH_NO_WORKER")]
+    pub no_worker: bool,
+    /// How long a worker that falls silent keeps its job from others.
+    #[arg(long, env = "PIXMESH_JOB_LEASE", default_value = "30s")]
+    pub job_lease: Period,
     /// Longest time of an attempt at a job.
     #[arg(long, env = "PIXMESH_JOB_DEADLINE", default_value = "10m")]
     pub job_deadline: Period,
@@ -90,13 +99,6 @@ pub struct JobSettings {
     /// Most jobs that wait; what comes on top is turned away.
     #[arg(long, env = "PIXMESH_MAX_QUEUED_JOBS", default_value = "10000")]
     pub max_queued_jobs: NonZeroUsize,
-}
-
-/// What keeps pictures and results.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BlobEngine {
-    /// Files in the data folder.
-    File,
 }
 
 /// What a client may send, and how slowly.
@@ -139,6 +141,8 @@ pub enum LogFormat {
     Json,
 }
 
+/// The shortest lease: a worker renews it three times in that time.
+const SHORTEST_LEASE: Duration = Duration::from_secs(2);
 const OPS_LISTEN: &str = "127.0.0.1:8081";
 
 impl Settings {
@@ -158,6 +162,22 @@ impl Settings {
             .into());
         }
         self.access.check()?;
+        self.jobs.check()?;
+        Ok(self)
+    }
+
+    /// The settings of a node that only works, after the checks that need more than one of them.
+    ///
+    /// # Errors
+    /// When the queue is none that nodes share.
+    pub fn checked_for_work(self) -> Result<Self, Box<dyn Error>> {
+        self.jobs.check()?;
+        if !self.jobs.broker.is_shared() {
+            return Err("a worker needs a queue that nodes share: --queue nats://HOST:PORT".into());
+        }
+        if self.jobs.no_worker {
+            return Err("a worker cannot be told --no-worker".into());
+        }
         Ok(self)
     }
 
@@ -220,6 +240,41 @@ impl Settings {
     }
 }
 
+impl JobSettings {
+    /// The store of pictures and results.
+    #[must_use]
+    pub fn blob_engine(&self) -> BlobEngine {
+        let default = if self.broker.is_shared() { BlobEngine::Broker } else { BlobEngine::File };
+        self.blobs.clone().unwrap_or(default)
+    }
+
+    /// Refuses what cannot be together.
+    fn check(&self) -> Result<(), Box<dyn Error>> {
+        let blobs = self.blob_engine();
+        match (self.broker.is_shared(), blobs == BlobEngine::File) {
+            (true, true) => {
+                Err("--blobs file is a store of one node, and --queue nats://... one of \
+                                 many: name --blobs file:///FOLDER, s3://BUCKET or nats"
+                    .into())
+            }
+            (false, false) => Err(format!(
+                "--blobs {blobs} is a store of many nodes, and --queue embedded one of one node: \
+                 name --queue nats://HOST:PORT too"
+            )
+            .into()),
+            (false, true) if self.no_worker => {
+                Err("--no-worker leaves the jobs of --queue embedded \
+                                                    undone: name --queue nats://HOST:PORT"
+                    .into())
+            }
+            _ if self.job_lease.0 < SHORTEST_LEASE => {
+                Err(format!("--job-lease must be {SHORTEST_LEASE:?} or more").into())
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl Limits {
     /// Those that the codec checks.
     #[must_use]
@@ -252,7 +307,9 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--max-connections {}", limits.max_connections)?;
         writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;
         write!(formatter, "{}", jobs.broker.shown())?;
-        writeln!(formatter, "--blobs file")?;
+        writeln!(formatter, "--blobs {}", jobs.blob_engine())?;
+        writeln!(formatter, "--no-worker {}", jobs.no_worker)?;
+        writeln!(formatter, "--job-lease {}", jobs.job_lease)?;
         writeln!(formatter, "--job-deadline {}", jobs.job_deadline)?;
         writeln!(formatter, "--result-ttl {}", jobs.result_ttl)?;
         writeln!(formatter, "--max-queued-jobs {}", jobs.max_queued_jobs)?;

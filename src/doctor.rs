@@ -9,6 +9,7 @@ mod machine;
 mod meshing;
 
 use crate::config::Settings;
+use crate::jobs::Jobs;
 use std::error::Error;
 use std::io::{self, Write};
 
@@ -22,7 +23,7 @@ type Check = fn(&Settings) -> Finding;
 /// # Errors
 /// When a finding is bad.
 pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
-    let checks: [(&str, Check); 8] = [
+    let checks: [(&str, Check); 9] = [
         ("settings", |settings| {
             let checked = settings.clone().checked().map_err(|error| error.to_string())?;
             Ok(format!("{} workers", checked.worker_count()))
@@ -30,6 +31,7 @@ pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
         ("meshing", |_| meshing::check()),
         ("codec", |_| meshing::check_codec()),
         ("data folder", machine::check_data_folder),
+        ("queue", check_queue),
         ("memory", machine::check_memory),
         ("processors", machine::check_processors),
         ("public address", |settings| machine::check_address(settings.listen)),
@@ -49,4 +51,18 @@ pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
         return Err(format!("{bad} of {} checks failed", checks.len()).into());
     }
     Ok(())
+}
+
+/// Asks the broker, where there is one, and the store of blobs.
+fn check_queue(settings: &Settings) -> Finding {
+    let jobs = &settings.jobs;
+    if !jobs.broker.is_shared() {
+        return Ok("embedded".into());
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| error.to_string())?;
+    runtime
+        .block_on(Jobs::open(settings))
+        .map(|_| format!("{} and --blobs {} answer", jobs.broker, jobs.blob_engine()))
+        .map_err(|error| error.to_string())
 }

@@ -26,12 +26,14 @@
 //! | [`nats`] | the queue in a broker that many nodes share |
 //! | [`blobs`] | pictures and meshes, by the digest of their bytes |
 //! | [`folder`] | the folder of both, which one process has at a time |
+//! | [`durations`] | how long jobs took of late |
 //! | [`worker`] | takes jobs from the queue and does them |
 //! | [`retention`] | deletes what is no longer kept |
 
 pub mod blobs;
 #[cfg(test)]
 mod conformance;
+pub mod durations;
 pub mod embedded;
 pub mod fairness;
 pub mod folder;
@@ -45,17 +47,17 @@ use crate::config::Settings;
 use crate::problem::{Kind, Problem, internal};
 use blobs::Blobs;
 use bytes::Bytes;
+use durations::Durations;
 use embedded::Embedded;
 use fairness::Caps;
 use folder::DataFolder;
+use nats::{Broker, Nats};
 use queue::{Queue, QueueError, Submitted, Terms};
 use record::NewJob;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long a worker has a job without renewing its lease.
-const LEASE: Duration = Duration::from_secs(30);
 /// How long the word that a client gave for a submission is remembered.
 const IDEMPOTENCY_TTL: Duration = Duration::from_hours(24);
 /// How long it is remembered that there was a job.
@@ -68,18 +70,34 @@ pub struct Jobs {
     pub queue: Arc<dyn Queue>,
     /// Pictures and meshes.
     pub blobs: Blobs,
+    /// How long jobs took here.
+    pub durations: Arc<Durations>,
 }
 
 impl Jobs {
-    /// Opens them where the settings say, and takes the folder.
+    /// Opens them where the settings say: in a folder, which is taken, or with a broker.
     ///
     /// # Errors
-    /// When the folder cannot be used, or another process has it.
-    pub fn open(settings: &Settings) -> Result<Self, Box<dyn Error>> {
+    /// When the folder cannot be used or another process has it, or the broker or the store of blobs
+    /// cannot be used.
+    pub async fn open(settings: &Settings) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        let jobs = &settings.jobs;
+        if !jobs.broker.is_shared() {
+            return Self::in_folder(settings).map_err(|error| error.to_string().into());
+        }
+        let broker = Broker::connect(&jobs.broker).await?;
+        let blobs = Blobs::shared(&jobs.blob_engine(), &broker).await?;
+        let queue = Nats::open(broker, terms(settings)).await;
+        let queue = queue.map_err(|error| format!("--queue {}: {error}", jobs.broker))?;
+        Ok(Self { queue: Arc::new(queue), blobs, durations: Arc::default() })
+    }
+
+    /// Opens those of one process.
+    fn in_folder(settings: &Settings) -> Result<Self, Box<dyn Error>> {
         let folder = Arc::new(DataFolder::take(&settings.jobs.data_dir)?);
         let blobs = Blobs::in_folder(&folder.path().join("blobs"))?;
         let queue = Arc::new(Embedded::open(folder, terms(settings))?);
-        Ok(Self { queue, blobs })
+        Ok(Self { queue, blobs, durations: Arc::default() })
     }
 
     /// Puts a job and its image on stable storage: first the image, then the job. What was begun is
@@ -91,6 +109,7 @@ impl Jobs {
         let jobs = self.clone();
         let storing = tokio::spawn(async move {
             let hold = jobs.blobs.hold().await;
+            jobs.queue.expect(job.picture.digest).await?;
             jobs.blobs.put(&hold, job.picture.digest, image).await?;
             jobs.queue.submit(job).await
         });
@@ -110,7 +129,7 @@ fn terms(settings: &Settings) -> Terms {
             queued_per_owner: access.key_queued_jobs.get(),
             running_per_owner: access.running(settings.worker_count()),
         },
-        lease: LEASE,
+        lease: jobs.job_lease.0,
         result_ttl: jobs.result_ttl.0,
         idempotency_ttl: IDEMPOTENCY_TTL,
         gone_ttl: GONE_TTL,
@@ -142,6 +161,11 @@ impl From<QueueError> for Problem {
             QueueError::Damaged(_) => {
                 Self::new(Kind::StorageDamaged, "what was stored of this job is damaged")
             }
+            QueueError::Blobs(_) => Self::new(
+                Kind::StorageUnavailable,
+                "pictures and meshes can be neither stored nor read now",
+            )
+            .setting("--blobs"),
             QueueError::Unreachable(_) => {
                 Self::new(Kind::StorageUnavailable, "the broker that keeps jobs does not answer")
                     .setting("--queue")

@@ -1,9 +1,11 @@
-//! The program `pixmesh`: `serve`, `health`, `doctor`, `config`, `key`, `openapi` and `monitoring`.
+//! The program `pixmesh`: `serve`, `worker`, `health`, `doctor`, `config`, `key`, `openapi` and
+//! `monitoring`.
 
 use clap::{Parser, Subcommand};
 use pixmesh::access::{NewKey, issue};
 use pixmesh::config::{self, HealthSettings, Settings};
 use pixmesh::monitoring::Monitor;
+use pixmesh::server::Role;
 use pixmesh::{doctor, health, routes, server};
 use std::error::Error;
 use std::io::{self, Write};
@@ -24,6 +26,9 @@ struct Program {
 enum Command {
     /// Serves until SIGTERM or SIGINT.
     Serve(Settings),
+    /// Does jobs of a queue that nodes share, until SIGTERM or SIGINT. It listens for health and
+    /// metrics alone.
+    Worker(Settings),
     /// Asks a running service whether it is ready: exit status 0 when it is, 1 when not.
     Health(HealthSettings),
     /// Prints every setting in force, after the checks that `serve` makes.
@@ -60,7 +65,8 @@ fn main() -> ExitCode {
 
 fn run(command: Command) -> Result<(), Box<dyn Error>> {
     match command {
-        Command::Serve(settings) => server::run(&settings.checked()?)?,
+        Command::Serve(settings) => server::run(&settings.checked()?, Role::Serve)?,
+        Command::Worker(settings) => server::run(&settings.checked_for_work()?, Role::Work)?,
         Command::Health(settings) => health::ask(&settings)?,
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
         Command::Doctor(settings) => doctor::examine(&settings)?,

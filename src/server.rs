@@ -81,19 +81,32 @@ impl Lifecycle {
     }
 }
 
-/// Serves until SIGTERM or SIGINT.
+/// What a node does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It takes requests, and does jobs unless it is told not to.
+    Serve,
+    /// It does jobs of a queue that nodes share, and takes no requests but for operations.
+    Work,
+}
+
+/// Serves or works until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// When an address cannot be listened on, or a runtime cannot be started.
-pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
+/// When an address cannot be listened on, a runtime cannot be started, or jobs cannot be kept.
+pub fn run(settings: &Settings, role: Role) -> Result<(), Box<dyn Error>> {
     let _log = telemetry::start_log(settings.log_format, &settings.traces)?;
     warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
-    let jobs = Jobs::open(settings)?;
+    let runtime = Builder::new_multi_thread().enable_all().build()?;
+    let jobs = runtime.block_on(Jobs::open(settings)).map_err(|error| error.to_string())?;
     let lifecycle = Lifecycle::default();
-    let public = bind(settings.listen)?;
+    let public = match role {
+        Role::Serve => Some(bind(settings.listen)?),
+        Role::Work => None,
+    };
     let operations = bind(settings.ops_listen)?;
-    announce(&public, &operations)?;
+    announce(public.as_ref(), &operations)?;
 
     let stop_operations = CancellationToken::new();
     let upkeep = metrics.clone();
@@ -105,7 +118,6 @@ pub fn run(settings: &Settings) -> Result<(), Box<dyn Error>> {
     let listener = Listener::new(operations, routes, OPERATIONS_CONNECTIONS, timeouts(settings));
     let operations = start_operations(listener, upkeep, stop_operations.clone())?;
 
-    let runtime = Builder::new_multi_thread().enable_all().build()?;
     let result = runtime.block_on(serve(public, settings, jobs, &lifecycle));
     runtime.shutdown_timeout(REMAINING_THREADS);
     stop_operations.cancel();
@@ -140,9 +152,11 @@ fn bind(address: std::net::SocketAddr) -> Result<TcpListener, String> {
 }
 
 /// Says on standard output where the service listens, whichever ports were free.
-fn announce(public: &TcpListener, operations: &TcpListener) -> io::Result<()> {
+fn announce(public: Option<&TcpListener>, operations: &TcpListener) -> io::Result<()> {
     let mut output = io::stdout().lock();
-    writeln!(output, "listening on http://{}", public.local_addr()?)?;
+    if let Some(public) = public {
+        writeln!(output, "listening on http://{}", public.local_addr()?)?;
+    }
     writeln!(output, "operations on http://{}", operations.local_addr()?)?;
     output.flush()
 }
@@ -177,9 +191,9 @@ async fn keep_up(metrics: PrometheusHandle) {
     }
 }
 
-/// Serves the public routes until a signal, then lets what runs end.
+/// Serves the public routes, if there are any, until a signal, then lets what runs end.
 async fn serve(
-    listener: TcpListener,
+    listener: Option<TcpListener>,
     settings: &Settings,
     jobs: Jobs,
     lifecycle: &Lifecycle,
@@ -189,20 +203,34 @@ async fn serve(
         tokio::spawn(Arc::clone(keys).keep_up());
     }
     let service = Arc::new(Service::new(settings, jobs, keys));
-    let connections = descriptors::public_connections(settings.limits.max_connections.get());
-    let routes = routes::public(Arc::clone(&service));
-    let listener = Listener::new(listener, routes, connections, timeouts(settings));
     let stop = stop_on_signal(lifecycle.clone(), service.stop.clone())?;
     let work = start_jobs(&service, settings);
     lifecycle.enter(Stage::Ready);
     tracing::info!(workers = settings.worker_count(), "ready");
+    match listener {
+        Some(listener) => serve_public(listener, settings, &service, stop).await?,
+        None => stop.cancelled().await,
+    }
+    let _ = work.await;
+    tracing::info!("stopped");
+    Ok(())
+}
+
+/// Serves the public routes until the service stops.
+async fn serve_public(
+    listener: TcpListener,
+    settings: &Settings,
+    service: &Arc<Service>,
+    stop: CancellationToken,
+) -> io::Result<()> {
+    let connections = descriptors::public_connections(settings.limits.max_connections.get());
+    let routes = routes::public(Arc::clone(service));
+    let listener = Listener::new(listener, routes, connections, timeouts(settings));
     let mut draining = listener.serve(stop).await?;
     if !draining.finish(GRACE).await {
         service.cut.cancel();
         draining.finish(LAST_WORDS).await;
     }
-    let _ = work.await;
-    tracing::info!("stopped");
     Ok(())
 }
 
@@ -215,6 +243,7 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
         pictures: service.pictures,
         deadline: settings.jobs.job_deadline.0,
         make: pipeline::mesh_of_job,
+        lease: settings.jobs.job_lease.0,
     };
     let stop = service.stop.clone();
     tokio::spawn(async move {
@@ -223,7 +252,13 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
         }
         retention::keep(jobs, stop).await;
     });
-    tokio::spawn(worker.run(service.stop.clone(), GRACE_OF_JOBS))
+    let (stop, is_idle) = (service.stop.clone(), settings.jobs.no_worker);
+    tokio::spawn(async move {
+        match is_idle {
+            true => stop.cancelled().await,
+            false => worker.run(stop, GRACE_OF_JOBS).await,
+        }
+    })
 }
 
 /// The token, once the first SIGTERM or SIGINT is to raise it, after the service has said that it

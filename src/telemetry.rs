@@ -141,10 +141,20 @@ pub fn job_attempt() {
     counter!(JOB_ATTEMPTS).increment(1);
 }
 
-/// So many durable jobs wait, for so long.
-pub fn jobs(stats: &Stats) {
+/// So many durable jobs wait, for so long; those that were done here of late took so long on
+/// average, if there were any.
+pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     gauge!(JOBS_WAITING).set(stats.queued as f64);
+    gauge!(JOBS_RUNNING).set(stats.running as f64);
     gauge!(JOBS_OLDEST).set(stats.oldest_queued_s);
+    if let Some(mean_s) = mean_duration_s {
+        gauge!(JOBS_WORK).set(stats.queued as f64 * mean_s);
+    }
+}
+
+/// Counts the time that an attempt at a durable job took.
+pub fn job_duration(duration: Duration) {
+    histogram!(JOB_DURATION).record(duration);
 }
 
 /// What the system knows of this process: resident memory, processor time and open files.

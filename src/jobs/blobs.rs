@@ -4,30 +4,59 @@
 //! on stable storage. Several jobs may have the same one. Whoever stores a blob keeps a [`Hold`]
 //! until a job has it: only when there are no holds are blobs that no job has deleted. What is read
 //! is what was stored, or it is refused as damaged.
+//!
+//! In a store that nodes share, nobody can wait for all holds. There a blob is young for
+//! [`YOUNG`], in which its job is stored, and only older ones are deleted; one that is stored again
+//! is made young again.
 
+mod bucket;
 mod verified;
 
+use super::nats::Broker;
 use super::queue::QueueError;
+use crate::config::BlobEngine;
 use crate::digest::Digest;
+use bucket::BrokerBucket;
 use bytes::Bytes;
 use futures_util::StreamExt;
 use futures_util::stream::BoxStream;
+use object_store::aws::AmazonS3Builder;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as BlobPath;
-use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt};
+use object_store::prefix::PrefixStore;
+use object_store::{
+    BackoffConfig, ClientOptions, GetOptions, GetRange, ObjectMeta, ObjectStore, ObjectStoreExt,
+    RetryConfig,
+};
 use std::error::Error;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::{Duration, SystemTime};
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
+
+/// How long a blob of a shared store is not deleted after it was stored. Half of that is far longer
+/// than a job takes to be stored behind it.
+const YOUNG: Duration = Duration::from_hours(1);
+/// How long a request to a store on the network may take.
+const REQUEST_TIME: Duration = Duration::from_secs(60);
+/// How long such a store may take to answer a connection.
+const CONNECT_TIME: Duration = Duration::from_secs(5);
+/// How long a request that fails is made again.
+const RETRY_TIME: Duration = Duration::from_secs(10);
+/// How often a blob of a shared store is looked for that another node has just stored.
+const LOOKS: usize = 5;
+/// The pause between two looks.
+const PAUSE: Duration = Duration::from_millis(200);
 
 /// The store of blobs.
 #[derive(Clone, Debug)]
 pub struct Blobs {
     store: Arc<dyn ObjectStore>,
-    folder: PathBuf,
+    /// Where this process alone keeps them; `None` in a store that nodes share.
+    folder: Option<PathBuf>,
     holds: Arc<RwLock<()>>,
 }
 
@@ -51,7 +80,40 @@ impl Blobs {
         fs::create_dir_all(folder)?;
         let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true);
         let (store, holds) = (Arc::new(store), Arc::default());
-        Ok(Self { store, folder: folder.to_owned(), holds })
+        Ok(Self { store, folder: Some(folder.to_owned()), holds })
+    }
+
+    /// The blobs in a store that nodes share; `broker` is the queue's.
+    ///
+    /// # Errors
+    /// When the store cannot be used, or is none that nodes share.
+    pub async fn shared(
+        engine: &BlobEngine,
+        broker: &Broker,
+    ) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        let store: Arc<dyn ObjectStore> = match engine {
+            BlobEngine::File => return Err("--blobs file is a store of one node".into()),
+            BlobEngine::Folder(path) => {
+                let named = |error| format!("--blobs {engine}: {error}");
+                fs::create_dir_all(path).map_err(|error| named(error.to_string()))?;
+                let store = LocalFileSystem::new_with_prefix(path);
+                Arc::new(store.map_err(|error| named(error.to_string()))?.with_fsync(true))
+            }
+            BlobEngine::S3(address) => s3(address)?,
+            BlobEngine::Broker => Arc::new(BrokerBucket::open(broker).await?),
+        };
+        let blobs = Self { store, folder: None, holds: Arc::default() };
+        // A name that nobody has shows whether the store answers and takes the credentials.
+        match blobs.meta(Digest::of(b"")).await {
+            Ok(_) => Ok(blobs),
+            Err(error) => Err(format!("--blobs {engine}: {error}").into()),
+        }
+    }
+
+    /// Whether nodes share them.
+    #[must_use]
+    pub fn is_shared(&self) -> bool {
+        self.folder.is_none()
     }
 
     /// Keeps blobs from being deleted before a job has them.
@@ -64,11 +126,22 @@ impl Blobs {
     /// # Errors
     /// When the storage is full or fails.
     pub async fn put(&self, _: &Hold, digest: Digest, bytes: Bytes) -> Result<(), QueueError> {
-        let place = place(digest);
-        if verified::is_same(&*self.store, &place, &bytes).await {
+        let known = self.meta(digest).await?;
+        let is_fresh = known.is_some_and(|meta| !self.is_shared() || age(&meta) < YOUNG / 2);
+        if is_fresh && verified::is_same(&*self.store, &place(digest), &bytes).await {
             return Ok(());
         }
-        self.store.put(&place, bytes.into()).await.map(|_| ()).map_err(|error| failure(&error))
+        let put = self.store.put(&place(digest), bytes.into()).await;
+        put.map(|_| ()).map_err(|error| self.failure(&error))
+    }
+
+    /// What is known of a blob; `None` when it is not there.
+    async fn meta(&self, digest: Digest) -> Result<Option<ObjectMeta>, QueueError> {
+        match self.store.head(&place(digest)).await {
+            Ok(meta) => Ok(Some(meta)),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            Err(error) => Err(self.failure(&error)),
+        }
     }
 
     /// The whole of a blob.
@@ -76,9 +149,20 @@ impl Blobs {
     /// # Errors
     /// When it is not there, or the storage fails.
     pub async fn get(&self, digest: Digest) -> Result<Bytes, QueueError> {
-        let found = self.store.get(&place(digest)).await.map_err(|error| failure(&error))?;
-        let bytes = found.bytes().await.map_err(|error| failure(&error))?;
-        verified::whole(digest, bytes).await
+        let mut looks = if self.is_shared() { LOOKS } else { 1 };
+        loop {
+            looks -= 1;
+            let found = match self.store.get(&place(digest)).await {
+                Ok(found) => found.bytes().await,
+                Err(object_store::Error::NotFound { .. }) if looks > 0 => {
+                    tokio::time::sleep(PAUSE).await;
+                    continue;
+                }
+                Err(error) => Err(error),
+            };
+            let bytes = found.map_err(|error| self.failure(&error))?;
+            return verified::whole(digest, bytes).await;
+        }
     }
 
     /// A part of a blob at once.
@@ -87,7 +171,7 @@ impl Blobs {
     /// When it is not there, or the storage fails.
     pub async fn get_part(&self, digest: Digest, range: Range<u64>) -> Result<Bytes, QueueError> {
         let found = self.store.get_range(&place(digest), range).await;
-        found.map_err(|error| failure(&error))
+        found.map_err(|error| self.failure(&error))
     }
 
     /// A part of a blob, piece by piece.
@@ -99,10 +183,11 @@ impl Blobs {
         digest: Digest,
         range: Range<u64>,
     ) -> Result<BoxStream<'static, io::Result<Bytes>>, QueueError> {
-        verified::stored(&*self.store, &place(digest), digest).await?;
+        let stored = verified::stored(&*self.store, &place(digest), digest).await;
+        stored.map_err(|error| self.told(error))?;
         let options = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
         let found = self.store.get_opts(&place(digest), options).await;
-        let found = found.map_err(|error| failure(&error))?;
+        let found = found.map_err(|error| self.failure(&error))?;
         Ok(found.into_stream().map(|piece| piece.map_err(io::Error::other)).boxed())
     }
 
@@ -111,14 +196,15 @@ impl Blobs {
         Clearing { blobs: self, _none_held: self.holds.write().await }
     }
 
-    /// Every blob there is. Staged files that were never renamed are removed on the way: nobody may
+    /// Every blob there is, of those that this process alone keeps. Staged files that were never renamed are removed on the way: nobody may
     /// be storing blobs, as nobody is during [`Self::clear`].
     ///
     /// # Errors
     /// When the folder cannot be read.
     pub fn all(&self) -> io::Result<Vec<Digest>> {
         let mut found = Vec::new();
-        for shelf in fs::read_dir(&self.folder)? {
+        let Some(folder) = &self.folder else { return Ok(found) };
+        for shelf in fs::read_dir(folder)? {
             let shelf = shelf?.path();
             if !shelf.is_dir() {
                 continue;
@@ -136,16 +222,53 @@ impl Blobs {
 }
 
 impl Clearing<'_> {
-    /// Deletes a blob, if it is there.
+    /// Deletes a blob, if it is there, and says whether it is so no more: one that is young in a
+    /// store that nodes share stays, since somebody may have stored it for a job to come.
     ///
     /// # Errors
     /// When the storage fails.
-    pub async fn delete(&self, digest: Digest) -> Result<(), QueueError> {
+    pub async fn delete(&self, digest: Digest) -> Result<bool, QueueError> {
+        if self.blobs.is_shared() {
+            let known = self.blobs.meta(digest).await?;
+            if known.is_some_and(|meta| age(&meta) < YOUNG) {
+                return Ok(false);
+            }
+        }
         match self.blobs.store.delete(&place(digest)).await {
-            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(failure(&error)),
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(true),
+            Err(error) => Err(self.blobs.failure(&error)),
         }
     }
+}
+
+/// A bucket of an S3-compatible store, whose credentials, region and endpoint are in the variables
+/// that Amazon's programs have.
+fn s3(address: &str) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync>> {
+    // The one provider of cryptography of this program; a second call changes nothing.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let endpoint = std::env::var("AWS_ENDPOINT_URL").unwrap_or_default();
+    let options = ClientOptions::new()
+        .with_timeout(REQUEST_TIME)
+        .with_connect_timeout(CONNECT_TIME)
+        .with_allow_http(endpoint.starts_with("http://"));
+    let retry = RetryConfig {
+        backoff: BackoffConfig::default(),
+        max_retries: 3,
+        retry_timeout: RETRY_TIME,
+    };
+    let builder = AmazonS3Builder::from_env().with_url(address);
+    let store = builder.with_client_options(options).with_retry(retry).build();
+    let store = store.map_err(|error| format!("--blobs {address}: {error}"))?;
+    let path = address.trim_start_matches("s3://").split_once('/').map_or("", |(_, path)| path);
+    Ok(match path.trim_matches('/') {
+        "" => Arc::new(store),
+        prefix => Arc::new(PrefixStore::new(store, prefix)),
+    })
+}
+
+/// How long ago a blob was stored, by the clocks of the store and of this machine.
+fn age(meta: &ObjectMeta) -> Duration {
+    SystemTime::from(meta.last_modified).elapsed().unwrap_or_default()
 }
 
 /// Where a blob is: on one of 256 shelves.
@@ -154,7 +277,17 @@ fn place(digest: Digest) -> BlobPath {
     BlobPath::from_iter([&name[..2], &name[..]])
 }
 
-/// What a failure of the store means, by the system's error somewhere among its causes.
+impl Blobs {
+    /// What a failure of the store means.
+    fn failure(&self, error: &object_store::Error) -> QueueError {
+        match failure(error) {
+            QueueError::Storage(text) if self.is_shared() => QueueError::Blobs(text),
+            failure => failure,
+        }
+    }
+}
+
+/// What a failure of a store means, by the system's error somewhere among its causes.
 fn failure(error: &object_store::Error) -> QueueError {
     let mut causes = std::iter::successors(Some(error as &dyn Error), |&error| error.source());
     let kind = causes.find_map(|cause| cause.downcast_ref::<io::Error>()).map(io::Error::kind);
@@ -198,7 +331,7 @@ mod tests {
     async fn nothing_is_cleared_while_somebody_holds_blobs() {
         let blobs = blobs("holds");
         let hold = blobs.hold().await;
-        let soon = std::time::Duration::from_millis(20);
+        let soon = Duration::from_millis(20);
         assert!(tokio::time::timeout(soon, blobs.clear()).await.is_err());
         drop(hold);
         assert!(tokio::time::timeout(soon, blobs.clear()).await.is_ok());
@@ -207,7 +340,7 @@ mod tests {
     #[test]
     fn files_that_were_never_renamed_are_removed() {
         let blobs = blobs("staged");
-        let shelf = blobs.folder.join("ab");
+        let shelf = blobs.folder.clone().unwrap().join("ab");
         fs::create_dir_all(&shelf).unwrap();
         fs::write(shelf.join("abcd#1"), b"half").unwrap();
         assert!(blobs.all().unwrap().is_empty());

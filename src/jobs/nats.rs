@@ -234,6 +234,10 @@ impl Queue for Nats {
         Ok(found)
     }
 
+    async fn expect(&self, blob: Digest) -> Result<(), QueueError> {
+        self.give_up(&blob.to_string()).await
+    }
+
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError> {
         self.forget_all(&blobs).await
     }

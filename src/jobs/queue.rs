@@ -45,6 +45,9 @@ pub enum QueueError {
     /// The storage works, but what it kept is not what was given to it.
     #[error("what was stored is damaged: {0}")]
     Damaged(String),
+    /// The store of pictures and results fails, or does not answer.
+    #[error("the store of blobs fails: {0}")]
+    Blobs(String),
     /// The engine that keeps the queue does not answer.
     #[error("the broker does not answer: {0}")]
     Unreachable(String),
@@ -243,6 +246,12 @@ pub trait Queue: fmt::Debug + Send + Sync {
 
     /// Those of the blobs that a job has.
     async fn referenced(&self, blobs: Vec<Digest>) -> Result<HashSet<Digest>, QueueError>;
+
+    /// A blob is about to be stored: should no job come to have it, it is given up. An engine whose
+    /// blobs nobody else stores need not take that down.
+    async fn expect(&self, _blob: Digest) -> Result<(), QueueError> {
+        Ok(())
+    }
 
     /// The blobs that were given up are seen to.
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError>;

@@ -13,11 +13,15 @@ use tokio_util::sync::CancellationToken;
 /// How often it is looked for what is due.
 const PERIOD: Duration = Duration::from_secs(5);
 
-/// Deletes blobs that the last process stored for no job.
+/// Deletes blobs that the last process stored for no job; in a store that nodes share, the queue
+/// knows of them.
 ///
 /// # Errors
 /// When the blobs or the queue cannot be read.
 pub async fn clean_up(jobs: &Jobs) -> Result<(), Box<dyn Error + Send + Sync>> {
+    if jobs.blobs.is_shared() {
+        return Ok(());
+    }
     let clearing = jobs.blobs.clear().await;
     let blobs = jobs.blobs.clone();
     let stored = spawn_blocking(move || blobs.all()).await??;
@@ -54,7 +58,7 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
     if !given_up.is_empty() {
         delete(jobs, given_up).await?;
     }
-    telemetry::jobs(&jobs.queue.stats().await?);
+    telemetry::jobs(&jobs.queue.stats().await?, jobs.durations.mean_s());
     Ok(())
 }
 
@@ -63,8 +67,11 @@ async fn delete(jobs: &Jobs, blobs: Vec<crate::digest::Digest>) -> Result<(), Qu
     let clearing = jobs.blobs.clear().await;
     let kept: HashSet<_> = jobs.queue.referenced(blobs.clone()).await?;
     let unused: Vec<_> = blobs.into_iter().filter(|blob| !kept.contains(blob)).collect();
-    for blob in &unused {
-        clearing.delete(*blob).await?;
+    let mut seen_to = Vec::new();
+    for blob in unused {
+        if clearing.delete(blob).await? {
+            seen_to.push(blob);
+        }
     }
-    jobs.queue.forget(unused).await
+    jobs.queue.forget(seen_to).await
 }

@@ -29,8 +29,8 @@ use tracing::Instrument;
 
 /// How often progress is written down, where there is any.
 const PROGRESS_PERIOD: Duration = Duration::from_millis(500);
-/// How often a lease is renewed, progress or not.
-const HEARTBEAT: Duration = Duration::from_secs(10);
+/// How many times a lease is renewed in its time, progress or not.
+const HEARTBEATS_OF_LEASE: u32 = 3;
 /// The pause after the queue failed.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
 /// How long running jobs may take to be handed back.
@@ -49,6 +49,8 @@ pub struct Worker {
     pub deadline: Duration,
     /// What makes the mesh: [`pipeline::mesh_of_job`], or what a test has in its place.
     pub make: Make,
+    /// How long a job is kept without its lease being renewed.
+    pub lease: Duration,
 }
 
 /// Makes the mesh of an image by an order, with its progression or without.
@@ -101,6 +103,7 @@ impl Worker {
         telemetry::job_attempt();
         let Claim { lease, attempt, .. } = claim;
         tracing::info!(attempt, "begins");
+        let began = Instant::now();
         let watch = Arc::new(Watch::new(Instant::now() + self.deadline));
         let work = self.work(slot, &claim, &watch);
         // Until the job has its mesh, nobody may take the mesh for one that no job has.
@@ -123,6 +126,10 @@ impl Worker {
             () = hand_back.cancelled() => Outcome::HandedBack,
         };
         watch.cancel();
+        if matches!(outcome, Outcome::Completed(_) | Outcome::Failed(_)) {
+            self.jobs.durations.add(began.elapsed());
+            telemetry::job_duration(began.elapsed());
+        }
         self.finish(lease, outcome).await;
         drop(hold);
     }
@@ -163,7 +170,7 @@ impl Worker {
                     fraction: (fraction * 1e3).floor() / 1e3,
                 });
                 let news = progress.filter(|progress| told.as_ref() != Some(progress));
-                if news.is_none() && renewed.elapsed() < HEARTBEAT {
+                if news.is_none() && renewed.elapsed() < self.lease / HEARTBEATS_OF_LEASE {
                     continue;
                 }
                 match self.jobs.queue.renew(lease, news.clone()).await {
@@ -220,7 +227,11 @@ impl Worker {
         let Product { figures, digest, bytes } = product;
         loop {
             let hold = self.jobs.blobs.hold().await;
-            match self.jobs.blobs.put(&hold, digest, bytes.clone()).await {
+            let stored = match self.jobs.queue.expect(digest).await {
+                Ok(()) => self.jobs.blobs.put(&hold, digest, bytes.clone()).await,
+                Err(error) => Err(error),
+            };
+            match stored {
                 Ok(()) => return Ok((Outcome::Completed(figures), hold)),
                 Err(error) if Instant::now() >= deadline => return Err(error.into()),
                 Err(error) => {

@@ -59,6 +59,12 @@ metrics! {
     JOBS: Counter "pixmesh_jobs_total" ["state"] "Durable jobs that came to this state";
     JOB_ATTEMPTS: Counter "pixmesh_job_attempts_total" [] "Attempts at durable jobs";
     JOBS_WAITING: Gauge "pixmesh_jobs_queued" [] "Durable jobs that wait for a worker";
+    JOBS_RUNNING: Gauge "pixmesh_jobs_running" [] "Durable jobs that workers have, on all nodes";
+    JOBS_WORK: Gauge "pixmesh_jobs_queued_work_seconds" []
+        "Seconds of one worker's time that the durable jobs waiting will take, as long as jobs took \
+         here of late";
+    JOB_DURATION: Histogram "pixmesh_job_duration_seconds" []
+        "Seconds that an attempt at a durable job took";
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
         "Seconds that the oldest durable job waiting has waited";
     PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";

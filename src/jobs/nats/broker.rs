@@ -27,11 +27,11 @@ pub struct Broker {
     /// The connection.
     pub(super) client: Client,
     /// The same, for streams.
-    pub(super) context: Context,
+    pub(in crate::jobs) context: Context,
     /// What the names of streams and subjects begin with.
     pub(super) prefix: String,
     /// Copies of each stream.
-    pub(super) replicas: usize,
+    pub(in crate::jobs) replicas: usize,
 }
 
 impl Broker {
@@ -50,7 +50,7 @@ impl Broker {
     }
 
     /// The name of a stream, of which there is one of its kind under a prefix.
-    pub(super) fn stream_name(&self, kind: &str) -> String {
+    pub(in crate::jobs) fn stream_name(&self, kind: &str) -> String {
         format!("{}-{kind}", self.prefix)
     }
 
