@@ -60,6 +60,9 @@ use std::time::Duration;
 
 /// How long the word that a client gave for a submission is remembered.
 const IDEMPOTENCY_TTL: Duration = Duration::from_hours(24);
+/// Seconds after which a client may try again when what nodes share does not answer: a cluster has
+/// elected a new leader by then.
+const RETRY_AFTER_S: u64 = 5;
 /// How long it is remembered that there was a job.
 const GONE_TTL: Duration = Duration::from_hours(7 * 24);
 
@@ -165,10 +168,16 @@ impl From<QueueError> for Problem {
                 Kind::StorageUnavailable,
                 "pictures and meshes can be neither stored nor read now",
             )
-            .setting("--blobs"),
+            .setting("--blobs")
+            .retry_after_s(RETRY_AFTER_S),
+            QueueError::BrokerFull(_) => {
+                Self::new(Kind::StorageFull, "the broker has no room left for jobs")
+                    .setting("--queue")
+            }
             QueueError::Unreachable(_) => {
                 Self::new(Kind::StorageUnavailable, "the broker that keeps jobs does not answer")
                     .setting("--queue")
+                    .retry_after_s(RETRY_AFTER_S)
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::Secret;
 use clap::Args;
+use percent_encoding::percent_decode_str;
 use std::error::Error;
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -66,6 +67,19 @@ impl BrokerSettings {
             return Err("--queue embedded has no broker".into());
         };
         addresses.reveal().split(',').map(|address| Ok(address.trim().parse()?)).collect()
+    }
+
+    /// The name and password in the first address that has one; a name alone is a token.
+    ///
+    /// # Errors
+    /// Like [`Self::servers`].
+    pub fn user(&self) -> Result<Option<(String, Option<String>)>, Box<dyn Error + Send + Sync>> {
+        let decoded = |text: &str| percent_decode_str(text).decode_utf8_lossy().into_owned();
+        let servers = self.servers()?;
+        let mut users = servers.iter().filter_map(|server| {
+            Some((decoded(server.username()?), server.password().map(decoded)))
+        });
+        Ok(users.next())
     }
 
     /// Copies of each stream.

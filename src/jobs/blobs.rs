@@ -12,7 +12,7 @@
 mod bucket;
 mod verified;
 
-use super::nats::Broker;
+use super::nats::{Broker, is_full};
 use super::queue::QueueError;
 use crate::config::BlobEngine;
 use crate::digest::Digest;
@@ -99,7 +99,7 @@ impl Blobs {
                 let store = LocalFileSystem::new_with_prefix(path);
                 Arc::new(store.map_err(|error| named(error.to_string()))?.with_fsync(true))
             }
-            BlobEngine::S3(address) => s3(address)?,
+            BlobEngine::S3(address) => s3(address).await?,
             BlobEngine::Broker => Arc::new(BrokerBucket::open(broker).await?),
         };
         let blobs = Self { store, folder: None, holds: Arc::default() };
@@ -243,7 +243,7 @@ impl Clearing<'_> {
 
 /// A bucket of an S3-compatible store, whose credentials, region and endpoint are in the variables
 /// that Amazon's programs have.
-fn s3(address: &str) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync>> {
+async fn s3(address: &str) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync>> {
     // The one provider of cryptography of this program; a second call changes nothing.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let endpoint = std::env::var("AWS_ENDPOINT_URL").unwrap_or_default();
@@ -259,6 +259,9 @@ fn s3(address: &str) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync
     let builder = AmazonS3Builder::from_env().with_url(address);
     let store = builder.with_client_options(options).with_retry(retry).build();
     let store = store.map_err(|error| format!("--blobs {address}: {error}"))?;
+    if let Some(Err(error)) = store.list(None).next().await {
+        return Err(format!("--blobs {address}: {error}").into());
+    }
     let path = address.trim_start_matches("s3://").split_once('/').map_or("", |(_, path)| path);
     Ok(match path.trim_matches('/') {
         "" => Arc::new(store),
@@ -280,9 +283,14 @@ fn place(digest: Digest) -> BlobPath {
 impl Blobs {
     /// What a failure of the store means.
     fn failure(&self, error: &object_store::Error) -> QueueError {
-        match failure(error) {
+        self.told(failure(error))
+    }
+
+    /// The same of one that nodes share, told as such.
+    fn told(&self, error: QueueError) -> QueueError {
+        match error {
             QueueError::Storage(text) if self.is_shared() => QueueError::Blobs(text),
-            failure => failure,
+            error => error,
         }
     }
 }
@@ -295,6 +303,7 @@ fn failure(error: &object_store::Error) -> QueueError {
         Some(ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge) => {
             QueueError::StorageFull(error.to_string())
         }
+        _ if is_full(error) => QueueError::BrokerFull(error.to_string()),
         _ => QueueError::Storage(error.to_string()),
     }
 }

@@ -89,8 +89,17 @@ async fn submit(queue: &Arc<dyn Queue>, owner: &Owner, image: &str) -> JobId {
     }
 }
 
+/// What a worker gets, which looks again where an engine needs a moment.
 async fn claim(queue: &Arc<dyn Queue>) -> Claim {
-    queue.claim().await.unwrap().expect("a job waits")
+    let looking = async {
+        loop {
+            match queue.claim().await.unwrap() {
+                Some(claim) => return claim,
+                None => queue.work().await,
+            }
+        }
+    };
+    timeout(Duration::from_secs(5), looking).await.expect("a job waits")
 }
 
 async fn found(queue: &Arc<dyn Queue>, owner: &Owner, id: JobId) -> Record {

@@ -29,9 +29,11 @@ mod streams;
 mod submit;
 mod sweep;
 mod table;
+mod turn;
 mod work;
 
 pub use broker::Broker;
+pub(super) use broker::is_full;
 
 use super::queue::{
     Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
@@ -55,6 +57,7 @@ use sweep::Places;
 use tokio::sync::{Mutex, Notify};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
+use turn::Turn;
 
 /// How often a worker without work, and whoever waits for a change, looks whether it missed a call.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
@@ -68,6 +71,7 @@ pub struct Nats {
     owners: Arc<Owners>,
     holdings: Holdings,
     silence: Silence,
+    turn: Turn,
     /// Where the next sweep goes on.
     places: Mutex<Places>,
     /// One claim at a time, so that the last attempt of a job is made alone.
@@ -96,6 +100,7 @@ impl Nats {
             owners,
             holdings: Holdings::default(),
             silence: Silence::default(),
+            turn: Turn::default(),
             places: Mutex::default(),
             claiming: Mutex::default(),
             calls,

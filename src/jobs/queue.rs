@@ -48,6 +48,9 @@ pub enum QueueError {
     /// The store of pictures and results fails, or does not answer.
     #[error("the store of blobs fails: {0}")]
     Blobs(String),
+    /// The broker has no room left.
+    #[error("no room is left in the broker: {0}")]
+    BrokerFull(String),
     /// The engine that keeps the queue does not answer.
     #[error("the broker does not answer: {0}")]
     Unreachable(String),

@@ -96,6 +96,12 @@ fn options(settings: &BrokerSettings) -> Result<ConnectOptions, Box<dyn Error + 
                 event => tracing::warn!(%event, "the broker's connection"),
             }
         });
+    if let Some((user, password)) = settings.user()? {
+        options = match password {
+            Some(password) => options.user_and_password(user, password),
+            None => options.token(user),
+        };
+    }
     if let Some(path) = &settings.queue_credentials {
         let text = std::fs::read_to_string(path)
             .map_err(|error| format!("--queue-credentials {}: {error}", path.display()))?;
@@ -159,15 +165,23 @@ async fn check_jetstream(
 pub(super) fn failure(what: &str, error: &(dyn Error + 'static)) -> QueueError {
     let text = format!("{what}: {}", causes(error));
     match server_code(error) {
-        Some(
-            ErrorCode::INSUFFICIENT_RESOURCES
-            | ErrorCode::STORAGE_RESOURCES_EXCEEDED
-            | ErrorCode::ACCOUNT_RESOURCES_EXCEEDED
-            | ErrorCode::STREAM_STORE_FAILED,
-        ) => QueueError::StorageFull(text),
+        Some(_) if is_full(error) => QueueError::BrokerFull(text),
         Some(_) => QueueError::Storage(text),
         None => QueueError::Unreachable(text),
     }
+}
+
+/// Whether an error says that the broker takes no more.
+pub(in crate::jobs) fn is_full(error: &(dyn Error + 'static)) -> bool {
+    matches!(
+        server_code(error),
+        Some(
+            ErrorCode::INSUFFICIENT_RESOURCES
+                | ErrorCode::STORAGE_RESOURCES_EXCEEDED
+                | ErrorCode::ACCOUNT_RESOURCES_EXCEEDED
+                | ErrorCode::STREAM_STORE_FAILED
+        )
+    )
 }
 
 /// The code of the server's error among the causes of one.

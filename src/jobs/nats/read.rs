@@ -124,7 +124,7 @@ impl Nats {
         match cancellation {
             Cancellation::Cancelled => {
                 self.let_go(id, &record.value).await?;
-                self.streams.work.remove(&work_name(owner, id)).await?;
+                self.streams.work.take_away(&work_name(owner, id)).await?;
             }
             Cancellation::Deleted => self.delete(owner, id, &record.value).await?,
             _ => {}

@@ -6,7 +6,7 @@
 //! | `jobs` | `job.{owner}.{job}` | the record of each job |
 //! | `words` | `word.{digest}` | what a client's word for a submission was given for |
 //! | `gone` | `gone.{owner}.{job}` | that there was a job |
-//! | `blobs` | `ref.{blob}.{job}`, `free.{blob}` | which jobs have a blob, and which blobs were given up |
+//! | `blobs` | `ref.{blob}.{job}`, `free.{blob}`, `turn.sweep` | which jobs have a blob, which blobs were given up, and who sweeps |
 //!
 //! An owner is written as `o` and the hexadecimal digits of its name, so that any name is one word
 //! of a subject and owners order like their names.
@@ -85,7 +85,7 @@ fn configs(broker: &Broker, terms: &Terms) -> [Config; 5] {
         },
         Config {
             description: Some("who has which blob".into()),
-            ..newest("blobs", &["ref.*.*", "free.*"])
+            ..newest("blobs", &["ref.*.*", "free.*", "turn.*"])
         },
     ]
 }
@@ -131,7 +131,11 @@ pub(super) fn owner_word(owner: &Owner) -> String {
 /// The owner of a word.
 pub(super) fn owner_of_word(word: &str) -> Option<Owner> {
     let digits = word.strip_prefix('o')?.as_bytes();
-    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    let digit = |letter: &u8| char::from(*letter).to_digit(16);
+    let byte = |pair: &[u8]| match pair {
+        [high, low] => u8::try_from(digit(high)? << 4 | digit(low)?).ok(),
+        _ => None,
+    };
     let bytes: Option<Vec<u8>> = digits.chunks(2).map(byte).collect();
     let name = String::from_utf8(bytes?).ok()?;
     Some(if name.is_empty() { Owner::anonymous() } else { Owner::named(&name) })
@@ -174,9 +178,9 @@ mod tests {
             assert!(word.bytes().all(|byte| byte.is_ascii_alphanumeric()), "{word}");
             assert_eq!(owner_of_word(word).as_ref(), Some(owner));
         }
-        let mut sorted: Vec<_> = owners.iter().zip(&words).collect();
-        sorted.sort();
-        assert!(sorted.is_sorted_by_key(|(_, word)| *word));
+        let mut pairs: Vec<_> = owners.iter().zip(&words).collect();
+        pairs.sort();
+        assert!(pairs.is_sorted_by_key(|(_, word)| *word));
         for wrong in ["", "61", "o6", "oxy", "o+1"] {
             assert_eq!(owner_of_word(wrong), None, "{wrong}");
         }

@@ -69,6 +69,14 @@ impl Nats {
         Err(QueueError::Storage("a word for a submission changes without end".into()))
     }
 
+    /// Leaves a word as a submission does that is cut off right after.
+    #[cfg(test)]
+    pub(super) async fn leave_word(&self, job: &NewJob) -> Result<Put, QueueError> {
+        let name = word_name(&job.owner, job.idempotency_key.as_deref().unwrap_or_default());
+        let word = StoredWord::of(job, self.terms.idempotency_ttl);
+        self.streams.words.put(&name, &word, Expected::Nothing).await
+    }
+
     /// What a repeated word stands for; `None` when its job is no longer there.
     async fn again(
         &self,
@@ -126,10 +134,8 @@ impl Nats {
         self.owners.consumer(owner).await?;
         let message = PublishMessage::build().message_id(id.to_string());
         let put = match self.streams.work.publish(&work_name(owner, id), message).await {
-            Err(QueueError::StorageFull(text)) if text.contains("per subject") => Put::Stored(0),
-            Err(QueueError::StorageFull(text)) if text.contains("maximum messages") => {
-                Put::Conflict
-            }
+            Err(QueueError::BrokerFull(text)) if text.contains("per subject") => Put::Stored(0),
+            Err(QueueError::BrokerFull(text)) if text.contains("maximum messages") => Put::Conflict,
             put => put?,
         };
         self.call_to_work(owner).await;

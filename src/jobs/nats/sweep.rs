@@ -36,6 +36,9 @@ impl Nats {
         let mut places = self.places.lock().await;
         let mut swept = Swept::default();
         self.owners.refresh().await?;
+        if !self.turn.is_ours(&self.streams.blobs).await? {
+            return Ok(swept);
+        }
         self.take_back_silent(&mut swept).await?;
         swept.expired = self.expire_due(&mut places).await?;
         self.complete_submissions(&mut places).await?;
@@ -96,7 +99,7 @@ impl Nats {
         } else {
             swept.exhausted += usize::from(taken == TakenBack::Exhausted);
             self.let_go(id, &record.value).await?;
-            self.streams.work.remove(&work_name(owner, id)).await?;
+            self.streams.work.take_away(&work_name(owner, id)).await?;
         }
         self.announce(id).await;
         Ok(())

@@ -145,6 +145,31 @@ impl Table {
         removed.map(|_| ()).map_err(|error| failure("a value cannot be removed", &error))
     }
 
+    /// Takes the message under a name away. Unlike [`Self::remove`] this leaves consumers alone,
+    /// which upon a purge forget for a while what they were to give out again.
+    pub(super) async fn take_away(&self, name: &str) -> Result<(), QueueError> {
+        let message = match self.stream.get_last_raw_message_by_subject(&self.subject(name)).await {
+            Ok(message) => message,
+            Err(error) if matches!(error.kind(), LastRawMessageErrorKind::NoMessageFound) => {
+                return Ok(());
+            }
+            Err(error) => return Err(failure("a message cannot be found", &error)),
+        };
+        match self.stream.delete_message(message.sequence).await {
+            Ok(_) => Ok(()),
+            // It was answered in the meantime.
+            Err(error)
+                if matches!(
+                    server_code(&error),
+                    Some(ErrorCode::NO_MESSAGE_FOUND | ErrorCode::SEQUENCE_NOT_FOUND)
+                ) =>
+            {
+                Ok(())
+            }
+            Err(error) => Err(failure("a message cannot be taken away", &error)),
+        }
+    }
+
     /// The names that fit a filter, in no order.
     pub(super) async fn names(&self, filter: &str) -> Result<Vec<String>, QueueError> {
         let info = self.stream.info_with_subjects(self.subject(filter)).await;

@@ -1,0 +1,109 @@
+//! Two nodes that take requests and two that work, as clients see them.
+
+use crate::client::send;
+use crate::nats_server::{NatsServer, program};
+use crate::node::Node;
+use crate::pictures::{disc, noise};
+use std::thread;
+use std::time::Duration;
+
+/// Work that takes seconds.
+const SLOW: &str = "method=mgpr&density=1";
+
+#[test]
+fn a_job_is_one_and_the_same_whatever_node_is_asked() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let (one, other) = (Node::serve(&queue, &[]), Node::serve(&queue, &[]));
+    let workers = [Node::work(&queue, &[]), Node::work(&queue, &[])];
+    let image = disc(64, 48, 3);
+    let job = one.job("method=mgprfs&size=60", &image);
+    other.wait_for(&job, "completed");
+    let mesh = other.get(&format!("{job}/mesh"));
+    let direct = send(one.public, "POST", "/v1/meshes?method=mgprfs&size=60", &[], &image);
+    assert_eq!(mesh.body, direct.body);
+    assert_eq!(one.get(&format!("{job}/mesh")).body, direct.body);
+    assert_eq!(other.get("/v1/jobs").json()["jobs"][0]["id"], job.rsplit('/').next().unwrap());
+    // The stream of events comes from any node, whole.
+    let events = other.stream(&format!("{job}/events"));
+    for state in ["queued", "running", "completed"] {
+        assert!(events.contains(&format!("\"state\":\"{state}\"")), "{events}");
+    }
+    let done: usize = workers.iter().map(Node::completions).sum();
+    assert_eq!(done, 1);
+}
+
+#[test]
+fn the_same_word_is_the_same_job_on_every_node() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let nodes = [Node::serve(&queue, &[]), Node::serve(&queue, &[])];
+    let image = disc(40, 40, 1);
+    let headers = [("Idempotency-Key", "word")];
+    let answers: Vec<_> = thread::scope(|scope| {
+        let submit = |n: usize| nodes[n % 2].submit("size=40", &headers, &image);
+        let tries: Vec<_> = (0..8).map(|n| scope.spawn(move || submit(n))).collect();
+        tries.into_iter().map(|attempt| attempt.join().unwrap()).collect()
+    });
+    for answer in &answers {
+        assert_eq!(answer.status, 202, "{}", answer.text());
+        assert_eq!(answer.header("location"), answers[0].header("location"));
+    }
+    nodes[1].submit("size=41", &headers, &image).problem(422, "idempotency-key-reused");
+    assert_eq!(nodes[0].get("/v1/jobs").json()["jobs"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_cancellation_and_progress_cross_nodes() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let (one, other) = (Node::serve(&queue, &[]), Node::serve(&queue, &[]));
+    let worker = Node::work(&queue, &[]);
+    let job = one.job(SLOW, &noise(700));
+    other.wait_for(&job, "running");
+    other
+        .wait_until("progress is seen", || other.get(&job).json()["progress"]["stage"].is_string());
+    let cancelled = send(other.public, "DELETE", &job, &[], &[]);
+    assert_eq!(cancelled.status, 202, "{}", cancelled.text());
+    one.wait_for(&job, "cancelled");
+    one.wait_until("the worker is free", || {
+        let metrics = worker.operate("/metrics").text();
+        metrics.lines().any(|line| line == "pixmesh_jobs_in_progress 0")
+    });
+    assert_eq!(send(one.public, "DELETE", &job, &[], &[]).status, 204);
+    assert_eq!(other.get(&job).status, 404);
+}
+
+#[test]
+fn what_waits_shows_in_metrics_of_every_node_and_more_than_may_is_refused() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let flags = ["--max-queued-jobs", "5"];
+    let nodes = [Node::serve(&queue, &flags), Node::serve(&queue, &flags)];
+    for n in 0..5 {
+        nodes[n % 2].job(&format!("size={}", 40 + n), &disc(40, 40, 1));
+    }
+    for node in &nodes {
+        let refused = node.submit("size=90", &[], &disc(40, 40, 1));
+        assert_eq!(refused.status, 503, "{}", refused.text());
+        assert!(!refused.header("retry-after").is_empty());
+        node.wait_until("the metrics are there", || {
+            let metrics = node.operate("/metrics").text();
+            let age = metrics
+                .lines()
+                .find_map(|line| line.strip_prefix("pixmesh_jobs_oldest_queued_age_seconds "));
+            metrics.contains("\npixmesh_jobs_queued 5\n")
+                && age.is_some_and(|age| age.parse::<f64>().unwrap() > 0.0)
+        });
+    }
+    let worker = Node::work(&queue, &[]);
+    nodes[0].wait_until("all are done", || worker.completions() == 5);
+    worker.wait_until("the work that waits is told in seconds", || {
+        worker.operate("/metrics").text().contains("pixmesh_jobs_queued_work_seconds 0")
+    });
+    thread::sleep(Duration::from_millis(10));
+}
