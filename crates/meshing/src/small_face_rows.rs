@@ -42,9 +42,8 @@ pub(crate) struct Edges {
     pub(crate) bottom: i32,
     /// Rows from the lowest vertex to the highest.
     pub(crate) rows: i32,
-    /// The least column of a vertex, and how many columns there are to the greatest.
+    /// The least column of a vertex.
     pub(crate) left: i32,
-    pub(crate) columns: i32,
 }
 
 /// The places where an edge crosses the rows above its lower end, in fixed point.
@@ -87,7 +86,6 @@ impl Edges {
             bottom: bottom.y,
             rows,
             left,
-            columns,
         })
     }
 
