@@ -117,7 +117,6 @@ impl<'m> Foresight<'m> {
 /// Prepares some removals.
 fn prepare_all(share: &mut [Prepared], remover: &mut Remover<'_>, net: &Net) {
     for Prepared { vertex, change, neighbours } in share {
-        neighbours.clear();
-        *change = remover.prepare(*vertex, net, |neighbour| neighbours.push(neighbour));
+        *change = remover.prepare(*vertex, net, neighbours);
     }
 }

@@ -9,6 +9,8 @@
 //! the triangles make a fan, so larger boundaries are split at their middle edge, as lists, and so
 //! are those that reach too far for 64 bits.
 
+pub(crate) mod few;
+
 use crate::mesh::Point;
 use crate::predicates::{in_circle, orientation};
 

@@ -7,7 +7,7 @@
 use crate::hole::HoleTriangle;
 
 /// Triangles remembered for each vertex; a hole has four on average.
-const SLOTS: usize = 6;
+pub(crate) const SLOTS: usize = 6;
 
 /// Stands in for the places of a triangle that is not remembered.
 const NOTHING: u32 = u32::MAX;
@@ -42,6 +42,34 @@ impl HoleMemory {
         found.then_some(error.into())
     }
 
+    /// Whether the error of a triangle is remembered, and the error, or 0.
+    #[inline(always)]
+    pub(crate) fn error_or_zero(&self, places: HoleTriangle) -> (bool, u32) {
+        let wanted = pack(places);
+        let (mut is_known, mut error) = (false, 0);
+        for (&triangle, &known) in self.triangles.iter().zip(&self.errors) {
+            is_known |= triangle == wanted;
+            error |= if triangle == wanted { known } else { 0 };
+        }
+        (is_known, error)
+    }
+
+    /// Remembers a triangle, if there is a slot of this number.
+    #[inline(always)]
+    pub(crate) fn set_triangle(&mut self, slot: usize, places: HoleTriangle) {
+        if let Some(triangle) = self.triangles.get_mut(slot) {
+            *triangle = pack(places);
+        }
+    }
+
+    /// Remembers the error of the triangle in a slot, if there is a slot of this number.
+    #[inline(always)]
+    pub(crate) fn set_error(&mut self, slot: usize, error: u32) {
+        if let Some(known) = self.errors.get_mut(slot) {
+            *known = error;
+        }
+    }
+
     /// What is remembered of a fill.
     #[inline]
     pub(crate) fn of(triangles: &[HoleTriangle], errors: &[u64]) -> Self {
@@ -58,6 +86,7 @@ impl HoleMemory {
 
     /// Hands out all triangles of a fill of `count`, with their errors; `None` when some of them
     /// are not remembered.
+    #[inline(always)]
     pub(crate) fn recall(&self, count: usize) -> Option<impl Iterator<Item = (HoleTriangle, u64)>> {
         let known = self.triangles.get(..count)?;
         if known.contains(&NOTHING) {
@@ -69,13 +98,13 @@ impl HoleMemory {
 }
 
 /// Three places as three bytes.
-#[inline]
+#[inline(always)]
 fn pack([a, b, c]: HoleTriangle) -> u32 {
     a | b << 8 | c << 16
 }
 
 /// The three places.
-#[inline]
+#[inline(always)]
 fn unpack(triangle: u32) -> HoleTriangle {
     [triangle & 0xff, triangle >> 8 & 0xff, triangle >> 16]
 }

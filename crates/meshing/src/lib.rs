@@ -89,6 +89,7 @@ mod simplify;
 mod small_face;
 mod small_face_plane;
 mod small_face_rows;
+mod small_removal;
 mod ssim;
 mod star;
 mod threshold_search;

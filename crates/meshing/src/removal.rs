@@ -7,6 +7,7 @@ use crate::face_error::{FaceErrors, Measure};
 use crate::hole::HoleFiller;
 use crate::hole_memory::{HoleMemory, Shift};
 use crate::mesh::Point;
+use crate::small_removal::FewHoles;
 use crate::star::{Gap, Packed, Star, Stars};
 
 /// The points and stars of a triangulation that loses vertices.
@@ -32,6 +33,8 @@ pub(crate) struct Neighbour {
 pub(crate) struct Remover<'m> {
     errors: FaceErrors<'m>,
     filler: HoleFiller,
+    /// Does the removals of few neighbours.
+    few: FewHoles,
     /// The star in work and the places of its neighbours.
     star: Star,
     boundary: Vec<Point>,
@@ -61,6 +64,12 @@ struct Wedge {
 }
 
 impl Net {
+    /// Tells whether all coordinates are below 2^14, so that 32 bits hold products of two.
+    #[inline]
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.right.max(self.top) < 1 << 14
+    }
+
     /// Tells whether a vertex is a corner of the image.
     pub(crate) fn is_corner(&self, vertex: u32) -> bool {
         let Point { x, y } = self.points[vertex as usize];
@@ -79,6 +88,7 @@ impl<'m> Remover<'m> {
         Self {
             errors: FaceErrors::new(measure),
             filler: HoleFiller::default(),
+            few: FewHoles::default(),
             star: Star::default(),
             boundary: Vec::new(),
             fill_errors: Vec::new(),
@@ -94,6 +104,9 @@ impl<'m> Remover<'m> {
 
     /// By how much the error changes when a vertex goes, and what to remember of its hole.
     pub(crate) fn evaluate(&mut self, vertex: u32, net: &Net) -> (i64, HoleMemory) {
+        if let Some(result) = self.few.evaluate(vertex, net, &mut self.errors) {
+            return result;
+        }
         net.stars.read(vertex, &mut self.star);
         let change = self.change(net, net.stars.memory(vertex), Shift::NONE);
         (change, self.memory())
@@ -104,9 +117,14 @@ impl<'m> Remover<'m> {
         &mut self,
         vertex: u32,
         net: &Net,
-        mut use_neighbour: impl FnMut(Neighbour),
+        neighbours: &mut Vec<Neighbour>,
     ) -> i64 {
         net.stars.touch(net.stars.neighbours(vertex));
+        neighbours.clear();
+        if let Some(change) = self.few.prepare(vertex, net, &mut self.errors, neighbours) {
+            return change;
+        }
+        neighbours.clear();
         net.stars.read(vertex, &mut self.star);
         let change = self
             .recall(net.stars.memory(vertex))
@@ -120,7 +138,7 @@ impl<'m> Remover<'m> {
             let count = others.iter().take_while(|wedge| wedge.place == place as u32).count();
             self.close_gap(place, first..first + count, is_open);
             first += count;
-            use_neighbour(self.neighbour(self.hole.neighbours[place], vertex, net));
+            neighbours.push(self.neighbour(self.hole.neighbours[place], vertex, net));
         }
         change
     }

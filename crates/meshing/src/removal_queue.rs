@@ -1,5 +1,10 @@
 //! Vertices in the order of their removal: a heap of four children that knows where each vertex
 //! stands, so that a changed key moves its vertex and no stale entry remains.
+//!
+//! An entry is one number of 128 bits: its change, its rank and its vertex from the highest bits to
+//! the lowest. So two entries compare without branches, and the four children of a place, which lie
+//! side by side in one line of memory, are compared as in a tournament; where there are fewer, the
+//! greatest number stands in.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,6 +14,9 @@ const ABSENT: u32 = u32::MAX;
 
 /// Children of each place.
 const ARITY: usize = 4;
+
+/// Stands where there is no entry: after all of them.
+const NO_KEY: u128 = u128::MAX;
 
 /// A vertex with its place in the order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,10 +28,34 @@ pub(crate) struct Entry {
     pub(crate) vertex: u32,
 }
 
+impl Entry {
+    /// The entry as a number, in the same order.
+    #[inline]
+    fn key(self) -> u128 {
+        let change = self.change.wrapping_sub(i64::MIN) as u64;
+        u128::from(change) << 64 | u128::from(self.rank) << 32 | u128::from(self.vertex)
+    }
+
+    #[inline]
+    fn from_key(key: u128) -> Self {
+        let change = ((key >> 64) as i64).wrapping_add(i64::MIN);
+        Self { change, rank: (key >> 32) as u32, vertex: key as u32 }
+    }
+}
+
+/// The entries of the four children of a place.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Children([u128; ARITY]);
+
 /// A priority queue of vertices by change of error, then by rank.
+///
+/// The least entry stands at place 0, the children of place `i` at `4 i + 1` to `4 i + 4`.
 pub(crate) struct RemovalQueue {
-    /// The heap: the least first, the children of place `i` at `4 i + 1` to `4 i + 4`.
-    heap: Vec<Entry>,
+    first: u128,
+    /// The entries at the other places: child `k` of place `i` is the `k`-th of the `i`-th element.
+    children: Vec<Children>,
+    len: usize,
     /// Place of each vertex in the heap.
     places: Vec<u32>,
 }
@@ -31,87 +63,128 @@ pub(crate) struct RemovalQueue {
 impl RemovalQueue {
     /// A queue of entries for some of `vertex_count` vertices.
     pub(crate) fn new(entries: Vec<Entry>, vertex_count: usize) -> Self {
-        let mut queue = Self { heap: entries, places: vec![ABSENT; vertex_count] };
-        for (place, entry) in queue.heap.iter().enumerate() {
-            queue.places[entry.vertex as usize] = place as u32;
+        let mut queue = Self {
+            first: NO_KEY,
+            children: vec![Children([NO_KEY; ARITY]); entries.len().div_ceil(ARITY)],
+            len: entries.len(),
+            places: vec![ABSENT; vertex_count],
+        };
+        for (place, entry) in entries.into_iter().enumerate() {
+            queue.put(place, entry.key());
         }
-        for place in (0..queue.heap.len() / ARITY + 1).rev() {
-            queue.sift_down(place);
+        for parent in (0..queue.children.len()).rev() {
+            queue.sift_down(parent, queue.at(parent));
         }
         queue
     }
 
     /// The vertex whose removal changes the error least.
     pub(crate) fn first(&self) -> Option<Entry> {
-        self.heap.first().copied()
+        (self.len > 0).then(|| Entry::from_key(self.first))
+    }
+
+    /// The vertex after that.
+    #[inline]
+    pub(crate) fn second(&self) -> Option<Entry> {
+        let Children([a, b, c, d]) = self.children.first()?;
+        Some(*a.min(b).min(c.min(d))).filter(|&key| key != NO_KEY).map(Entry::from_key)
     }
 
     /// The first `count` entries in order, which stay in the queue.
     pub(crate) fn least(&self, count: usize) -> Vec<Entry> {
         let mut least = Vec::with_capacity(count);
         // The next one is a child of one of those before it, or the first of all.
-        let mut open: BinaryHeap<Reverse<(Entry, usize)>> =
-            self.heap.first().map(|&entry| Reverse((entry, 0))).into_iter().collect();
-        while let (true, Some(Reverse((entry, place)))) = (least.len() < count, open.pop()) {
-            least.push(entry);
-            let children = ARITY * place + 1..(ARITY * place + 1 + ARITY).min(self.heap.len());
-            open.extend(children.map(|child| Reverse((self.heap[child], child))));
+        let mut open = BinaryHeap::from([Reverse((self.first, 0))]);
+        while let (true, Some(Reverse((key, place)))) = (least.len() < count, open.pop()) {
+            if key == NO_KEY {
+                break;
+            }
+            least.push(Entry::from_key(key));
+            if let Some(Children(keys)) = self.children.get(place) {
+                let children = keys.iter().zip(ARITY * place + 1..);
+                open.extend(children.map(|(&key, child)| Reverse((key, child))));
+            }
         }
         least
     }
 
     /// Takes out the first vertex.
     pub(crate) fn remove_first(&mut self) {
-        let first = self.heap.swap_remove(0);
-        self.places[first.vertex as usize] = ABSENT;
-        if let Some(moved) = self.heap.first() {
-            self.places[moved.vertex as usize] = 0;
-            self.sift_down(0);
+        if self.len == 0 {
+            return;
+        }
+        self.places[self.first as u32 as usize] = ABSENT;
+        self.len -= 1;
+        let last = self.at(self.len);
+        self.set(self.len, NO_KEY);
+        if self.len > 0 {
+            self.sift_down(0, last);
         }
     }
 
     /// Gives a vertex of the queue another key.
     pub(crate) fn change(&mut self, vertex: u32, change: i64) {
         let place = self.places[vertex as usize] as usize;
-        self.heap[place].change = change;
-        self.sift_up(place);
-        self.sift_down(self.places[vertex as usize] as usize);
+        let old = self.at(place);
+        let key = Entry { change, ..Entry::from_key(old) }.key();
+        if key < old {
+            self.sift_up(place, key);
+        } else {
+            self.sift_down(place, key);
+        }
     }
 
-    /// Moves the entry at `place` towards the first until its parent is less.
-    fn sift_up(&mut self, mut place: usize) {
-        let entry = self.heap[place];
+    /// Puts an entry to `place` or, while the parent there is greater, to that of its parent.
+    fn sift_up(&mut self, mut place: usize, key: u128) {
         while place > 0 {
             let parent = (place - 1) / ARITY;
-            if self.heap[parent] <= entry {
+            let above = self.at(parent);
+            if above <= key {
                 break;
             }
-            self.put(place, self.heap[parent]);
+            self.put(place, above);
             place = parent;
         }
-        self.put(place, entry);
+        self.put(place, key);
     }
 
-    /// Moves the entry at `place` away from the first until its children are greater.
-    fn sift_down(&mut self, mut place: usize) {
-        let Some(&entry) = self.heap.get(place) else { return };
-        loop {
-            let start = ARITY * place + 1;
-            let end = (start + ARITY).min(self.heap.len());
-            let Some(least) = (start..end).min_by_key(|&child| self.heap[child]) else { break };
-            if entry <= self.heap[least] {
+    /// Puts an entry to `place` or, while a child there is less, to that of its least child.
+    fn sift_down(&mut self, mut place: usize, key: u128) {
+        while let Some(&Children([a, b, c, d])) = self.children.get(place) {
+            let (first, i) = if b < a { (b, 2) } else { (a, 1) };
+            let (second, j) = if d < c { (d, 4) } else { (c, 3) };
+            let (least, child) = if second < first { (second, j) } else { (first, i) };
+            if key <= least {
                 break;
             }
-            self.put(place, self.heap[least]);
-            place = least;
+            self.put(place, least);
+            place = ARITY * place + child;
         }
-        self.put(place, entry);
+        self.put(place, key);
+    }
+
+    /// The entry at a place.
+    #[inline]
+    fn at(&self, place: usize) -> u128 {
+        match place.checked_sub(1) {
+            None => self.first,
+            Some(other) => self.children[other / ARITY].0[other % ARITY],
+        }
+    }
+
+    #[inline]
+    fn set(&mut self, place: usize, key: u128) {
+        match place.checked_sub(1) {
+            None => self.first = key,
+            Some(other) => self.children[other / ARITY].0[other % ARITY] = key,
+        }
     }
 
     /// Writes an entry to a place.
-    fn put(&mut self, place: usize, entry: Entry) {
-        self.heap[place] = entry;
-        self.places[entry.vertex as usize] = place as u32;
+    #[inline]
+    fn put(&mut self, place: usize, key: u128) {
+        self.set(place, key);
+        self.places[key as u32 as usize] = place as u32;
     }
 }
 
@@ -144,8 +217,9 @@ mod tests {
                 let least = &expected[..count.min(expected.len())];
                 prop_assert_eq!(queue.least(count), least);
             }
-            for entry in expected {
+            for (i, &entry) in expected.iter().enumerate() {
                 prop_assert_eq!(queue.first(), Some(entry));
+                prop_assert_eq!(queue.second(), expected.get(i + 1).copied());
                 queue.remove_first();
             }
             prop_assert_eq!(queue.first(), None);

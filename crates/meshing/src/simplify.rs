@@ -18,7 +18,7 @@ use crate::parallel::in_parallel;
 use crate::parameters::ErrorBound;
 use crate::removal::{Neighbour, Net, Remover};
 use crate::removal_queue::{Entry, RemovalQueue};
-use crate::star::Stars;
+use crate::star::{ROOM, Stars};
 use crate::tile_order::tile_order;
 use crate::triangulation::Triangulation;
 
@@ -88,6 +88,7 @@ pub(crate) fn simplify(
             foresight.look_ahead(&simplification.net, &queue, simplification.remaining);
         }
         queue.remove_first();
+        simplification.touch_next(&queue);
         simplification.remove(vertex, foresight.as_mut(), &mut queue);
         removals.push(Removal { point: simplification.net.points[vertex as usize], change });
     }
@@ -193,6 +194,20 @@ impl<'a> Simplification<'a> {
         }
     }
 
+    /// Asks memory for what the removals after this one will probably need: for the next one the
+    /// stars around it, for the one after that its own, which tells where those around it are.
+    #[inline]
+    fn touch_next(&self, queue: &RemovalQueue) {
+        let stars = &self.net.stars;
+        if let Some(next) = queue.first() {
+            let around = stars.neighbours(next.vertex);
+            stars.touch(&around[..around.len().min(ROOM)]);
+        }
+        if let Some(second) = queue.second() {
+            stars.touch(&[second.vertex]);
+        }
+    }
+
     /// Takes a vertex out of the mesh, fills its hole and gives its neighbours their new keys.
     fn remove(
         &mut self,
@@ -206,11 +221,7 @@ impl<'a> Simplification<'a> {
                 std::mem::swap(&mut self.neighbours, &mut prepared.neighbours);
                 prepared.change
             }
-            None => {
-                let neighbours = &mut self.neighbours;
-                neighbours.clear();
-                self.remover.prepare(vertex, &self.net, |neighbour| neighbours.push(neighbour))
-            }
+            None => self.remover.prepare(vertex, &self.net, &mut self.neighbours),
         };
         for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
             self.net.stars.write(vertex, star);

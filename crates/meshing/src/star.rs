@@ -6,11 +6,12 @@
 //! error needs more than 32 bits, have theirs in lists.
 
 use crate::hole_memory::{HoleMemory, Shift};
+use crate::small_removal::FewGap;
 use crate::triangulation::{NONE, Triangulation, next, previous};
 use std::hint::black_box;
 
 /// Neighbours that a record has room for; six in a thousand vertices have more.
-const ROOM: usize = 9;
+pub(crate) const ROOM: usize = 9;
 
 /// Degree of a vertex whose star is in lists; the first neighbour is the number of these.
 const LISTED: u32 = u32::MAX;
@@ -19,7 +20,7 @@ const LISTED: u32 = u32::MAX;
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct Record {
-    memory: HoleMemory,
+    pub(crate) memory: HoleMemory,
     /// Number of neighbours, 0 for a vertex that is gone.
     degree: u32,
     neighbours: [u32; ROOM],
@@ -41,9 +42,9 @@ pub(crate) struct Star {
 
 /// A star with what is remembered of its hole, ready to be written.
 pub(crate) struct Packed {
-    record: Record,
+    pub(crate) record: Record,
     /// The star itself, where it does not fit.
-    listed: Option<Box<Star>>,
+    pub(crate) listed: Option<Box<Star>>,
 }
 
 /// The stars of all vertices.
@@ -57,6 +58,64 @@ pub(crate) struct Stars {
 impl Record {
     const GONE: Self =
         Self { memory: HoleMemory::NOTHING, degree: 0, neighbours: [0; ROOM], errors: [0; ROOM] };
+
+    /// Tells whether the star is in the record itself.
+    #[inline(always)]
+    pub(crate) fn is_within(&self) -> bool {
+        self.degree != LISTED
+    }
+
+    /// The neighbours of a star within.
+    #[inline(always)]
+    pub(crate) fn neighbours(&self) -> &[u32] {
+        &self.neighbours[..ROOM.min(self.degree as usize)]
+    }
+
+    /// The same with 0 for each that is missing.
+    #[inline(always)]
+    pub(crate) fn all_neighbours(&self) -> &[u32; ROOM] {
+        &self.neighbours
+    }
+
+    /// The sum of the errors of all faces of a star within.
+    #[inline(always)]
+    pub(crate) fn error(&self) -> u64 {
+        self.errors.iter().map(|&error| u64::from(error)).sum()
+    }
+
+    /// The star, with nothing remembered, when a neighbour that is not at the border gives way to
+    /// others, and the place of that neighbour; `None` when either star is not within.
+    ///
+    /// All parts are copied with room for the largest, the later ones over what is too much.
+    #[inline]
+    pub(crate) fn without(&self, gone: u32, gap: &FewGap) -> Option<(Self, usize)> {
+        let degree = (self.degree as usize).wrapping_sub(1) + gap.count;
+        if !self.is_within() || degree > ROOM {
+            return None;
+        }
+        let places = self.neighbours.iter().enumerate();
+        let found = places.fold(0, |found, (i, &v)| found | u32::from(v == gone) << i);
+        let place = (found.trailing_zeros() as usize).min(ROOM - 1);
+        let mut neighbours = [0; 4 * ROOM];
+        neighbours[..ROOM].copy_from_slice(&self.neighbours);
+        let mut after = [0; 2 * ROOM];
+        after[..ROOM].copy_from_slice(&self.neighbours);
+        neighbours[place..place + ROOM - 1].copy_from_slice(&gap.successors);
+        neighbours[place + gap.count..][..ROOM].copy_from_slice(&after[place + 1..][..ROOM]);
+        // The error before each neighbour; before the first one it is that after the last.
+        let mut errors = [0; 4 * ROOM];
+        errors[1..=ROOM].copy_from_slice(&self.errors);
+        after[..ROOM].copy_from_slice(&self.errors);
+        errors[place..place + ROOM - 1].copy_from_slice(&gap.errors);
+        errors[place + gap.count + 1..][..ROOM].copy_from_slice(&after[place + 1..][..ROOM]);
+        errors[degree] = errors[if place == 0 { 0 } else { degree }];
+        let mut record = Self { degree: degree as u32, ..Self::GONE };
+        for i in 0..ROOM {
+            record.neighbours[i] = if i < degree { neighbours[i] } else { 0 };
+            record.errors[i] = if i < degree { errors[i + 1] } else { 0 };
+        }
+        Some((record, place))
+    }
 }
 
 impl Star {
@@ -181,6 +240,12 @@ impl Stars {
             stars.write(numbers[v], star.pack(HoleMemory::NOTHING));
         }
         stars
+    }
+
+    /// The record of a vertex.
+    #[inline]
+    pub(crate) fn record(&self, vertex: u32) -> &Record {
+        &self.records[vertex as usize]
     }
 
     /// Tells whether a vertex is gone.
