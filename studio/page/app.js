@@ -17,7 +17,7 @@ import { Track } from "./track.js";
 
 /** @typedef {import("./picture.js").Picture} Picture */
 /** @typedef {import("./renderer.js").Bitmap} Bitmap */
-/** The picture that is meshed. @typedef {{ name: string, file: Blob, sample: string | null, bitmap: Bitmap | null, picture: Picture | null }} Source */
+/** The picture that is meshed. @typedef {{ name: string, file: Blob, sample: string | null, bitmap: Bitmap | null, picture: Picture | null, isFinding: boolean }} Source */
 
 const SAMPLE_SIDES = { width: 640, height: 480 };
 const GROWTH_MS = 2600;
@@ -173,7 +173,7 @@ class Studio {
       track.clear();
     });
     const bitmap = await decoded(file);
-    this.source = { name, file, sample, bitmap, picture: null };
+    this.source = { name, file, sample, bitmap, picture: null, isFinding: false };
     for (const button of document.querySelectorAll("#samples button")) {
       button.setAttribute("aria-pressed", String(/** @type {HTMLElement} */ (button).dataset.sample === sample));
     }
@@ -203,7 +203,8 @@ class Studio {
   /** Has the original's samples as the service reads them, so that figures are the service's. @param {import("./api.js").Job} job */
   async findPicture(job) {
     const { source } = this;
-    if (!source || source.picture || !job.image) return;
+    if (!source || source.picture || source.isFinding || !job.image) return;
+    source.isFinding = true;
     const shape = /** @type {Required<NonNullable<typeof job.image>>} */ (job.image);
     let picture = source.bitmap && samplesOf(source.bitmap, shape);
     if (!picture) {
@@ -228,7 +229,7 @@ class Studio {
     const { source, form } = this;
     if (!source || !form) return;
     this.fail(null);
-    source.picture = null;
+    [source.picture, source.isFinding] = [null, false];
     const parameters = form.parameters();
     const isCompared = form.comparedMethod !== "";
     this.stage.setPanes(isCompared ? 2 : 1);
@@ -242,7 +243,7 @@ class Studio {
     this.endGrowth();
     this.isTouched = true;
     if (known) await this.setSource(known.file, known.name, null);
-    else this.source = { name: "picture", file: new Blob(), sample: null, bitmap: null, picture: null };
+    else this.source = { name: "picture", file: new Blob(), sample: null, bitmap: null, picture: null, isFinding: true };
     await this.tracks[0].open(id);
   }
 

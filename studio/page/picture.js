@@ -40,17 +40,20 @@ export async function decoded(file) {
 }
 
 /**
- * The samples of a bitmap that the browser has not changed: eight bits, without alpha; null for others.
+ * The samples of a bitmap that the browser has not changed: of eight bits and nowhere transparent;
+ * null for others.
  * @param {Bitmap} bitmap @param {Shape} shape
  * @returns {Picture | null}
  */
 export function samplesOf({ width, height, rgba }, shape) {
   const { components, precision } = shape;
   const isSame = width === shape.width && height === shape.height;
-  if (!isSame || precision !== 8 || (components !== 1 && components !== 3)) return null;
+  if (!isSame || precision !== 8) return null;
+  const from = components >= 3 ? [0, 1, 2, 3] : [0, 3];
   const samples = new Uint8Array(width * height * components);
   for (let i = 0; i < width * height; i++) {
-    for (let c = 0; c < components; c++) samples[i * components + c] = rgba[4 * i + c];
+    if (rgba[4 * i + 3] !== 255) return null;
+    for (let c = 0; c < components; c++) samples[i * components + c] = rgba[4 * i + from[c]];
   }
   return { width, height, components, precision, samples };
 }
