@@ -7,7 +7,7 @@ export const METHODS = {
   med: { title: "Error diffusion, mirrored", about: "Places all vertices at once, densely where the picture bends. Very fast." },
   "med+": { title: "Error diffusion, cleaned", about: "The same, then takes out vertices that do harm: fewer of them, and closer." },
   gprfsed: { title: "Removal from a subset", about: "Gray pictures. Begins with four times the vertices and removes the least important." },
-  mgprfs: { title: "Removal from a subset", about: "Begins with four times the vertices, then removes whichever is missed least, one by one. Close to the best, and fast: the usual choice." },
+  mgprfs: { title: "Removal from a subset", about: "Begins with four times the vertices and removes whichever is missed least. Close to the best, and fast." },
   optimal: { title: "As close as possible", about: "Removal, then vertices move to where they serve the picture best. Takes longer, looks better." },
   flat: { title: "Flat colours", about: "Each triangle has one colour, like low-poly art. One size." },
   gpr: { title: "Removal from all pixels", about: "Gray pictures. Begins with a vertex in every pixel. Slow and thorough." },

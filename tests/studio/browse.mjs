@@ -5,9 +5,10 @@ import { browser } from "./browser.mjs";
 import * as access from "./scenarios/access.mjs";
 import * as drawing from "./scenarios/drawing.mjs";
 import * as jobs from "./scenarios/jobs.mjs";
+import * as pictures from "./scenarios/pictures.mjs";
 import * as sharing from "./scenarios/sharing.mjs";
 
-const scenarios = { ...access, ...drawing, ...jobs, ...sharing };
+const scenarios = { ...access, ...drawing, ...jobs, ...pictures, ...sharing };
 const name = process.argv[2];
 try {
   if (!scenarios[name]) throw new Error(`there is no scenario ${name}`);
