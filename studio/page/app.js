@@ -9,6 +9,7 @@ import { byId, counted, decibels, sized } from "./dom.js";
 import { Form } from "./form.js";
 import { readGlb } from "./glb.js";
 import * as history from "./history.js";
+import { TARGETS } from "./methods.js";
 import * as panels from "./panels.js";
 import { bitmapOf, decoded, fromService, samplesOf } from "./picture.js";
 import { SAMPLES } from "./samples.js";
@@ -245,6 +246,8 @@ class Studio {
     if (known) await this.setSource(known.file, known.name, null);
     else this.source = { name: "picture", file: new Blob(), sample: null, bitmap: null, picture: null, isFinding: true };
     await this.tracks[0].open(id);
+    const asked = Object.entries(this.tracks[0].parameters).filter(([name]) => name === "method" || name in TARGETS);
+    this.form?.fill(new URLSearchParams(asked));
   }
 
   /** @param {Track} track @param {import("./track.js").Word} word */
@@ -569,7 +572,7 @@ addEventListener("unhandledrejection", ({ reason }) => report(reason));
 export let studio = null;
 try {
   studio = new Studio();
-  studio.begin().then(() => studio?.paintThumbnails());
+  studio.begin().catch(report).finally(() => studio?.paintThumbnails());
 } catch (error) {
   report(error);
 }

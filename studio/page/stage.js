@@ -119,7 +119,7 @@ export class Stage {
     byId("split-button", HTMLButtonElement).setAttribute("aria-pressed", String(split !== null));
     if (split !== null) {
       this.divider.value = String(Math.round(1000 * split));
-      line.style.insetInlineStart = `${(100 * split) / this.scene.paneCount}%`;
+      line.style.insetInlineStart = `${100 * split}%`;
     }
     this.seen();
   }
@@ -157,6 +157,9 @@ export class Stage {
   setPanes(count) {
     if (this.scene.paneCount === count) return;
     this.scene.paneCount = count;
+    // Side by side there is no room for a third picture.
+    byId("split-button", HTMLButtonElement).disabled = count > 1;
+    if (count > 1) this.setSplit(null);
     if (this.view.isFitted) this.view.fit();
     else this.seen();
   }
@@ -174,7 +177,7 @@ export class Stage {
       w: () => this.toggle("wireframe"),
       p: () => this.toggle("points"),
       s: () => this.toggle("smooth"),
-      x: () => this.setSplit(this.scene.split === null ? 0.5 : null),
+      x: () => byId("split-button", HTMLButtonElement).click(),
       b: () => this.setBlinking(!this.blinking),
       3: () => this.setRelief(!this.scene.relief),
       "[": () => this.listeners.onSize(1 / 1.1),

@@ -83,12 +83,25 @@ export async function meshPath(page) {
   return page.evaluate(async () => `/v1/jobs/${studio.tracks[0].job.id}/mesh`);
 }
 
+/** The bytes that a function makes in the page: as text on the way, which takes a fraction of the time. */
+export async function bytesOf(page, make, argument) {
+  const text = await page.evaluate(`(async () => {
+    const bytes = await (${make})(${JSON.stringify(argument)});
+    const url = await new Promise((resolve) => {
+      const reader = new FileReader();
+      reader.onload = () => resolve(reader.result);
+      reader.readAsDataURL(new Blob([bytes]));
+    });
+    return url.slice(url.indexOf(",") + 1);
+  })()`);
+  return Buffer.from(text, "base64");
+}
+
 /** The pixels of a picture of the service: bytes of red, green, blue and alpha, rows from the bottom. */
-export async function picturePixels(page, path) {
-  return page.evaluate(async (path) => {
+export function picturePixels(page, path) {
+  return bytesOf(page, async (path) => {
     const { decoded } = await import("/studio/picture.js");
-    const bitmap = await decoded(await (await fetch(path)).blob());
-    return [...bitmap.rgba];
+    return (await decoded(await (await fetch(path)).blob())).rgba;
   }, path);
 }
 

@@ -1,17 +1,17 @@
 // What is drawn, pixel by pixel, and how long a frame takes.
 
 import { strict as assert } from "node:assert";
-import { choose, finished, grayPicture, largestDifference, meshPath, opened, picturePixels, setSize, settled } from "../browser.mjs";
+import { bytesOf, choose, finished, grayPicture, largestDifference, meshPath, opened, picturePixels, setSize, settled } from "../browser.mjs";
 
 /** What the canvas shows in a rectangle, rows from the bottom, once it is drawn anew. */
-function seen(page, [x, y, width, height]) {
-  return page.evaluate(async ([x, y, width, height]) => {
+function seen(page, place) {
+  return bytesOf(page, ([x, y, width, height]) => {
     const { stage } = studio;
     stage.draw();
     const pixels = new Uint8Array(4 * width * height);
     stage.renderer.gl.readPixels(x, y, width, height, stage.renderer.gl.RGBA, stage.renderer.gl.UNSIGNED_BYTE, pixels);
-    return [...pixels];
-  }, [x, y, width, height]);
+    return pixels;
+  }, place);
 }
 
 /** Where the whole picture is on the canvas at single pixels. */
@@ -27,7 +27,7 @@ async function atSinglePixels(page) {
   });
 }
 
-const picture = (page) => page.evaluate(async () => [...studio.stage.renderer.readPicture(0)]);
+const picture = (page) => bytesOf(page, () => studio.stage.renderer.readPicture(0));
 
 export async function pixels() {
   const page = await opened();
@@ -54,7 +54,7 @@ export async function layers() {
   await choose(page);
   await setSize(page, 300);
   const place = await atSinglePixels(page);
-  const original = await page.evaluate(async () => [...studio.source.bitmap.rgba]);
+  const original = await bytesOf(page, () => studio.source.bitmap.rgba);
   const mesh = await picture(page);
   const layer = async (name) => {
     await page.check(`input[name=layer][value=${name}]`, { force: true });
