@@ -3,6 +3,7 @@
 // A track has a job of the service and computes what is seen of its mesh in a worker; the stage
 // draws; the form says what is asked for. The second track is the method compared with.
 
+import { addressOf, showAsked } from "./address.js";
 import * as api from "./api.js";
 import { Curve } from "./curve.js";
 import { byId, counted, decibels, sized } from "./dom.js";
@@ -13,6 +14,7 @@ import { TARGETS } from "./methods.js";
 import * as panels from "./panels.js";
 import { bitmapOf, decoded, fromService, samplesOf } from "./picture.js";
 import { SAMPLES } from "./samples.js";
+import { bindSettings } from "./settings.js";
 import { Stage } from "./stage.js";
 import { Track } from "./track.js";
 
@@ -24,7 +26,7 @@ const SAMPLE_SIDES = { width: 640, height: 480 };
 const GROWTH_MS = 2600;
 const SETTLED_MS = 160;
 
-class Studio {
+export class Studio {
   constructor() {
     /** @type {Source | null} */
     this.source = null;
@@ -66,26 +68,13 @@ class Studio {
     this.formats = [...new Set(methods.formats.map(({ format }) => format))];
     this.form = new Form(byId("form", HTMLFormElement), methods, () => this.run());
     this.form.fill(asked);
-    this.fillView(asked);
+    showAsked(asked, this.stage);
+    this.askedView = (asked.get("view") ?? "").split(" ").map(Number);
+    this.asksRelief = asked.get("relief") === "1";
     this.wantedSize = Number(asked.get("n")) || 0;
     this.isTouched = this.wantedSize > 0;
     await this.listHistory();
     await this.openFirst(asked);
-  }
-
-  /** What an address asks to see. @param {URLSearchParams} asked */
-  fillView(asked) {
-    const layer = asked.get("layer");
-    if (layer && document.querySelector(`input[name=layer][value="${CSS.escape(layer)}"]`)) {
-      this.stage.setLayer(/** @type {import("./renderer.js").Scene["layer"]} */ (layer));
-    }
-    for (const name of (asked.get("show") ?? "").split(" ")) {
-      if (name === "wireframe" || name === "points" || name === "smooth") this.stage.toggle(name, true);
-    }
-    const split = Number(asked.get("split"));
-    if (split > 0 && split < 1) this.stage.setSplit(split);
-    this.askedView = (asked.get("view") ?? "").split(" ").map(Number);
-    this.asksRelief = asked.get("relief") === "1";
   }
 
   /** @param {URLSearchParams} asked */
@@ -443,7 +432,7 @@ class Studio {
     if (this.growing) return;
     panels.showDownloads(track, this.formats, this.source?.name ?? "mesh", (error) => this.fail(error));
     byId("curl", HTMLPreElement).textContent = panels.curlOf(track, this.source?.name ?? "picture.png");
-    const address = this.address();
+    const address = addressOf(this);
     byId("address", HTMLPreElement).textContent = address;
     if (track.stage === "final") globalThis.history.replaceState(null, "", address);
     this.measureBytes(track).catch(() => {});
@@ -455,25 +444,6 @@ class Studio {
     const path = panels.meshPathOf(track, "pmesh"), { size } = track;
     const length = Number((await api.request(path, { method: "HEAD" })).headers.get("content-length"));
     if (length && size === this.tracks[0].size) byId("figure-bytes", HTMLElement).textContent = sized(length);
-  }
-
-  /** Where this view can be had again: of our pictures anywhere, of others while the job is kept. */
-  address() {
-    const { scene, view } = this.stage, [track] = this.tracks;
-    const asked = new URLSearchParams();
-    if (this.source?.sample) asked.set("sample", this.source.sample);
-    else if (track.job) asked.set("job", track.job.id);
-    if (this.source?.sample) for (const [name, value] of Object.entries(track.parameters)) asked.set(name, value);
-    if (this.form?.comparedMethod) asked.set("compare", this.form.comparedMethod);
-    if (track.size && track.size < track.most) asked.set("n", String(track.size));
-    if (scene.layer !== "mesh") asked.set("layer", scene.layer);
-    const marks = /** @type {const} */ (["wireframe", "points", "smooth"]).filter((name) => scene[name]);
-    if (marks.length) asked.set("show", marks.join(" "));
-    if (scene.split !== null) asked.set("split", scene.split.toFixed(3));
-    if (scene.relief) asked.set("relief", "1");
-    if (!view.isFitted) asked.set("view", [scene.x.toFixed(1), scene.y.toFixed(1), scene.zoom.toFixed(4)].join(" "));
-    if (document.documentElement.dir === "rtl") asked.set("dir", "rtl");
-    return `${location.origin}/?${asked}`;
   }
 
   /** Fetches the mesh as GLB and shows it in three dimensions. */
@@ -510,40 +480,7 @@ class Studio {
       this.stage.canvas.focus();
     });
     byId("failure-close", HTMLButtonElement).addEventListener("click", () => this.fail(null));
-    this.bindTheme();
-    const help = byId("help-dialog", HTMLDialogElement), keys = byId("key-dialog", HTMLDialogElement);
-    byId("help-button", HTMLButtonElement).addEventListener("click", () => help.showModal());
-    const input = byId("key-input", HTMLInputElement);
-    byId("key-button", HTMLButtonElement).addEventListener("click", () => {
-      input.value = api.key.get();
-      keys.returnValue = "";
-      keys.showModal();
-    });
-    keys.addEventListener("close", () => {
-      if (keys.returnValue !== "save") return;
-      api.key.set(input.value.trim());
-      location.reload();
-    });
-    input.addEventListener("keydown", (event) => {
-      if (event.key !== "Enter") return;
-      event.preventDefault();
-      keys.close("save");
-    });
-  }
-
-  bindTheme() {
-    const button = byId("theme-button", HTMLButtonElement), root = document.documentElement;
-    const themes = ["system", "dark", "light"];
-    /** @param {string} theme */
-    const apply = (theme) => {
-      if (theme === "system") delete root.dataset.theme;
-      else root.dataset.theme = theme;
-      button.setAttribute("aria-label", theme === "system" ? "Colours: as the system" : `Colours: ${theme}`);
-      localStorage.setItem("pixmesh-theme", theme);
-    };
-    let at = Math.max(0, themes.indexOf(localStorage.getItem("pixmesh-theme") ?? "system"));
-    apply(themes[at]);
-    button.addEventListener("click", () => apply(themes[(at = (at + 1) % themes.length)]));
+    bindSettings();
   }
 
   /** Says what went wrong, or takes it back. @param {Error | null} error */
