@@ -11,7 +11,7 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until, timeout};
 
 /// The longest time for an answer.
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_secs(30 * 60);
 
 /// A request as it is sent.
 #[derive(Clone, Debug)]
@@ -142,6 +142,16 @@ fn timetable(streams: &[Stream<'_>], period: Duration) -> Vec<(Duration, usize, 
     }
     times.sort();
     times
+}
+
+/// Sends some requests at the same time, and waits for the answers.
+pub(crate) fn together(address: SocketAddr, requests: &[Request]) -> Vec<Outcome> {
+    let runtime = Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async {
+        let began = Instant::now();
+        let send = |request: &Request| send(address, request.clone(), began, began);
+        futures_util::future::join_all(requests.iter().map(send)).await
+    })
 }
 
 /// Keeps so many clients busy for a time, each sending its next request after the answer to its last.

@@ -36,6 +36,7 @@ use clap::Parser;
 use levels::Levels;
 use report::Report;
 use runs::{RUNS, Run, Setting};
+use std::panic::catch_unwind;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -80,7 +81,13 @@ fn main() -> ExitCode {
     let mut is_met = true;
     for run in chosen {
         println!("== {}: {}", run.name, run.what);
-        let result = (run.make)(&setting);
+        // One that cannot go on is told in the report, and the others are made.
+        let result = catch_unwind(|| (run.make)(&setting)).unwrap_or_else(|_| {
+            is_met = false;
+            let notes =
+                vec!["This run ended early, by an error of its own or of the service.".into()];
+            report::Result { notes, ..report::Result::default() }
+        });
         is_met &= levels.print(&result, flags.short);
         if !flags.short {
             report.keep(run.name, setting.scale, result, &levels);

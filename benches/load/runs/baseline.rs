@@ -1,6 +1,7 @@
 //! One client: what each size, method and density takes, beside the same work in this process.
 
 use super::{Setting, processor_s};
+use crate::driver::{request, together};
 use crate::report::Result;
 use crate::row;
 use crate::server::Server;
@@ -57,11 +58,12 @@ fn measured(
     (name, method, density): (&str, Method, f64),
 ) -> Vec<String> {
     let count = setting.count((10.0 / megapixels) as usize, 1).min(20);
-    let query = format!("method={name}&density={density}");
+    let target = format!("/v1/meshes?method={name}&density={density}");
+    let request = [request("solo", "POST", &target, picture)];
     let processor = processor_s(server);
     let service = median(count, || {
-        let answer = server.mesh(&query, &[], picture);
-        assert_eq!(answer.status, 200, "{}", answer.text());
+        let outcome = &together(server.public, &request)[0];
+        assert_eq!(outcome.status(), 200, "{outcome:?}");
     });
     let used = (processor_s(server) - processor) / count as f64 / megapixels;
     let alone = median(count, || mesh_alone(picture, method, density));

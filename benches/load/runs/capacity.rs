@@ -1,7 +1,7 @@
 //! How many meshes per second there are at most, beside what the kernels do alone.
 
 use super::{Setting, workers};
-use crate::driver::closed_loop;
+use crate::driver::{Outcome, closed_loop};
 use crate::report::{Curves, Result};
 use crate::row;
 use crate::server::Server;
@@ -71,7 +71,7 @@ pub(super) fn rate(server: &Server, work: &Work, clients: usize, period: Duratio
         assert!([200, 503].contains(&outcome.status()), "{outcome:?}");
     }
     let served = outcomes.iter().filter(|outcome| outcome.status() == 200);
-    let latencies_ms: Vec<f64> = served.map(super::super::driver::Outcome::latency_ms).collect();
+    let latencies_ms: Vec<f64> = served.map(Outcome::latency_ms).collect();
     Measured { rate: latencies_ms.len() as f64 / seconds, latencies_ms }
 }
 

@@ -1,7 +1,7 @@
 //! Clients that send slowly, or vanish: they must cost nothing, and leave nothing behind.
 
 use super::Setting;
-use crate::driver::{Stream, open_loop, request};
+use crate::driver::{Outcome, Stream, open_loop, request};
 use crate::report::Result;
 use crate::row;
 use crate::server::Server;
@@ -50,10 +50,9 @@ pub(super) fn run(setting: &Setting) -> Result {
         thread::sleep(Duration::from_millis(100));
     }
     let [good, health] = outcomes.try_into().unwrap();
-    let ok = |outcomes: &[crate::driver::Outcome]| {
-        outcomes.iter().filter(|outcome| outcome.status() == 200).count()
-    };
-    let health_ms: Vec<f64> = health.iter().map(crate::driver::Outcome::latency_ms).collect();
+    let ok =
+        |outcomes: &[Outcome]| outcomes.iter().filter(|outcome| outcome.status() == 200).count();
+    let health_ms: Vec<f64> = health.iter().map(Outcome::latency_ms).collect();
     Result {
         rows: vec![
             row![

@@ -39,13 +39,13 @@ pub(super) fn run(_: &Setting) -> Result {
     let mut rows = vec![row!["disk", "job", "/readyz", "/livez", "mesh"]];
     let full = refused_by(&server);
     rows.push(states("full", &server, full));
-    assert!(mount("remount,ro"));
-    let image = disc(20, 20, 1);
-    let status = server.submit("method=med", &[], &image).status;
-    rows.push(states("read-only", &server, status));
     drop(server);
+    assert!(mount("remount,ro"));
+    let start = program().arg("serve").arg("--data-dir").arg(folder.path()).output().unwrap();
     drop(mounted);
-    Result { rows, ..Result::default() }
+    let said = String::from_utf8_lossy(&start.stderr).trim().replace('|', "/");
+    let notes = vec![format!("On a disk that cannot be written to it does not start: `{said}`.")];
+    Result { rows, notes, ..Result::default() }
 }
 
 /// Submits until there is no room left, and returns the status that says so.

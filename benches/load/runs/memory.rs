@@ -1,7 +1,8 @@
 //! The largest uploads together, then clients that read slowly, in a container's limit.
 
 use super::{Setting, workers};
-use crate::client::{connect, send};
+use crate::client::connect;
+use crate::driver::{Outcome, Request, request, together};
 use crate::group::{Group, Limits};
 use crate::pictures::{flat, noise};
 use crate::report::Result;
@@ -54,19 +55,14 @@ fn phase(name: &str, server: &Server, statuses: &[u16]) -> Vec<String> {
     row![name, served, shed, statuses.len() - served - shed, peak]
 }
 
-/// So many clients send the largest pictures that there may be, three times each.
+/// So many clients send the largest pictures that there may be, three times.
 fn uploads(server: &Server, clients: usize) -> Vec<String> {
+    let target = "/v1/meshes?method=med&density=1";
     let images = [noise(SIDE), flat(3000, 3500)];
-    let statuses: Vec<u16> = thread::scope(|scope| {
-        let client = |number: usize| {
-            let image = &images[number % images.len()];
-            let target = "/v1/meshes?method=med&density=1";
-            move || [(); 3].map(|()| send(server.public, "POST", target, &[], image).status)
-        };
-        let clients: Vec<_> = (0..clients).map(|number| scope.spawn(client(number))).collect();
-        clients.into_iter().flat_map(|client| client.join().unwrap()).collect()
-    });
-    phase("the largest uploads", server, &statuses)
+    let kinds = images.map(|image| request("largest", "POST", target, &image));
+    let requests: Vec<Request> = kinds.iter().cycle().take(clients).cloned().collect();
+    let outcomes = [(); 3].map(|()| together(server.public, &requests)).concat();
+    phase("the largest uploads", server, &outcomes.iter().map(Outcome::status).collect::<Vec<_>>())
 }
 
 /// Clients that ask for large answers and take a little of them each second.

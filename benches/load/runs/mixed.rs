@@ -1,7 +1,7 @@
 //! A mix as a public service has it: many small pictures, some large ones, and what is no good.
 
 use super::{Setting, workers};
-use crate::driver::{Outcome, Stream, open_loop, request};
+use crate::driver::{Outcome, Request, Stream, open_loop, request, together};
 use crate::report::Result;
 use crate::row;
 use crate::server::Server;
@@ -21,7 +21,7 @@ pub(super) struct Mix {
     small: Work,
     medium: Work,
     large: Work,
-    bad: Vec<crate::driver::Request>,
+    bad: Vec<Request>,
 }
 
 impl Mix {
@@ -46,7 +46,7 @@ impl Mix {
 
     /// The request of a number: of each hundred 90 are small, 9 medium and one large, and every
     /// twenty-first is no good.
-    pub(super) fn request(&self, number: usize) -> crate::driver::Request {
+    pub(super) fn request(&self, number: usize) -> Request {
         if number % 21 == 20 {
             return self.bad[number / 21 % self.bad.len()].clone();
         }
@@ -62,9 +62,8 @@ impl Mix {
         let solo = |work: &Work, count: usize| {
             let began = Instant::now();
             for number in 0..count {
-                let bytes = &work.request(number).bytes;
-                let answer = crate::client::exchange(server.public, bytes);
-                assert_eq!(answer.status, 200, "{}", answer.text());
+                let outcome = &together(server.public, &[work.request(number)])[0];
+                assert_eq!(outcome.status(), 200, "{outcome:?}");
             }
             began.elapsed().as_secs_f64() / count as f64
         };

@@ -1,7 +1,8 @@
 //! Two processes behind a proxy, restarted in turns: requests go on.
 
-use super::Setting;
-use crate::driver::{Stream, open_loop};
+use super::capacity::rate;
+use super::{Setting, workers};
+use crate::driver::{Outcome, Stream, open_loop};
 use crate::report::Result;
 use crate::row;
 use crate::server::{Folder, Server};
@@ -18,8 +19,8 @@ use std::time::{Duration, Instant};
 /// Seconds of the run, and between two restarts.
 const PERIOD_S: f64 = 300.0;
 const BETWEEN_S: f64 = 20.0;
-/// Requests per second.
-const PER_S: f64 = 4.0;
+/// What is offered, in multiples of the capacity of both together.
+const LOAD: f64 = 0.6;
 
 /// HAProxy before two processes, whose places it can be told while it runs.
 struct Proxy {
@@ -98,6 +99,8 @@ pub(super) fn run(setting: &Setting) -> Result {
         return Result { notes, ..Result::default() };
     };
     let work = Work::usual();
+    let capacity = rate(&servers[0], &work, 2 * workers(), setting.period(60.0)).rate;
+    let per_second = (LOAD * capacity).max(0.5);
     let period = setting.period(PERIOD_S).max(Duration::from_secs(20));
     let between = period.mul_f64(BETWEEN_S / PERIOD_S).max(Duration::from_secs(4));
     let (is_over, mut restarts) = (AtomicBool::new(false), 0);
@@ -105,7 +108,7 @@ pub(super) fn run(setting: &Setting) -> Result {
         let (proxy, work, is_over) = (&proxy, &work, &is_over);
         let load = scope.spawn(move || {
             let make = |number| work.request(number);
-            let stream = Stream { address: proxy.address, per_second: PER_S, make: &make };
+            let stream = Stream { address: proxy.address, per_second, make: &make };
             let outcomes = open_loop(&[stream], period).remove(0);
             is_over.store(true, Ordering::Relaxed);
             outcomes
@@ -117,7 +120,7 @@ pub(super) fn run(setting: &Setting) -> Result {
         }
         load.join().unwrap()
     });
-    let is_failure = |outcome: &&crate::driver::Outcome| match &outcome.answer {
+    let is_failure = |outcome: &&Outcome| match &outcome.answer {
         Some(answer) if answer.status == 503 => answer.header("retry-after").is_empty(),
         answer => answer.as_ref().is_none_or(|answer| answer.status != 200),
     };
