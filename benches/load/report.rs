@@ -95,14 +95,14 @@ impl Report {
         let level = levels.get(name);
         let found = self.runs.iter().find_map(|(run, kept)| {
             let figure = kept.result.figures.iter().find(|(known, _)| known == name)?;
-            Some((figure.1, run))
+            Some((figure.1, format!("{run}, scale {}", kept.scale)))
         });
         let (figure, verdict, run) = match found {
             Some((figure, run)) => {
                 let verdict = if level.is_met(figure, false) { "met" } else { "**not met**" };
-                (format!("{figure:.2} {}", level.unit), verdict, run.as_str())
+                (format!("{figure:.2} {}", level.unit), verdict, run)
             }
-            None => (String::new(), "not measured", ""),
+            None => (String::new(), "not measured", String::new()),
         };
         let (objective, bound) = (&level.objective, level.bound());
         format!("| {name} | {objective} | {bound} | {figure} | {verdict} | {run} |")
@@ -111,7 +111,8 @@ impl Report {
 
 const HEAD: &str = "# The service under load\n\n\
     Made by `cargo bench --bench load -- --report docs`. The driver ran on the same machine as the \
-    service, and took a part of it.\n\n";
+    service, and took a part of it. A scale under 1 means that periods were as much shorter than \
+    the run's full ones: what shows only after an hour is then not shown.\n\n";
 
 fn section(text: &mut String, name: &str, kept: &Kept) {
     let what = crate::runs::RUNS.iter().find(|run| run.name == name).map_or("", |run| run.what);

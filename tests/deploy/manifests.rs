@@ -113,6 +113,16 @@ fn pods_have_no_rights_and_their_image_is_of_this_version() {
 }
 
 #[test]
+fn jobs_are_on_a_volume_that_outlives_the_pod_where_one_process_keeps_them() {
+    let Some(resources) = resources("single") else { return };
+    let deployment = resources.iter().find(|resource| kind(resource) == "Deployment").unwrap();
+    assert!(deployment.contains("claimName: pixmesh-data"), "{deployment}");
+    assert!(!deployment.contains("emptyDir"), "{deployment}");
+    assert!(deployment.contains("type: Recreate"), "{deployment}");
+    assert!(resources.iter().any(|resource| kind(resource) == "PersistentVolumeClaim"));
+}
+
+#[test]
 fn the_service_has_the_settings_that_the_single_form_gives_it() {
     let help = run(program().args(["serve", "--help"]));
     let manifest = read("deploy/kubernetes/base/deployment.yaml");
@@ -148,4 +158,16 @@ fn the_recipe_of_the_image_is_good() {
     }
     run(Command::new(checkout(&python_tool("hadolint"))).arg(checkout("Dockerfile")));
     run(Command::new("shellcheck").arg(checkout("deploy/container/verify")).arg(checkout("test")));
+}
+
+#[test]
+fn the_queue_s_servers_can_read_their_settings_and_sync_what_they_acknowledge() {
+    if !is_there(&python_tool("nats-server")) {
+        return;
+    }
+    for path in ["deploy/compose/nats.conf", "deploy/kubernetes/overlays/cluster/nats.conf"] {
+        assert!(read(path).contains("\n  sync_interval: always\n"), "{path}");
+        let mut server = Command::new(checkout(&python_tool("nats-server")));
+        run(server.args(["-t", "-c"]).arg(checkout(path)).env("POD_NAME", "pixmesh-queue-0"));
+    }
 }

@@ -41,7 +41,11 @@ pub(super) fn run(_: &Setting) -> Result {
     rows.push(states("full", &server, full));
     drop(server);
     assert!(mount("remount,ro"));
-    let start = program().arg("serve").arg("--data-dir").arg(folder.path()).output().unwrap();
+    let start = program()
+        .args(["serve", "--listen", "127.0.0.1:0", "--data-dir"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
     drop(mounted);
     let said = String::from_utf8_lossy(&start.stderr).trim().replace('|', "/");
     let notes = vec![format!("On a disk that cannot be written to it does not start: `{said}`.")];

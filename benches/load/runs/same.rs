@@ -11,6 +11,8 @@ use std::time::Duration;
 
 /// Answers that are compared.
 const REPEATS: usize = 1000;
+/// The same in the short form.
+const SHORT_REPEATS: usize = 40;
 /// Different requests.
 const KINDS: usize = 4;
 /// Their classes, by which the answers are told apart.
@@ -24,7 +26,8 @@ pub(super) fn run(setting: &Setting) -> Result {
         CLASSES.iter().zip(QUERIES).map(|(class, query)| Work::new(class, 0.1, query, 1)).collect();
     let make = |number: usize| works[number % KINDS].request(0);
     let mut tags: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
-    let (wanted, mut compared) = (setting.count(REPEATS, 40), 0);
+    let wanted = if setting.is_short { SHORT_REPEATS } else { REPEATS };
+    let mut compared = 0;
     while compared < wanted {
         let clients = 3 * workers();
         for outcome in closed_loop(server.public, clients, Duration::from_secs(1), &make) {
