@@ -13,7 +13,7 @@ mod trace;
 
 pub use access::AccessSettings;
 pub use blobs::BlobEngine;
-pub use broker::{BrokerSettings, QueueEngine};
+pub use broker::{BrokerSettings, BrokerUser, QueueEngine};
 pub use container::{BESIDE_BUDGET, memory_limit};
 pub use quantity::{ByteSize, Period};
 pub use trace::{Secret, TraceSettings};

@@ -51,6 +51,15 @@ pub enum QueueEngine {
     Nats(Secret),
 }
 
+/// By whom a broker is used.
+#[derive(Clone)]
+pub struct BrokerUser {
+    /// The name, or the token where there is no password.
+    pub name: String,
+    /// The password.
+    pub password: Option<String>,
+}
+
 impl BrokerSettings {
     /// Whether other nodes have the same queue.
     #[must_use]
@@ -73,11 +82,12 @@ impl BrokerSettings {
     ///
     /// # Errors
     /// Like [`Self::servers`].
-    pub fn user(&self) -> Result<Option<(String, Option<String>)>, Box<dyn Error + Send + Sync>> {
+    pub fn user(&self) -> Result<Option<BrokerUser>, Box<dyn Error + Send + Sync>> {
         let decoded = |text: &str| percent_decode_str(text).decode_utf8_lossy().into_owned();
         let servers = self.servers()?;
         let mut users = servers.iter().filter_map(|server| {
-            Some((decoded(server.username()?), server.password().map(decoded)))
+            let name = decoded(server.username()?);
+            Some(BrokerUser { name, password: server.password().map(decoded) })
         });
         Ok(users.next())
     }

@@ -96,10 +96,10 @@ fn options(settings: &BrokerSettings) -> Result<ConnectOptions, Box<dyn Error + 
                 event => tracing::warn!(%event, "the broker's connection"),
             }
         });
-    if let Some((user, password)) = settings.user()? {
-        options = match password {
-            Some(password) => options.user_and_password(user, password),
-            None => options.token(user),
+    if let Some(user) = settings.user()? {
+        options = match user.password {
+            Some(password) => options.user_and_password(user.name, password),
+            None => options.token(user.name),
         };
     }
     if let Some(path) = &settings.queue_credentials {

@@ -34,7 +34,8 @@ fn jobs() -> Jobs {
     let terms =
         Terms { caps, lease: hour, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour };
     let blobs = Blobs::in_folder(&folder.path().join("blobs")).unwrap();
-    Jobs { queue: Arc::new(Embedded::open(folder, terms).unwrap()), blobs }
+    let queue = Arc::new(Embedded::open(folder, terms).unwrap());
+    Jobs { queue, blobs, durations: Arc::default() }
 }
 
 async fn submit(jobs: &Jobs, size: usize) -> JobId {
@@ -80,6 +81,7 @@ async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
         admission,
         pictures: Limits::default(),
         deadline: Duration::from_secs(60),
+        lease: Duration::from_secs(60),
         make: panicking,
     };
     let mut submitted = Vec::new();
