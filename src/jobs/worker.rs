@@ -47,7 +47,7 @@ pub struct Worker {
     pub pictures: Limits,
     /// The longest time of an attempt.
     pub deadline: Duration,
-    /// What makes the mesh: [`pipeline::mesh_of_job`], or what a test has in its place.
+    /// What makes the mesh: [`crate::pipeline::mesh_of_job`], or what a test has in its place.
     pub make: Make,
     /// How long a job is kept without its lease being renewed.
     pub lease: Duration,

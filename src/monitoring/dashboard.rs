@@ -88,6 +88,7 @@ fn panels() -> Vec<Panel> {
             "short",
             vec![
                 (format!("max({})", gauge(JOBS_WAITING)), "waiting"),
+                (format!("max({})", gauge(JOBS_RUNNING)), "running"),
                 (
                     format!("sum(rate({}[$__rate_interval]))", gauge(JOB_ATTEMPTS)),
                     "attempts per second",
@@ -99,6 +100,12 @@ fn panels() -> Vec<Panel> {
             "s",
             vec![(format!("max({})", gauge(JOBS_OLDEST)), "oldest")],
         ),
+        Panel::new(
+            "Work of the durable jobs that wait",
+            "s",
+            vec![(format!("max({})", gauge(JOBS_WORK)), "of one worker's time")],
+        ),
+        Panel::new("Time of a durable job", "s", median_and_p99(JOB_DURATION)),
         Panel::new(
             "Memory for work",
             "mbytes",
