@@ -20,7 +20,7 @@ export class Relief {
     /** Angles in radians: around the upright axis, and up from straight above. */
     this.turn = -0.5;
     this.tilt = 0.85;
-    this.distance = 1.6;
+    this.distance = 1.75;
     /** How much of the usual height. */
     this.stretch = 1;
   }

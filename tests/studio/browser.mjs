@@ -25,7 +25,7 @@ export async function opened(path = "/", options = {}) {
     addEventListener("DOMContentLoaded", async () => (globalThis.studio = (await import("/studio/app.js")).studio));
   });
   const page = await context.newPage();
-  page.setDefaultTimeout(60_000);
+  page.setDefaultTimeout(120_000);
   page.failures = [];
   page.on("pageerror", (error) => page.failures.push(error.message));
   page.on("console", (message) => {
@@ -37,11 +37,11 @@ export async function opened(path = "/", options = {}) {
 }
 
 /** Waits until the mesh of what was asked for is there, and returns its number of vertices. */
-export async function finished(page) {
+export async function finished(page, timeout = 120_000) {
   await page.waitForFunction(() => {
     const track = globalThis.studio?.tracks[0];
     return track?.stage === "final" && track.size > 0;
-  });
+  }, null, { timeout });
   await settled(page);
   return page.evaluate(async () => studio.tracks[0].most);
 }
