@@ -252,6 +252,35 @@ mod tests {
         }
     }
 
+    proptest::proptest! {
+        #[test]
+        fn boundaries_of_few_vertices_are_filled_as_all_others_are(
+            kept in proptest::collection::vec(proptest::bool::weighted(0.4), 49),
+            scale in proptest::sample::select(vec![1, 3, 2700]),
+        ) {
+            let centre = Point::new(3 * scale, 3 * scale);
+            let lattice = (0..7).flat_map(|y| (0..7).map(move |x| (x, y)));
+            let points: Vec<Point> = lattice
+                .zip(&kept)
+                .filter(|&((x, y), &kept)| kept || (x, y) == (3, 3) || (x % 6, y % 6) == (0, 0))
+                .map(|((x, y), _)| Point::new(x * scale, y * scale))
+                .collect();
+            let v = points.iter().position(|&p| p == centre).unwrap() as u32;
+            let boundary = boundary_around(v, &points);
+            if boundary.len() <= few::TRIANGLES + 2 {
+                let mut places = [centre; few::PLACES];
+                places[..boundary.len()].copy_from_slice(&boundary);
+                let found = few::fill_few(&places, boundary.len());
+                let mut found: Vec<HoleTriangle> =
+                    found[..boundary.len() - 2].iter().map(|t| t.map(u32::from)).collect();
+                let mut expected = HoleFiller::default().fill(&boundary).to_vec();
+                found.sort_unstable();
+                expected.sort_unstable();
+                proptest::prop_assert_eq!(found, expected);
+            }
+        }
+    }
+
     #[test]
     fn a_concave_boundary_is_filled_inside_only() {
         let boundary = [(0, 0), (6, 0), (3, 1), (6, 6), (0, 6)].map(|(x, y)| Point::new(x, y));

@@ -13,7 +13,7 @@
 //! `14.6 * 10^6 < 2^24`, and so is every sum on the way from one block to the next, since it is the
 //! value at some such point. The quotient is below 256 where it counts, so two roundings leave an
 //! error below `255 * 2^-23`, less than half of `1 / (4 * 63^2)`, the least distance of a quotient from
-//! a tie. Squares are summed up in each lane, which meets one point of a block: of a face of `h` rows
+//! a tie. Squares are summed up in each lane, which meets one point of a block: of a face
 //! at most 16 rows and in all `(63^2 / 2 / 4 + 63) / 4 + 16 < 256` points, and `256 * 255^2 < 2^24`.
 //!
 //! The vectors are those of the machine the program runs on, chosen as it runs; every lane does the
