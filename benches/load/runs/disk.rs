@@ -47,7 +47,10 @@ pub(super) fn run(_: &Setting) -> Result {
         .output()
         .unwrap();
     drop(mounted);
-    let said = String::from_utf8_lossy(&start.stderr).trim().replace('|', "/");
+    // The report is read elsewhere: where the folder was says nothing there.
+    let path = folder.path().display().to_string();
+    let said = String::from_utf8_lossy(&start.stderr).replace('|', "/");
+    let said = said.trim().replace(path.as_str(), "FOLDER");
     let notes = vec![format!("On a disk that cannot be written to it does not start: `{said}`.")];
     Result { rows, notes, ..Result::default() }
 }
