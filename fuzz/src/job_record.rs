@@ -22,10 +22,10 @@ pub fn run(bytes: &[u8]) {
         let again: MeshFigures = serde_json::from_str(&written).expect("what was written");
         assert_eq!(again.digest, figures.digest);
     }
-    if let Ok(value) = serde_json::from_str::<Value>(next()) {
-        if let Some(problem) = Problem::of_value(&value) {
-            assert!(Problem::of_value(&problem.value()).is_some());
-        }
+    if let Ok(value) = serde_json::from_str::<Value>(next())
+        && let Some(problem) = Problem::of_value(&value)
+    {
+        assert!(Problem::of_value(&problem.value()).is_some());
     }
     let name = next();
     if let Some(id) = JobId::parse(name) {

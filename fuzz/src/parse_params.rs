@@ -6,10 +6,10 @@ use pixmesh::extract::params::ParameterSet;
 pub fn run(bytes: &[u8]) {
     let split = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
     let (query, json) = bytes.split_at(split);
-    if let Ok(query) = std::str::from_utf8(query) {
-        if let Ok(set) = ParameterSet::of_query(Some(query)) {
-            check(&set);
-        }
+    if let Ok(query) = std::str::from_utf8(query)
+        && let Ok(set) = ParameterSet::of_query(Some(query))
+    {
+        check(&set);
     }
     let mut set = ParameterSet::default();
     if set.add_json(json.get(1..).unwrap_or_default()).is_ok() {

@@ -1,7 +1,13 @@
 //! Hostile and awkward inputs: one table, whose every row is an input made here and its answer.
 //!
 //! The table is written out in `docs/inputs.md`, which [`table`] compares with what is tested.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on has failed"
+)]
+#![allow(clippy::print_stdout, reason = "what was measured and what was skipped is said aloud")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 mod awkward;
