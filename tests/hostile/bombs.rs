@@ -1,12 +1,13 @@
 //! 6.1: little that would like to become much.
 
+use crate::client::{field, form};
 use crate::pictures::{disc, png_claiming};
 use crate::samples::bombs::{
     bmp, contradictions, huge_headers, many_frames, tiff, tiny_webp, vp8x, webp,
 };
 use crate::samples::encoders::{GifFrame, gif};
 use crate::samples::{gradient, ihdr, jpeg, png_file};
-use crate::table::{Expected, Row, check, mesh, post, rebuild};
+use crate::table::{Expected, Request, Row, check, mesh, post, rebuild};
 use flate2::{Compress, Compression, FlushCompress};
 use std::time::Duration;
 
@@ -358,9 +359,59 @@ fn of_work() -> Vec<Row> {
     ]
 }
 
+/// A picture beside weights that say how much its pixels matter.
+fn weighed(picture: &[u8], weights: &[u8]) -> Request {
+    let (content_type, body) = form(&[(&field("image"), picture), (&field("weights"), weights)]);
+    post("/v1/meshes", &[("Content-Type", &content_type)], body)
+}
+
+fn of_weights() -> Vec<Row> {
+    let beside = |weights: fn() -> Vec<u8>| move || vec![weighed(&disc(20, 20, 1), &weights())];
+    vec![
+        Row::new(
+            "B35",
+            "weights that claim 100000x100000",
+            TOO_LARGE,
+            beside(|| png_claiming(100_000, 100_000)),
+        )
+        .and(|answer| assert_eq!(answer.json()["param"], "weights")),
+        Row::new(
+            "B35b",
+            "weights of another size than the picture",
+            Expected::Refused(422, "shape-mismatch"),
+            beside(|| disc(21, 20, 1)),
+        ),
+        Row::new(
+            "B35c",
+            "weights whose pixels inflate to 256 MiB",
+            Expected::Served,
+            beside(|| png(20, 20, 8, false, zeros_deflated(256))),
+        )
+        .taking(16),
+        Row::new(
+            "B35d",
+            "weights that are cut short",
+            BROKEN,
+            beside(|| disc(20, 20, 1)[..60].to_vec()),
+        ),
+        Row::new(
+            "B35e",
+            "weights that are no picture",
+            Expected::Refused(415, "unsupported-image"),
+            beside(|| b"all the same".to_vec()),
+        ),
+        Row::new("B35f", "weights of nothing but zeros", Expected::Served, || {
+            vec![weighed(&disc(20, 20, 1), &pgm(20, 20, |_, _| 0))]
+        }),
+    ]
+}
+
 /// The rows of this chapter.
 pub(crate) fn rows() -> Vec<Row> {
-    [of_limits(), of_metadata(), of_pixels(), of_work()].into_iter().flatten().collect()
+    [of_limits(), of_metadata(), of_pixels(), of_work(), of_weights()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 #[test]

@@ -127,6 +127,54 @@ fn rows_of_clients() -> Vec<Row> {
                 );
             },
         ),
+        Row::steps(
+            "J10",
+            "the mesh of a job in sizes that cannot be, twice, of a job without an order",
+            "422 `parameter-out-of-range`; 400 `parameter-malformed`; 400 `duplicate-parameter`; 409 `job-without-order`",
+            |server| {
+                let job = server.job("size=60", &disc(40, 40, 1));
+                server.wait_for(&job, "completed");
+                let refused = |query: &str, status: u16, slug: &str| {
+                    server.get(&format!("{job}/mesh?{query}")).problem(status, slug);
+                };
+                for size in ["0", "3", "61", "-1", "18446744073709551616"] {
+                    refused(&format!("size={size}"), 422, "parameter-out-of-range");
+                }
+                for size in ["", "1e1", "10.0", "%205", "0x10"] {
+                    refused(&format!("size={size}"), 400, "parameter-malformed");
+                }
+                refused("size=10&size=10", 400, "duplicate-parameter");
+                refused("sise=10", 400, "unknown-parameter");
+                for size in [4, 5, 59, 60] {
+                    let answer = server.get(&format!("{job}/mesh?size={size}"));
+                    assert_eq!(
+                        answer.header("mesh-vertices"),
+                        size.to_string(),
+                        "{}",
+                        answer.text()
+                    );
+                }
+                let plain = server.job("size=60&method=med", &disc(40, 40, 1));
+                server.wait_for(&plain, "completed");
+                server.get(&format!("{plain}/mesh?size=10")).problem(409, "job-without-order");
+            },
+        ),
+        Row::steps(
+            "J11",
+            "the events of a job after Last-Event-IDs of nonsense and of the far future",
+            "200: from the first event on, or none",
+            |server| {
+                let job = server.job("size=20", &disc(20, 20, 1));
+                server.wait_for(&job, "completed");
+                for id in ["", "-1", "x", "18446744073709551615", "99999999999999999999999", "1e3"]
+                {
+                    let headers = [("Last-Event-ID", id)];
+                    let target = format!("{job}/events");
+                    let answer = send(server.public, "GET", &target, &headers, &[]);
+                    assert_eq!(answer.status, 200, "{id}: {}", answer.text());
+                }
+            },
+        ),
     ]
 }
 

@@ -131,6 +131,16 @@ fn of_headers() -> Vec<Row> {
         )
         .and(|answer| assert!(!answer.text().contains("passwd"))),
         Row::new(
+            "H07c",
+            "the page's assets by names that climb",
+            Expected::Refused(404, "not-found"),
+            || {
+                ["..%2fCargo.toml", "%2e%2e%2f%2e%2e%2fetc%2fpasswd", "nothing.js", "%00", "a%5cb"]
+                    .map(|name| get(&format!("/studio/{name}"), &[]))
+                    .into()
+            },
+        ),
+        Row::new(
             "H07b",
             "the documents' assets by names that climb",
             Expected::Refused(404, "not-found"),

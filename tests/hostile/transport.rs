@@ -537,6 +537,8 @@ fn every_method(server: &Server) {
     }
     let answer = send(server.public, "TRACE", "/v1/meshes", &[("X-Secret", "do-not-echo")], &[]);
     assert!(!answer.text().contains("do-not-echo"));
+    let metrics = server.operate("/metrics").text();
+    assert!(!metrics.contains("BREW") && !metrics.contains("MMMM"), "clients add no series");
 }
 
 /// The status line and header of an answer to a request without a body, and all that follows.
