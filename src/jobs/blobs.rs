@@ -170,6 +170,8 @@ impl Blobs {
     /// # Errors
     /// When it is not there, or the storage fails.
     pub async fn get_part(&self, digest: Digest, range: Range<u64>) -> Result<Bytes, QueueError> {
+        let stored = verified::stored(&*self.store, &place(digest), digest).await;
+        stored.map_err(|error| self.told(error))?;
         let found = self.store.get_range(&place(digest), range).await;
         found.map_err(|error| self.failure(&error))
     }
