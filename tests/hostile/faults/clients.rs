@@ -76,8 +76,9 @@ fn hundreds_of_slow_clients_hold_up_nobody() {
 
 #[test]
 fn more_work_than_there_is_memory_for_is_refused_and_the_rest_is_served() {
-    let server = Server::start(&["--memory-budget", "96MiB", "--queue-seconds", "1"]);
-    let image = noise(500);
+    let flags = ["--memory-budget", "96MiB", "--queue-seconds", "1", "--sync-deadline", "15s"];
+    let server = Server::start(&flags);
+    let image = noise(300);
     let answers = thread::scope(|scope| {
         let send = || server.mesh("method=mgpr&density=1", &[], &image);
         let clients: Vec<_> = (0..24).map(|_| scope.spawn(send)).collect();

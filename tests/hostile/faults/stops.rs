@@ -99,7 +99,7 @@ fn sigterm_in_any_state_ends_the_process_in_time_and_in_order() {
         }
         assert_eq!(server.wait().code(), Some(0), "{state}: {}", server.log());
         assert!(began.elapsed() < IN_TIME, "{state}: {:?}", began.elapsed());
-        assert!(server.log().contains("stopped"), "{state}");
+        server.wait_until("the log says so", || server.log().contains("stopped"));
         drop(server);
         let server = Server::start_in(&folder, &flags);
         for job in jobs["jobs"].as_array().unwrap() {
