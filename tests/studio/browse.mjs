@@ -18,4 +18,6 @@ try {
   process.exitCode = 1;
 } finally {
   await browser.close();
+  // What is still listened to would keep this process alive.
+  process.stdin.destroy();
 }

@@ -172,7 +172,7 @@ export async function errors() {
 
 export async function away() {
   const lines = createInterface({ input: process.stdin })[Symbol.asyncIterator]();
-  const page = await opened("/?sample=spheres&method=mgprfs&density=20");
+  const page = await opened("/?sample=spheres&method=mgprfs&density=8");
   await page.waitForSelector("#progress:not([hidden])");
   await began(page);
   console.log("take it away");
