@@ -490,13 +490,13 @@ fn one_run_keeps_every_size_and_the_compact_mesh() {
     }
     assert!(fail(RASTERIZE_MODEL, "--size 50", &model).contains("no pmesh"));
     for (words, said) in [
-        ("--connectivity free --pmesh", "holds no faces"),
-        ("--connectivity free --progressive", "keeps no order"),
-        ("--values fitted --progressive", "keeps no order"),
+        ("--method mgprfs --connectivity free --pmesh", "holds no faces"),
+        ("--method mgprfs --connectivity free --progressive", "keeps no order"),
+        ("--method mgprfs --values fitted --progressive", "keeps no order"),
         ("--method flat --progressive", "keeps no order"),
     ] {
         let file = folder.file("refused");
-        let output = run(MAKE_MODEL, &format!("--size 40 {words} {file}"), &gray_pgm());
+        let output = run(MAKE_MODEL, &format!("--size 300 {words} {file}"), &landscape_png());
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(!output.status.success() && message.contains(said), "{words}: {message}");
     }
