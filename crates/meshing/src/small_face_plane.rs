@@ -28,6 +28,8 @@ pub(crate) struct Plane<S: Simd> {
     pub(crate) per_column: f32x8<S>,
     pub(crate) per_row: f32x8<S>,
     quarter_reciprocal: f32,
+    /// How many points after the first one each lane stands.
+    pub(crate) offsets: i32x8<S>,
 }
 
 impl<S: Simd> Plane<S> {
@@ -46,7 +48,7 @@ impl<S: Simd> Plane<S> {
         let per_row = to_c * bx as f32 - to_b * cx as f32;
         let at_a = za * (4.0 * double_area) + 1.0 + per_column * offsets.to_float::<f32x8<S>>();
         let quarter_reciprocal = 0.25 / double_area;
-        Self { simd, a, at_a, per_column, per_row, quarter_reciprocal }
+        Self { simd, a, at_a, per_column, per_row, quarter_reciprocal, offsets }
     }
 
     /// The numerators in row `y` at and after the column of the first vertex.

@@ -42,8 +42,9 @@ pub(crate) struct Edges {
     pub(crate) bottom: i32,
     /// Rows from the lowest vertex to the highest.
     pub(crate) rows: i32,
-    /// The least column of a vertex.
+    /// The least column of a vertex, and how many columns there are to the greatest.
     pub(crate) left: i32,
+    pub(crate) columns: i32,
 }
 
 /// The places where an edge crosses the rows above its lower end, in fixed point.
@@ -86,6 +87,7 @@ impl Edges {
             bottom: bottom.y,
             rows,
             left,
+            columns,
         })
     }
 
