@@ -39,9 +39,10 @@
 //! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
 //! `small_face` (with its rows and planes) and `flat_areas` compute; where neighbours are few,
 //! `small_removal` does the same in less time. [`rasterize`] rebuilds the picture, [`Fidelity`] and
-//! [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as [`Parameters`] say, whose values are in `choices` and whose named sets,
-//! the methods, in [`Method`]. Where the [`Control`] allows several threads, `parallel` shares out
-//! what is independent and `foresight` prepares removals ahead of their turn.
+//! [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as
+//! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
+//! [`Method`]. Where the [`Control`] allows several threads, `parallel` shares out what is
+//! independent and `foresight` prepares removals ahead of their turn.
 //!
 //! `search` makes meshes of several sizes where a quality is asked for, and `largest_error` follows
 //! removals up to the first that breaks a bound. `refine` goes beyond the thesis: it moves the
