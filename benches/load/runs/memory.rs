@@ -27,11 +27,15 @@ const SLOW_BYTES: usize = 1000;
 pub(super) fn run(setting: &Setting) -> Result {
     let limits = Limits { memory_mib: Some(LIMIT_MIB), ..Limits::default() };
     let flags = ["--sync-deadline", "5m"];
-    let (server, note) = match Group::make("memory", limits) {
-        Ok(group) => (group.start(&flags), format!("In a control group of {LIMIT_MIB} MiB.")),
+    // The group is left before it is removed: the server ends first.
+    let (_group, server, note) = match Group::make("memory", limits) {
+        Ok(group) => {
+            let server = group.start(&flags);
+            (Some(group), server, format!("In a control group of {LIMIT_MIB} MiB."))
+        }
         Err(why) => {
             let flags = [&flags[..], &["--memory-budget", "1GiB"]].concat();
-            (Server::start(&flags), format!("Without a control group: {why}."))
+            (None, Server::start(&flags), format!("Without a control group: {why}."))
         }
     };
     let mut rows = vec![row!["phase", "200", "503", "others", "peak resident, MiB"]];
