@@ -6,8 +6,8 @@
     docs/quality/bytes.py target/release/make_model PICTURE... [--gray]
 
 For each density the mesh is made by MGPRFS and by the method optimal at effort 5 (density and
-effort are --densities and --effort). Of JPEG and WebP the smallest file is taken that reaches the
-mesh's PSNR, over all qualities, and for JPEG over 4:4:4 and 4:2:0; Huffman tables are optimised, WebP
+effort are --densities and --effort). Of JPEG and WebP the lowest quality is taken that reaches the
+mesh's PSNR, and for JPEG the smaller file of 4:4:4 and 4:2:0; Huffman tables are optimised, WebP
 takes its slowest search. PNG knows no loss: its samples are rounded to as few equidistant levels as
 reach the PSNR, and the file is the smallest that Pillow makes. PSNR is over all samples. --gray
 measures (77 R + 150 G + 29 B + 128) / 256 instead of the colours.
@@ -37,37 +37,42 @@ def encoded(samples, kind, **options):
     return len(file.getvalue()), numpy.asarray(read.convert("L" if samples.ndim == 2 else "RGB"))
 
 
-def smallest(original, least_db, kind, variants):
-    """The length of the smallest file among variants that reaches a PSNR; None when none does."""
-    lengths = []
-    for options in variants:
-        length, read = encoded(original, kind, **options)
-        if psnr(original, read) >= least_db:
-            lengths.append(length)
-    return min(lengths, default=None)
+def lowest(reaches, least, most):
+    """The lowest of whole numbers that reaches, by bisection; None where the highest does not."""
+    if not reaches(most):
+        return None
+    while least < most:
+        middle = (least + most) // 2
+        least, most = (least, middle) if reaches(middle) else (middle + 1, most)
+    return most
+
+
+def lossy(original, least_db, kind, most, **options):
+    """The length of the file of the lowest quality that reaches a PSNR; None when none does."""
+
+    def reaches(quality):
+        return psnr(original, encoded(original, kind, quality=quality, **options)[1]) >= least_db
+
+    quality = lowest(reaches, 0, most)
+    return None if quality is None else encoded(original, kind, quality=quality, **options)[0]
+
+
+def jpeg(original, least_db):
+    """The smaller file of those with and without the chroma in half the resolution."""
+    lengths = [lossy(original, least_db, "JPEG", 95, subsampling=s, optimize=True) for s in (0, 2)]
+    return min((length for length in lengths if length is not None), default=None)
+
+
+def rounded(original, levels):
+    """Samples rounded to equidistant levels."""
+    steps = numpy.round(original / 255 * (levels - 1))
+    return numpy.round(steps * 255 / (levels - 1)).astype(numpy.uint8)
 
 
 def png(original, least_db):
     """The length of the PNG with the fewest levels that reach a PSNR."""
-    for levels in range(2, 257):
-        steps = numpy.round(original / 255 * (levels - 1))
-        rounded = numpy.round(steps * 255 / (levels - 1)).astype(numpy.uint8)
-        if psnr(original, rounded) >= least_db:
-            return encoded(rounded, "PNG", optimize=True)[0]
-    return encoded(original, "PNG", optimize=True)[0]
-
-
-def jpegs():
-    """Every quality, with and without the chroma in half the resolution."""
-    for quality in range(1, 96):
-        for subsampling in (0, 2):
-            yield {"quality": quality, "subsampling": subsampling, "optimize": True}
-
-
-def webps():
-    """Every quality."""
-    for quality in range(0, 101):
-        yield {"quality": quality, "method": 6}
+    levels = lowest(lambda count: psnr(original, rounded(original, count)) >= least_db, 2, 256)
+    return encoded(rounded(original, levels), "PNG", optimize=True)[0]
 
 
 def pmesh(program, picture, options):
@@ -96,8 +101,8 @@ def rows(program, name, original, picture, arguments):
             least = reached - 1e-4
             others = [
                 png(original, least),
-                smallest(original, least, "JPEG", jpegs()),
-                smallest(original, least, "WEBP", webps()),
+                jpeg(original, least),
+                lossy(original, least, "WEBP", 100, method=6),
             ]
             cells = [name, label, vertices, f"{reached:.2f}", bytes_, f"{bytes_ / vertices:.2f}"]
             cells += [f"{ordered / vertices:.2f}"]

@@ -30,7 +30,7 @@ pub(crate) static SERIES: [Series; 18] = [
     series("gamma 1.25", "#a6cee3", true, Change::Gamma(1.25)),
     series("gamma 2", "#5fa8d3", true, Change::Gamma(2.0)),
     series("mgprfs", "#1f4e9c", false, Change::Method(Method::Mgprfs)),
-    series("mgprfs by ssim", "#7a7acc", true, Change::Metric(ErrorMetric::Ssim)),
+    series("mgprfs by ssim", "#7a7acc", false, Change::Metric(ErrorMetric::Ssim)),
     series("mgprfs free", "#a1d99b", true, Change::Free(true, false, 0)),
     series("mgprfs fitted", "#74c476", true, Change::Free(false, true, 0)),
     series("mgprfs free fitted", "#238b45", false, Change::Free(true, true, 0)),
