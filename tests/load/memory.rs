@@ -16,7 +16,7 @@ const APART_MIB: u64 = 32;
 #[test]
 fn no_work_takes_more_memory_than_it_was_admitted_for() {
     let _alone = crate::alone();
-    let works: [Work; 17] = [
+    let works: [Work; 21] = [
         ("method=med&density=2&format=model", Format::Model, noise(1500)),
         ("method=med&density=1&format=png", Format::Png, flat(2500, 2500)),
         ("method=mgprfs&density=1&format=model", Format::Model, noise(1200)),
@@ -30,6 +30,14 @@ fn no_work_takes_more_memory_than_it_was_admitted_for() {
         ("method=med&density=15&format=obj", Format::Obj, noise(1000)),
         ("method=med&density=15&format=stl", Format::Stl, noise(1000)),
         ("method=med&density=15&format=json", Format::Json, noise(1000)),
+        ("method=med&density=15&format=pmesh", Format::Pmesh, noise(1000)),
+        ("method=med&density=15&format=progression", Format::Progression, noise(1000)),
+        (
+            "method=med&density=10&error_metric=mean_comp_ae&format=progression",
+            Format::Progression,
+            noise(700),
+        ),
+        ("method=preview&density=8&format=model", Format::Model, noise(800)),
         ("method=optimal&effort=1&density=4&format=model", Format::Model, noise(600)),
         ("connectivity=free&values=fitted&density=4&format=model", Format::Model, noise(700)),
         ("method=flat&density=1&format=png", Format::Png, noise(600)),

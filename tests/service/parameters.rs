@@ -180,6 +180,31 @@ fn a_refusal_carries_bounds_alternatives_and_the_nearest_name() {
 }
 
 #[test]
+fn a_plus_may_be_written_as_it_is_escaped_or_as_the_blank_of_a_form() {
+    let server = Server::start(&[]);
+    let image = disc(60, 40, 3);
+    let plain = server.mesh("method=med&size=90", &[], &image);
+    let plus = server.mesh("method=med%2B&size=90", &[], &image);
+    assert_eq!(plus.status, 200, "{}", plus.text());
+    assert!(plus.body != plain.body && plus.header("mesh-parameters").contains("method=med+&"));
+    for query in ["method=med+&size=90", "method=med%20&size=90", plus.header("mesh-parameters")] {
+        assert!(server.mesh(query, &[], &image).body == plus.body, "{query}");
+    }
+    let parts = |method: &[u8]| {
+        let fields: [(&str, &[u8]); 3] =
+            [(&field("image"), &image), (&field("method"), method), (&field("size"), b"90")];
+        let (content_type, body) = form(&fields);
+        let headers = [("Content-Type", content_type.as_str())];
+        send(server.public, "POST", "/v1/meshes", &headers, &body)
+    };
+    assert!(parts(b"med+").body == plus.body);
+    assert!(parts(b"med ").body == plus.body);
+    for query in ["method=med%20%20", "method=mgprfs+", "method=%20med"] {
+        server.mesh(query, &[], &image).problem(422, "unknown-value");
+    }
+}
+
+#[test]
 fn without_a_target_the_mesh_has_two_percent_of_the_pixels() {
     let server = Server::start(&[]);
     let answer = server.mesh("", &[], &disc(50, 40, 3));
@@ -194,6 +219,7 @@ fn every_choice_changes_the_mesh_and_is_named_in_the_answer() {
     let plain = server.mesh("size=30&gamma=8", &[], &image);
     for choice in [
         "initial=random",
+        "initial=insertion",
         "policy=psc",
         "policy=psb_l",
         "policy=pse_d",

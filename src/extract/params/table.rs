@@ -187,7 +187,7 @@ const MIN_PIXEL_SIZE: f64 = 1e-9;
 pub static TABLE: [Parameter; 44] = [
     Parameter {
         name: "method",
-        about: "The method, which sets every other parameter; one given explicitly wins. Default: mgprfs.",
+        about: "The method, which sets every other parameter; one given explicitly wins. The plus of med+ may be written as it is, as %2B, or as the blank that forms make of it. Default: mgprfs.",
         takes: Takes::Word(Method::NAMES),
         read: Reader::Word(|choices, text| put_word(&mut choices.method, plus_of_a_form(text))),
         show: |order| Some(order.method.to_string()),
