@@ -38,12 +38,13 @@ impl Group {
     }
 
     fn limit(&mut self, folder: PathBuf, limits: &[(&str, Option<String>)]) -> Result<(), String> {
-        let why = |error: std::io::Error| format!("{}: {error}", folder.display());
+        let name = folder.display().to_string();
+        let why = |error: std::io::Error| format!("{name}: {error}");
         fs::create_dir(&folder).map_err(why)?;
-        self.0.push(folder.clone());
+        self.0.push(folder);
         for (file, limit) in limits {
             let Some(limit) = limit else { continue };
-            fs::write(folder.join(file), limit).map_err(why)?;
+            fs::write(format!("{name}/{file}"), limit).map_err(why)?;
         }
         Ok(())
     }

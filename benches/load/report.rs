@@ -139,16 +139,17 @@ fn drawn(curves: &Curves) -> String {
     // The plots' labels live as long as the program.
     let leak = |text: &str| -> &'static str { text.to_owned().leak() };
     let axis = |label: &str, logarithmic| Axis { label: leak(label), logarithmic };
-    let curve = |(number, (label, points)): (usize, &(String, Vec<(f64, f64)>))| Curve {
+    let numbered = curves.curves.iter().enumerate();
+    let drawn_curves = numbered.map(|(number, (label, points))| Curve {
         label: leak(label),
         color: COLORS[number % COLORS.len()],
         points: points.clone(),
-    };
+    });
     let plot = Plot {
         title: curves.title.clone(),
         x: axis(&curves.x, false),
         y: axis(&curves.y, curves.is_logarithmic),
-        curves: curves.curves.iter().enumerate().map(curve).collect(),
+        curves: drawn_curves.collect(),
     };
     plot.svg()
 }

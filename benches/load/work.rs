@@ -49,7 +49,7 @@ impl Work {
     }
 
     /// The requests of several kinds of work, in turns.
-    pub(crate) fn all<const N: usize>(kinds: [Self; N]) -> Self {
+    pub(crate) fn all(kinds: &[Self]) -> Self {
         let longest = kinds.iter().map(|kind| kind.0.len()).max().unwrap_or(0);
         Self((0..longest).flat_map(|n| kinds.iter().map(move |kind| kind.request(n))).collect())
     }

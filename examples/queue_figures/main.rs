@@ -91,7 +91,8 @@ fn terms() -> Terms {
 
 fn job() -> NewJob {
     let id = JobId::new();
-    let shape = PictureShape { width: 512, height: 512, components: 1, precision: 8, weights: None };
+    let shape =
+        PictureShape { width: 512, height: 512, components: 1, precision: 8, weights: None };
     let digest = Digest::of(id.as_bytes());
     NewJob {
         id,

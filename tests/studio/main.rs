@@ -5,6 +5,7 @@
 //! `PIXMESH_REQUIRE_TOOLS` is set.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 #![allow(clippy::print_stderr, reason = "what is left out must be said")]
+#![allow(clippy::print_stdout, reason = "and what was measured")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 #[path = "../service/client.rs"]

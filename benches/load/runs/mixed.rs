@@ -37,7 +37,7 @@ impl Mix {
             ("/v1/meshes?method=none", b"P5\n2 2\n255\n0000"),
         ];
         Self {
-            small: Work::all(small),
+            small: Work::all(&small),
             medium: Work::new("4 to 12 MP", 6.0, LARGE, 3),
             large: Work::new("40 MP", largest, LARGE, 1),
             bad: bad.map(|(target, body)| request("bad", "POST", target, body)).to_vec(),
