@@ -103,6 +103,12 @@ impl Jobs {
         Ok(Self { queue, blobs, durations: Arc::default() })
     }
 
+    /// Whether jobs can be kept, as far as is known from the last ones.
+    #[must_use]
+    pub fn is_healthy(&self) -> bool {
+        self.queue.is_healthy() && self.blobs.is_healthy()
+    }
+
     /// Puts a job and its image on stable storage: first the image, then the job. What was begun is
     /// ended, also when nobody waits for it any more.
     ///

@@ -25,7 +25,6 @@ use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::jobs::Jobs;
-use crate::jobs::queue::Queue;
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
@@ -69,7 +68,7 @@ pub struct Operations {
     /// Whether the service is starting, ready or stopping.
     pub lifecycle: Lifecycle,
     /// Whether jobs can be kept.
-    pub queue: Arc<dyn Queue>,
+    pub jobs: Jobs,
     /// Writes the metrics out.
     pub metrics: PrometheusHandle,
 }

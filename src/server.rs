@@ -112,7 +112,7 @@ pub fn run(settings: &Settings, role: Role) -> Result<(), Box<dyn Error>> {
     let upkeep = metrics.clone();
     let routes = routes::operations(Operations {
         lifecycle: lifecycle.clone(),
-        queue: Arc::clone(&jobs.queue),
+        jobs: jobs.clone(),
         metrics,
     });
     let listener = Listener::new(operations, routes, OPERATIONS_CONNECTIONS, timeouts(settings));

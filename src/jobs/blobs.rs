@@ -10,6 +10,7 @@
 //! is made young again.
 
 mod bucket;
+mod health;
 mod verified;
 
 use super::nats::{Broker, is_full};
@@ -20,6 +21,7 @@ use bucket::BrokerBucket;
 use bytes::Bytes;
 use futures_util::StreamExt;
 use futures_util::stream::BoxStream;
+use health::Health;
 use object_store::aws::AmazonS3Builder;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as BlobPath;
@@ -58,6 +60,7 @@ pub struct Blobs {
     /// Where this process alone keeps them; `None` in a store that nodes share.
     folder: Option<PathBuf>,
     holds: Arc<RwLock<()>>,
+    health: Arc<Health>,
 }
 
 /// Keeps blobs that no job has yet from being deleted.
@@ -79,8 +82,8 @@ impl Blobs {
     pub fn in_folder(folder: &Path) -> Result<Self, Box<dyn Error>> {
         fs::create_dir_all(folder)?;
         let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true);
-        let (store, holds) = (Arc::new(store), Arc::default());
-        Ok(Self { store, folder: Some(folder.to_owned()), holds })
+        let (store, folder) = (Arc::new(store), Some(folder.to_owned()));
+        Ok(Self { store, folder, holds: Arc::default(), health: Arc::default() })
     }
 
     /// The blobs in a store that nodes share; `broker` is the queue's.
@@ -102,7 +105,8 @@ impl Blobs {
             BlobEngine::S3(address) => s3(address).await?,
             BlobEngine::Broker => Arc::new(BrokerBucket::open(broker).await?),
         };
-        let blobs = Self { store, folder: None, holds: Arc::default() };
+        let (holds, health) = (Arc::default(), Arc::default());
+        let blobs = Self { store, folder: None, holds, health };
         // A name that nobody has shows whether the store answers and takes the credentials.
         match blobs.meta(Digest::of(b"")).await {
             Ok(_) => Ok(blobs),
@@ -131,7 +135,9 @@ impl Blobs {
         if is_fresh && verified::is_same(&*self.store, &place(digest), &bytes).await {
             return Ok(());
         }
+        let length = bytes.len();
         let put = self.store.put(&place(digest), bytes.into()).await;
+        self.health.note(length, put.is_ok());
         put.map(|_| ()).map_err(|error| self.failure(&error))
     }
 
@@ -198,8 +204,9 @@ impl Blobs {
         Clearing { blobs: self, _none_held: self.holds.write().await }
     }
 
-    /// Every blob there is, of those that this process alone keeps. Staged files that were never renamed are removed on the way: nobody may
-    /// be storing blobs, as nobody is during [`Self::clear`].
+    /// Every blob there is, of those that this process alone keeps. Staged files that were never
+    /// renamed are removed on the way: nobody may be storing blobs, as nobody is during
+    /// [`Self::clear`].
     ///
     /// # Errors
     /// When the folder cannot be read.

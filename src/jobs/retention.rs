@@ -40,6 +40,7 @@ pub async fn keep(jobs: Jobs, stop: CancellationToken) {
             _ = ticks.tick() => {}
             () = stop.cancelled() => return,
         }
+        jobs.blobs.probe().await;
         if let Err(error) = sweep(&jobs).await {
             tracing::warn!(%error, "jobs could not be swept");
         }

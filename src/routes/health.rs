@@ -18,7 +18,7 @@ pub async fn live() -> &'static str {
 pub async fn ready(State(operations): State<Operations>) -> Result<&'static str, Problem> {
     match operations.lifecycle.stage() {
         Stage::Starting => Err(Problem::new(Kind::Overloaded, "the service is starting")),
-        Stage::Ready if !operations.queue.is_healthy() => {
+        Stage::Ready if !operations.jobs.is_healthy() => {
             Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be written"))
         }
         Stage::Ready => Ok("ready\n"),

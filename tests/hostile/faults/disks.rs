@@ -75,6 +75,8 @@ fn a_disk_that_fills_up_is_told_and_used_again_when_there_is_room() {
     let (large, small) = (noise(400), disc(30, 30, 1));
     let (mut accepted, refused) = fill(&server, &large);
     assert!([503, 507].contains(&refused.status), "{}", refused.text());
+    let unready = server.operate("/readyz");
+    unready.problem(503, "storage-unavailable");
     let (more, refused) = fill(&server, &noise(40));
     assert!([503, 507].contains(&refused.status), "{}", refused.text());
     accepted.extend(more);
