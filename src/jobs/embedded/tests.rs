@@ -42,32 +42,7 @@ fn engine(name: &str) -> InFolder {
     InFolder(folder_for_test(name))
 }
 
-conforms! { engine, InFolder;
-    a_job_goes_from_queued_by_running_to_completed
-    a_failed_job_keeps_its_problem
-    what_was_acknowledged_is_there_after_a_kill
-    a_job_whose_worker_falls_silent_is_given_to_another
-    a_job_is_tried_three_times_and_then_failed_as_such
-    the_last_attempt_is_made_alone
-    an_attempt_that_was_handed_back_does_not_count
-    what_may_succeed_another_time_is_tried_again
-    a_waiting_job_is_cancelled_at_once_and_then_deleted
-    the_worker_of_a_cancelled_job_is_told
-    a_cancelled_job_stays_cancelled_when_its_worker_is_killed
-    nobody_sees_or_cancels_the_jobs_of_others
-    jobs_are_listed_newest_first_page_by_page
-    the_same_word_with_the_same_content_is_the_same_job
-    words_are_forgotten_in_time
-    no_more_jobs_wait_than_may
-    owners_take_turns_and_have_no_more_running_than_they_may
-    every_change_can_be_followed_from_any_point
-    work_is_heard_of_as_it_comes
-    jobs_are_gone_after_their_time_and_then_unknown
-    blobs_are_given_up_with_the_last_job_that_has_them
-    a_blob_stored_for_nothing_is_given_up
-    there_is_a_count_of_what_waits_and_runs
-    many_at_once_are_each_done_once
-}
+conforms! { engine, InFolder }
 
 fn terms() -> Terms {
     let hour = Duration::from_secs(3600);
