@@ -39,8 +39,9 @@ const REFINED: u64 = 640;
 const INSERTED: u64 = 1200;
 /// Bytes per pixel of the marks of vertices while they are refined, twice.
 const REFINED_MARKS: u64 = 2;
-/// Bytes per sample of the running sums that flat faces are measured by.
-const ROW_SUMS: u64 = 16;
+/// Bytes per sample of the running sums that flat faces are measured by, 16 each, and as much again
+/// for what was measured beside them.
+const ROW_SUMS: u64 = 32;
 /// Bytes per pixel of the means that the weights of the structural similarity come from.
 const WINDOW_MEANS: u64 = 56;
 /// Bytes per initial point of the list of removed ones, kept to the end.

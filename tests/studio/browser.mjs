@@ -58,13 +58,13 @@ export async function settled(page) {
 export async function choose(page, file = PICTURE) {
   await began(page);
   await page.setInputFiles("#file", file);
-  await page.waitForFunction((name) => studio.source?.name === name, nameOf(file));
+  await page.waitForFunction((name) => globalThis.studio?.source?.name === name, nameOf(file));
   return finished(page);
 }
 
 /** Waits until the page has begun with its first picture, so that a chosen one comes after it. */
 export async function began(page) {
-  await page.waitForFunction(() => studio?.tracks[0].job);
+  await page.waitForFunction(() => globalThis.studio?.tracks[0]?.job);
 }
 
 export function nameOf(file) {
