@@ -54,7 +54,7 @@ function transferOf(page, name) {
 }
 
 export async function cancel() {
-  const page = await opened("/?sample=spheres&method=mgpr");
+  const page = await opened("/?sample=spheres&method=mgpr&effort=9");
   await page.waitForSelector("#progress:not([hidden])");
   // A preview is there meanwhile.
   await page.waitForFunction(() => studio.tracks[0].stage === "preview");
