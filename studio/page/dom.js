@@ -28,6 +28,27 @@ export function make(name, attributes = {}, ...children) {
   return element;
 }
 
+/**
+ * Makes the items of a list those of some keys. The items that stay are not touched but by `update`: one that were
+ * replaced between the press and the release of a button would never be clicked.
+ * @template T
+ * @param {HTMLElement} list @param {T[]} entries @param {(entry: T) => string} keyOf
+ * @param {(entry: T) => HTMLElement} create @param {(item: HTMLElement, entry: T) => void} update
+ */
+export function listed(list, entries, keyOf, create, update) {
+  const items = new Map([...list.children].map((item) => [/** @type {HTMLElement} */ (item).dataset.key, /** @type {HTMLElement} */ (item)]));
+  const kept = entries.map((entry) => {
+    const item = items.get(keyOf(entry)) ?? create(entry);
+    item.dataset.key = keyOf(entry);
+    update(item, entry);
+    return item;
+  });
+  for (const item of items.values()) if (!kept.includes(item)) item.remove();
+  kept.forEach((item, at) => {
+    if (list.children[at] !== item) list.insertBefore(item, list.children[at] ?? null);
+  });
+}
+
 /** @param {string} name @param {Record<string, string | number>} attributes */
 export function makeSvg(name, attributes) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", name);

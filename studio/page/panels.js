@@ -1,11 +1,12 @@
 // What can be taken from the page: numbers, files, commands, and the jobs of before.
 
 import * as api from "./api.js";
-import { byId, copy, counted, decibels, make, timed } from "./dom.js";
+import { byId, copy, counted, decibels, listed, make, timed } from "./dom.js";
 import { FORMATS, STAGES } from "./methods.js";
 
 /** @typedef {import("./track.js").Track} Track */
 /** @typedef {import("./history.js").Entry} Entry */
+/** @typedef {{ open: (entry: Entry) => void, forget: (entry: Entry) => void }} HistoryActions */
 
 /** The rows of the table: what they are, and what a track has of it. @type {[string, (track: Track) => string][]} */
 const ROWS = [
@@ -56,23 +57,23 @@ export function showDownloads(track, formats, name, onFailure) {
   const list = byId("downloads", HTMLUListElement);
   const isThere = stage === "final" && job !== null;
   byId("download-note", HTMLParagraphElement).hidden = isThere;
-  if (!isThere) {
-    list.replaceChildren();
-    return;
-  }
-  list.replaceChildren(
-    ...formats.map((format) => {
-      const path = meshPathOf(track, format);
-      const file = `${name.replace(/\.\w+$/, "")}-${track.size}.${format === "progression" ? "pmesh" : format}`;
-      const link = make("a", { href: path, download: file, title: FORMATS[format] ?? format, "data-format": format }, format);
-      // A link would carry no key, and the file would have the service's name instead of the picture's.
-      link.addEventListener("click", (event) => {
-        event.preventDefault();
-        save(path, file).catch(onFailure);
-      });
-      return make("li", {}, link);
-    }),
-  );
+  listed(list, isThere ? formats : [], String, (format) => downloadOf(format, onFailure), (item, format) => {
+    const link = /** @type {HTMLAnchorElement} */ (item.firstElementChild);
+    const path = meshPathOf(track, format);
+    if (link.getAttribute("href") !== path) link.href = path;
+    link.download = `${name.replace(/\.\w+$/, "")}-${track.size}.${format === "progression" ? "pmesh" : format}`;
+  });
+}
+
+/** The link to one format, which leads nowhere yet. @param {string} format @param {(error: Error) => void} onFailure */
+function downloadOf(format, onFailure) {
+  const link = make("a", { title: FORMATS[format] ?? format, "data-format": format }, format);
+  // A link would carry no key, and the file would have the service's name instead of the picture's.
+  link.addEventListener("click", (event) => {
+    event.preventDefault();
+    save(link.getAttribute("href") ?? "", link.download).catch(onFailure);
+  });
+  return make("li", {}, link);
 }
 
 /** Where the mesh that is seen is. @param {Track} track @param {string} format */
@@ -102,27 +103,28 @@ export function curlOf(track, name) {
   return `${make}\n\n# the ${track.size} vertices that matter most of it\ncurl -sSf${key} '${location.origin}${meshPathOf(track, "png")}' -o mesh-${track.size}.png`;
 }
 
-/**
- * @param {Entry[]} entries @param {string | undefined} current
- * @param {{ open: (entry: Entry) => void, forget: (entry: Entry) => void }} actions
- */
+/** @param {Entry[]} entries @param {string | undefined} current @param {HistoryActions} actions */
 export function showHistory(entries, current, actions) {
   const list = byId("history", HTMLUListElement);
   byId("history-note", HTMLParagraphElement).hidden = entries.length > 0;
-  for (const image of list.querySelectorAll("img")) URL.revokeObjectURL(image.src);
-  list.replaceChildren(
-    ...entries.map((entry) => {
-      const image = make("img", { alt: "" });
-      if (entry.thumbnail) image.src = URL.createObjectURL(entry.thumbnail);
-      const what = `${entry.method}, ${counted(entry.vertices)} vertices, ${decibels(entry.psnr)}`;
-      const open = make("button", { type: "button", class: "open" }, image, make("span", {}, entry.name), make("span", { class: "what" }, what));
-      if (entry.id === current) open.setAttribute("aria-current", "true");
-      open.addEventListener("click", () => actions.open(entry));
-      const forget = make("button", { type: "button", "aria-label": `Forget ${entry.name}, ${what}` }, "✕");
-      forget.addEventListener("click", () => actions.forget(entry));
-      return make("li", {}, open, forget);
-    }),
-  );
+  listed(list, entries, ({ id }) => id, (entry) => historyItem(entry, actions), (item, entry) => {
+    const open = /** @type {HTMLButtonElement} */ (item.firstElementChild);
+    if (entry.id === current) open.setAttribute("aria-current", "true");
+    else open.removeAttribute("aria-current");
+  });
+}
+
+/** A job of before, by which it is opened or forgotten. @param {Entry} entry @param {HistoryActions} actions */
+function historyItem(entry, actions) {
+  const image = make("img", { alt: "" });
+  image.addEventListener("load", () => URL.revokeObjectURL(image.src));
+  if (entry.thumbnail) image.src = URL.createObjectURL(entry.thumbnail);
+  const what = `${entry.method}, ${counted(entry.vertices)} vertices, ${decibels(entry.psnr)}`;
+  const open = make("button", { type: "button", class: "open" }, image, make("span", {}, entry.name), make("span", { class: "what" }, what));
+  open.addEventListener("click", () => actions.open(entry));
+  const forget = make("button", { type: "button", "aria-label": `Forget ${entry.name}, ${what}` }, "✕");
+  forget.addEventListener("click", () => actions.forget(entry));
+  return make("li", {}, open, forget);
 }
 
 /** Makes the buttons copy what stands beside them. */
