@@ -146,6 +146,9 @@ fn aggregate(
     let mut fields = vec![vec![0.0; image.pixel_count()]; field_count];
     for (c, component) in image.components().iter().enumerate() {
         let field = &mut fields[c.min(field_count - 1)];
+        // The first one of a field is written without reading: pages that were read before they are
+        // written are mapped twice, and the second time interrupts all threads.
+        let is_first = c < field_count;
         let poll = |y: usize| poll_row(control, c * height + y, count * height);
         if SecondDerivatives::new(parameters, component, width).is_some() {
             let threads = control.threads();
@@ -156,8 +159,12 @@ fn aggregate(
                 };
                 for (y, row) in (first_row..).zip(band.chunks_exact_mut(width)) {
                     poll(y)?;
-                    sweep.evaluate(significance, y, &mut values);
-                    merge(row, &values, aggregation);
+                    if is_first {
+                        sweep.evaluate(significance, y, row);
+                    } else {
+                        sweep.evaluate(significance, y, &mut values);
+                        merge(row, &values, aggregation);
+                    }
                 }
                 Ok(())
             })?;
@@ -165,8 +172,13 @@ fn aggregate(
             let mut values = vec![0.0; width];
             filter.for_each_row(component, width, Order::Second, |y, row| {
                 poll(y)?;
-                significance.evaluate(row, filter.divisor(), &mut values);
-                merge(&mut field[y * width..][..width], &values, aggregation);
+                let whole = &mut field[y * width..][..width];
+                if is_first {
+                    significance.evaluate(row, filter.divisor(), whole);
+                } else {
+                    significance.evaluate(row, filter.divisor(), &mut values);
+                    merge(whole, &values, aggregation);
+                }
                 Ok(())
             })?;
         }
@@ -193,6 +205,7 @@ fn merge_by<S: Simd>(_: S, field: &mut [f64], values: &[f64], aggregation: Aggre
             pairs.for_each(|(sum, &value)| *sum = if value > *sum { value } else { *sum });
         }
         Aggregation::Mean => pairs.for_each(|(sum, &value)| *sum += value),
-        Aggregation::Apart => pairs.for_each(|(sum, &value)| *sum = value),
+        // Each component is the first one of its field.
+        Aggregation::Apart => {}
     }
 }

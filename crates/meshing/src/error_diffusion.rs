@@ -105,7 +105,10 @@ impl<'a> Diffusion<'a> {
             weights: Weights::new(parameters.leaky),
             sums: density.fields.iter().map(|field| field.iter().sum()).collect(),
             initial_errors: vec![vec![0.0; width]; density.fields.len()],
-            chosen: vec![vec![0; width * density.height]; control.threads().get().min(MOST_GROUPS)],
+            // Not copies of one, which would be read.
+            chosen: (0..control.threads().get().min(MOST_GROUPS))
+                .map(|_| vec![0; width * density.height])
+                .collect(),
             level: Level::new(),
             control,
             tries: 0,

@@ -17,7 +17,7 @@ const LEAST_VERTICES: usize = 30_000;
 
 /// Most removals prepared at once, and the part of all vertices that they are at most: the more,
 /// the more of them meet.
-const MOST_AT_ONCE: usize = 4096;
+const MOST_AT_ONCE: usize = 512;
 const PART_AT_ONCE: usize = 64;
 
 /// A removal in all its consequences.
