@@ -18,6 +18,7 @@
 //! `sync_interval: always`; with three servers or more, a write is on a majority of them.
 
 mod broker;
+mod connection;
 mod holdings;
 mod owners;
 mod read;

@@ -7,6 +7,8 @@
 #![allow(clippy::print_stderr, reason = "what is left out must be said")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
+mod access;
+mod certificates;
 #[path = "../service/client.rs"]
 mod client;
 mod emulator;
@@ -15,6 +17,7 @@ mod ledger;
 mod nats_server;
 mod node;
 mod nodes;
+mod operator;
 #[path = "../service/pictures.rs"]
 mod pictures;
 mod proxy;

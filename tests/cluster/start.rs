@@ -2,14 +2,18 @@
 
 use crate::nats_server::{NatsServer, free_port, program};
 use crate::node;
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpListener;
 use std::process::Output;
+use std::thread;
 
 fn start(flags: &[&str]) -> Output {
     node::program().args(flags).output().unwrap()
 }
 
+/// Is refused at its start, and says certain words.
 #[track_caller]
-fn refused(flags: &[&str], needles: &[&str]) {
+pub(crate) fn refused(flags: &[&str], needles: &[&str]) {
     let output = start(flags);
     assert!(!output.status.success());
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -40,26 +44,48 @@ fn a_broker_without_streams_is_refused_with_how_to_start_one() {
 }
 
 #[test]
-fn a_broker_that_wants_a_password_refuses_without_showing_one() {
+fn an_account_without_streams_is_refused_the_same_way() {
     let Some(program) = program() else { return };
     let broker = NatsServer::start_with(
         &program,
-        "jetstream { store_dir: \"STORE\" }\nauthorization { user: u, password: right }",
+        "jetstream { store_dir: \"STORE\" }\naccounts { plain { users: [{ user: u, password: p }] } }",
     );
-    let address = |password: &str| format!("nats://u:{password}@127.0.0.1:{}", broker.port);
-    let flags = |queue: &str| {
-        ["doctor", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0", "--queue", queue]
-            .map(str::to_owned)
-    };
-    let run = |queue: &str| {
-        let flags = flags(queue);
-        let output = start(&flags.each_ref().map(String::as_str));
-        String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
-    };
-    let refused = run(&address("wrong-one"));
-    assert!(refused.contains("BAD   queue") && !refused.contains("wrong-one"), "{refused}");
-    let accepted = run(&address("right"));
-    assert!(accepted.contains("ok    queue") && !accepted.contains("right@"), "{accepted}");
+    let queue = format!("nats://u:p@127.0.0.1:{}", broker.port);
+    let needles = ["JetStream", "-js", "account"];
+    refused(&["worker", "--ops-listen", "127.0.0.1:0", "--queue", &queue], &needles);
+}
+
+/// What says it is an old server is none: as much of one as a node asks before it knows.
+#[test]
+fn a_broker_that_is_too_old_is_refused_with_both_versions() {
+    let queue = format!("nats://127.0.0.1:{}", claim_to_be("2.9.10"));
+    refused(
+        &["worker", "--ops-listen", "127.0.0.1:0", "--queue", &queue],
+        &["--queue", "nats-server 2.9.10", "2.11 or newer"],
+    );
+}
+
+/// Greets like a server of a version, and answers nothing but pings; returns its port.
+fn claim_to_be(version: &str) -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let greeting = format!(
+        "INFO {{\"server_id\":\"old\",\"server_name\":\"old\",\"version\":\"{version}\",\
+         \"host\":\"127.0.0.1\",\"port\":{port},\"max_payload\":1048576,\"proto\":1,\
+         \"headers\":true,\"jetstream\":true}}\r\n"
+    );
+    thread::spawn(move || {
+        for mut connection in listener.incoming().map_while(Result::ok) {
+            connection.write_all(greeting.as_bytes()).unwrap();
+            let lines = BufReader::new(connection.try_clone().unwrap()).lines();
+            for line in lines.map_while(Result::ok) {
+                if line == "PING" && connection.write_all(b"PONG\r\n").is_err() {
+                    break;
+                }
+            }
+        }
+    });
+    port
 }
 
 #[test]

@@ -1,25 +1,19 @@
 //! The connection to the broker, and what a failure of it means.
 
+use super::connection::{START_PAUSE, START_TIME, connected};
 use crate::config::BrokerSettings;
 use crate::jobs::queue::QueueError;
+use async_nats::Client;
 use async_nats::connection::State;
 use async_nats::jetstream::account::Account;
 use async_nats::jetstream::context::{AccountErrorKind, Context};
 use async_nats::jetstream::{Error as ServerError, ErrorCode};
-use async_nats::{Client, ConnectOptions, Event};
 use std::error::Error;
-use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
 /// The oldest server that has what is needed: one that takes part in elections quickly and bounds
 /// what is asked of it.
 const OLDEST_SERVER: (i64, i64, i64) = (2, 11, 0);
-/// How long an answer may take before the broker is said not to answer.
-const ANSWER_TIME: Duration = Duration::from_secs(5);
-/// How long the broker may take to be there when a node starts: a cluster elects its leaders first.
-const START_TIME: Duration = Duration::from_secs(15);
-/// The pause between two attempts at that.
-const START_PAUSE: Duration = Duration::from_millis(500);
 
 /// A connection, which comes back by itself when it is lost.
 #[derive(Clone, Debug)]
@@ -41,7 +35,7 @@ impl Broker {
     /// When none of the servers answers, refuses the credentials, is too old, or has no JetStream.
     pub async fn connect(settings: &BrokerSettings) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let client = connected(settings).await?;
-        check_version(&client)?;
+        check_version(&client, settings)?;
         let context = async_nats::jetstream::new(client.clone());
         check_jetstream(&context, settings).await?;
         let is_cluster = client.server_info().cluster.is_some();
@@ -60,72 +54,14 @@ impl Broker {
     }
 }
 
-/// The connection to whichever server answers first, waited for as long as a start may take.
-async fn connected(settings: &BrokerSettings) -> Result<Client, Box<dyn Error + Send + Sync>> {
-    let until = Instant::now() + START_TIME;
-    loop {
-        let error = match options(settings)?.connect(settings.servers()?).await {
-            Ok(client) => return Ok(client),
-            Err(error) => error,
-        };
-        let is_refused = matches!(
-            error.kind(),
-            async_nats::ConnectErrorKind::AuthorizationViolation
-                | async_nats::ConnectErrorKind::Authentication
-                | async_nats::ConnectErrorKind::ServerParse
-        );
-        if is_refused || Instant::now() >= until {
-            let why = if is_refused { "refuses the connection" } else { "cannot be reached" };
-            let error = causes(&error);
-            return Err(format!("--queue {settings}: the broker {why}: {error}").into());
-        }
-        sleep(START_PAUSE).await;
-    }
-}
-
-fn options(settings: &BrokerSettings) -> Result<ConnectOptions, Box<dyn Error + Send + Sync>> {
-    let mut options = ConnectOptions::new()
-        .name("pixmesh")
-        .connection_timeout(ANSWER_TIME)
-        .request_timeout(Some(ANSWER_TIME))
-        .ping_interval(Duration::from_secs(10))
-        .event_callback(|event| async move {
-            match event {
-                Event::Connected => tracing::info!("connected to the broker"),
-                Event::Disconnected => tracing::warn!("the connection to the broker is lost"),
-                event => tracing::warn!(%event, "the broker's connection"),
-            }
-        });
-    if let Some(user) = settings.user()? {
-        options = match user.password {
-            Some(password) => options.user_and_password(user.name, password),
-            None => options.token(user.name),
-        };
-    }
-    if let Some(path) = &settings.queue_credentials {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| format!("--queue-credentials {}: {error}", path.display()))?;
-        options = options
-            .credentials(&text)
-            .map_err(|error| format!("--queue-credentials {}: {error}", path.display()))?;
-    }
-    if let Some(path) = &settings.queue_ca {
-        options = options.add_root_certificates(path.clone()).require_tls(true);
-    }
-    if let (Some(certificate), Some(key)) = (&settings.queue_cert, &settings.queue_key) {
-        options = options.add_client_certificate(certificate.clone(), key.clone());
-    }
-    Ok(options)
-}
-
-fn check_version(client: &Client) -> Result<(), String> {
+fn check_version(client: &Client, settings: &BrokerSettings) -> Result<(), String> {
     let (major, minor, patch) = OLDEST_SERVER;
     if client.is_server_compatible(major, minor, patch) {
         return Ok(());
     }
     let found = client.server_info().version;
     Err(format!(
-        "--queue: the broker is nats-server {found}, and {major}.{minor} or newer is needed"
+        "--queue {settings}: the broker is nats-server {found}, and {major}.{minor} or newer is needed"
     ))
 }
 
@@ -150,12 +86,15 @@ async fn check_jetstream(
         };
         let is_cluster = context.client().server_info().cluster.is_some();
         if (is_off && !is_cluster) || Instant::now() >= until {
-            return Err(format!(
-                "--queue {settings}: the broker has no JetStream, where jobs are kept: start \
-                 nats-server with -js and a store_dir, and allow it for the account ({})",
-                causes(&error)
-            )
-            .into());
+            let error = causes(&error);
+            let what = if is_off {
+                "has no JetStream, where jobs are kept: start nats-server with -js and a store_dir, \
+                 and allow it for the account"
+            } else {
+                "does not answer to JetStream: allow this node's user to publish to $JS.API.> and to \
+                 subscribe to _INBOX.>"
+            };
+            return Err(format!("--queue {settings}: the broker {what} ({error})").into());
         }
         sleep(START_PAUSE).await;
     }
@@ -197,7 +136,7 @@ pub(super) fn server_code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
 }
 
 /// An error with all that caused it, each said once.
-fn causes(error: &(dyn Error + 'static)) -> String {
+pub(super) fn causes(error: &(dyn Error + 'static)) -> String {
     let mut text = error.to_string();
     let mut next = error.source();
     while let Some(cause) = next {
