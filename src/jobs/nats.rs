@@ -19,6 +19,7 @@
 
 mod broker;
 mod connection;
+mod damaged;
 mod holdings;
 mod owners;
 mod read;

@@ -10,6 +10,7 @@ use crate::jobs::queue::{Cancellation, Lookup, Outcome, Page, PageRequest, Queue
 use crate::jobs::record::{Event, JobId, Moment, Record, State};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 use tokio::time::timeout;
 
 /// How many records are read at the same time for a list.
@@ -18,7 +19,15 @@ const READ_AHEAD: usize = 16;
 /// That there was a job.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct StoredEnd {
-    pub(super) until_ms: i64,
+    until_ms: i64,
+}
+
+impl StoredEnd {
+    /// It is remembered for so long.
+    pub(super) fn after(ttl: Duration) -> Self {
+        let kept_ms = i64::try_from(ttl.as_millis()).unwrap_or(i64::MAX);
+        Self { until_ms: Moment::now().0.saturating_add(kept_ms) }
+    }
 }
 
 impl Nats {
@@ -28,7 +37,7 @@ impl Nats {
             Some(found) if found.value.is_over() => Ok(Lookup::Gone),
             Some(found) => match found.value.record(id) {
                 Some(record) => Ok(Lookup::Found(Box::new(record))),
-                None => Err(QueueError::Storage(format!("the record of job {id} is damaged"))),
+                None => Err(unreadable(id)),
             },
             None if self.was_there(owner, id).await? => Ok(Lookup::Gone),
             None => Ok(Lookup::Unknown),
@@ -36,8 +45,10 @@ impl Nats {
     }
 
     async fn was_there(&self, owner: &Owner, id: JobId) -> Result<bool, QueueError> {
-        let end = self.streams.gone.get::<StoredEnd>(&gone_name(owner, id)).await?;
-        Ok(end.is_some_and(|end| end.value.until_ms > Moment::now().0))
+        let end = self.streams.gone.get_readable::<StoredEnd>(&gone_name(owner, id)).await?;
+        // One that cannot be read is of a job that there was, too.
+        let is_known = |end: StoredEnd| end.until_ms > Moment::now().0;
+        Ok(end.is_some_and(|end| end.value.is_none_or(is_known)))
     }
 
     /// An owner's jobs, newest first; what cannot be read is left out.
@@ -52,7 +63,7 @@ impl Nats {
             ids.filter(|id| request.before.is_none_or(|before| *id < before)).collect();
         ids.sort_unstable_by(|a, b| b.cmp(a));
         let mut records = stream::iter(ids)
-            .map(|id| async move { Ok((id, self.record(owner, id).await?)) })
+            .map(|id| async move { Ok((id, self.readable_record(owner, id).await?)) })
             .buffered(READ_AHEAD);
         let mut jobs: Vec<Record> = Vec::new();
         while let Some((id, found)) = records.try_next().await? {
@@ -93,7 +104,7 @@ impl Nats {
         }
     }
 
-    /// Cancels an owner's job, or deletes it where it has come to its end.
+    /// Cancels an owner's job, or deletes it where it has come to its end or cannot be read.
     pub(super) async fn cancel_job(
         &self,
         owner: &Owner,
@@ -116,8 +127,13 @@ impl Nats {
                 }
                 _ => Step::Leave(Cancellation::Deleted),
             })
-            .await?;
-        let Some((cancellation, record)) = changed else {
+            .await;
+        if let Err(QueueError::Damaged(_)) = changed {
+            self.delete_damaged(owner, id).await?;
+            self.announce(id).await;
+            return Ok(Cancellation::Deleted);
+        }
+        let Some((cancellation, record)) = changed? else {
             let is_gone = self.was_there(owner, id).await?;
             return Ok(if is_gone { Cancellation::Gone } else { Cancellation::Unknown });
         };
@@ -158,11 +174,15 @@ impl Nats {
         id: JobId,
         job: &StoredJob,
     ) -> Result<(), QueueError> {
-        let kept_ms = i64::try_from(self.terms.gone_ttl.as_millis()).unwrap_or(i64::MAX);
-        let end = StoredEnd { until_ms: Moment::now().0.saturating_add(kept_ms) };
+        let end = StoredEnd::after(self.terms.gone_ttl);
         self.streams.gone.put(&gone_name(owner, id), &end, Expected::Anything).await?;
         self.delete(owner, id, job).await?;
         self.announce(id).await;
         Ok(())
     }
+}
+
+/// The error of a record that says what no job can have.
+pub(super) fn unreadable(id: JobId) -> QueueError {
+    QueueError::Damaged(format!("the record of job {id}"))
 }

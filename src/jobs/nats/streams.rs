@@ -148,6 +148,12 @@ pub(super) fn job_of_name(name: &str) -> Option<(Owner, JobId)> {
     Some((owner_of_word(owner)?, JobId::parse(job)?))
 }
 
+/// The blob and the job that a name of the form `ref.{blob}.{job}` is of.
+pub(super) fn reference_of(name: &str) -> Option<(&str, JobId)> {
+    let (blob, id) = name.strip_prefix("ref.")?.split_once('.')?;
+    Some((blob, JobId::parse(id)?))
+}
+
 /// The name of a job's record.
 pub(super) fn record_name(owner: &Owner, id: JobId) -> String {
     format!("job.{}.{id}", owner_word(owner))

@@ -5,6 +5,7 @@
 //! is one job all the same.
 
 use super::Nats;
+use super::read::unreadable;
 use super::stored::StoredJob;
 use super::streams::{record_name, work_name};
 use super::table::{Expected, Put, Versioned};
@@ -46,15 +47,18 @@ impl Nats {
 
     async fn submit_with_word(&self, job: &NewJob, name: &str) -> Result<Submitted, QueueError> {
         for _ in 0..TRIES {
-            let expected = match self.streams.words.get::<StoredWord>(name).await? {
+            let expected = match self.streams.words.get_readable::<StoredWord>(name).await? {
                 None => Expected::Nothing,
-                Some(found) if found.value.until_ms <= Moment::now().0 => {
-                    Expected::Version(found.version)
+                Some(Versioned { value, version }) => {
+                    // One that cannot be read is forgotten.
+                    let known = value.filter(|word| word.until_ms > Moment::now().0);
+                    if let Some(word) = known
+                        && let Some(submitted) = self.again(job, name, &word).await?
+                    {
+                        return Ok(submitted);
+                    }
+                    Expected::Version(version)
                 }
-                Some(found) => match self.again(job, name, &found).await? {
-                    Some(submitted) => return Ok(submitted),
-                    None => Expected::Version(found.version),
-                },
             };
             let word = StoredWord::of(job, self.terms.idempotency_ttl);
             if self.streams.words.put(name, &word, expected).await? == Put::Conflict {
@@ -82,12 +86,12 @@ impl Nats {
         &self,
         job: &NewJob,
         name: &str,
-        found: &Versioned<StoredWord>,
+        word: &StoredWord,
     ) -> Result<Option<Submitted>, QueueError> {
-        if found.value.fingerprint != job.fingerprint().to_string() {
+        if word.fingerprint != job.fingerprint().to_string() {
             return Ok(Some(Submitted::KeyReused));
         }
-        let Some(first) = found.value.job(&job.owner) else { return Ok(None) };
+        let Some(first) = word.job(&job.owner) else { return Ok(None) };
         if let Some(record) = self.record(&first.owner, first.id).await? {
             // Its message may be missing, if whoever submitted it was cut off.
             if record.value.attempt() == 0 && !record.value.is_final() {
@@ -202,8 +206,4 @@ impl StoredWord {
 /// The name under which a client's word is kept: of the word only its digest, whatever is in it.
 fn word_name(owner: &Owner, word: &str) -> String {
     format!("word.{}", Digest::of_texts(&[owner.as_str(), word]))
-}
-
-fn unreadable(id: JobId) -> QueueError {
-    QueueError::Storage(format!("the record of job {id} is damaged"))
 }

@@ -3,7 +3,7 @@
 
 use super::Nats;
 use super::stored::{StoredJob, TakenBack};
-use super::streams::{job_of_name, owner_of_word, owner_word, work_name};
+use super::streams::{job_of_name, owner_of_word, owner_word, reference_of, work_name};
 use super::table::{self, Versioned};
 use crate::digest::Digest;
 use crate::extract::owner::Owner;
@@ -59,7 +59,7 @@ impl Nats {
         }
         self.silence.keep_only(&running);
         for (owner, id) in running {
-            let Some(record) = self.record(&owner, id).await? else { continue };
+            let Some(record) = self.readable_record(&owner, id).await? else { continue };
             let is_silent = self.silence.is_over(id, record.version, self.terms.lease);
             if record.value.state() == Some(State::Running) && is_silent {
                 self.take_back(&owner, id, record, swept).await?;
@@ -107,7 +107,7 @@ impl Nats {
 
     /// Keeps of jobs past their time nothing but that they were. Records lie in the order of their
     /// last change, and all ended ones are kept equally long: the first that is not over is the last
-    /// to look at.
+    /// to look at. One that cannot be read is kept as long as if it had ended with its last change.
     async fn expire_due(&self, places: &mut Places) -> Result<usize, QueueError> {
         let mut expired = 0;
         for _ in 0..MOST_MESSAGES {
@@ -117,7 +117,14 @@ impl Nats {
                 break;
             };
             places.ends = message.sequence + 1;
-            let Some((owner, id, job)) = job_of(&name, &message) else { continue };
+            let Some((owner, id)) = job_of_name(&name) else { continue };
+            let Ok(Versioned { value: job, .. }) = table::read::<StoredJob>(&message) else {
+                if age(&message) >= self.terms.result_ttl {
+                    self.expire_damaged(&owner, id).await?;
+                    expired += 1;
+                }
+                continue;
+            };
             if !job.is_final() {
                 continue;
             }
@@ -162,8 +169,13 @@ impl Nats {
             let Some((blob, id)) = reference_of(&name) else { continue };
             let owner = table::read::<String>(&message).ok();
             let Some(owner) = owner.and_then(|owner| owner_of_word(&owner.value)) else { continue };
-            let record = self.record(&owner, id).await?;
-            if !record.is_some_and(|record| record.value.needs(blob)) {
+            let is_needed = match self.record(&owner, id).await {
+                Ok(record) => record.is_some_and(|record| record.value.needs(blob)),
+                // Nobody can tell.
+                Err(QueueError::Damaged(_)) => true,
+                Err(error) => return Err(error),
+            };
+            if !is_needed {
                 self.release(blob, id).await?;
             }
         }
@@ -237,12 +249,6 @@ impl Nats {
 fn job_of(name: &str, message: &StreamMessage) -> Option<(Owner, JobId, StoredJob)> {
     let (owner, id) = job_of_name(name)?;
     Some((owner, id, table::read(message).ok()?.value))
-}
-
-/// The blob and the job of a reference's name.
-fn reference_of(name: &str) -> Option<(&str, JobId)> {
-    let (blob, id) = name.strip_prefix("ref.")?.split_once('.')?;
-    Some((blob, JobId::parse(id)?))
 }
 
 /// Whether whoever wrote this has had the time to write what belongs to it.

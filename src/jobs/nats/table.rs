@@ -75,13 +75,32 @@ impl Table {
         subject.strip_prefix(self.prefix.as_str()).map_or(subject, |rest| &rest[1..])
     }
 
-    /// The value under a name.
+    /// The value under a name; [`QueueError::Damaged`] for one that cannot be read.
     pub(super) async fn get<T: DeserializeOwned>(
         &self,
         name: &str,
     ) -> Result<Option<Versioned<T>>, QueueError> {
+        self.newest(name).await?.map(|message| read(&message)).transpose()
+    }
+
+    /// What is under a name, with `None` for a value that cannot be read.
+    pub(super) async fn get_readable<T: DeserializeOwned>(
+        &self,
+        name: &str,
+    ) -> Result<Option<Versioned<Option<T>>>, QueueError> {
+        let Some(message) = self.newest(name).await? else { return Ok(None) };
+        let value = read(&message);
+        if let Err(error) = &value {
+            tracing::error!(%error);
+        }
+        let value = value.ok().map(|read| read.value);
+        Ok(Some(Versioned { value, version: message.sequence }))
+    }
+
+    /// The message under a name.
+    async fn newest(&self, name: &str) -> Result<Option<StreamMessage>, QueueError> {
         match self.stream.get_last_raw_message_by_subject(&self.subject(name)).await {
-            Ok(message) => Ok(Some(read(&message)?)),
+            Ok(message) => Ok(Some(message)),
             Err(error) if matches!(error.kind(), LastRawMessageErrorKind::NoMessageFound) => {
                 Ok(None)
             }
@@ -148,13 +167,7 @@ impl Table {
     /// Takes the message under a name away. Unlike [`Self::remove`] this leaves consumers alone,
     /// which upon a purge forget for a while what they were to give out again.
     pub(super) async fn take_away(&self, name: &str) -> Result<(), QueueError> {
-        let message = match self.stream.get_last_raw_message_by_subject(&self.subject(name)).await {
-            Ok(message) => message,
-            Err(error) if matches!(error.kind(), LastRawMessageErrorKind::NoMessageFound) => {
-                return Ok(());
-            }
-            Err(error) => return Err(failure("a message cannot be found", &error)),
-        };
+        let Some(message) = self.newest(name).await? else { return Ok(()) };
         match self.stream.delete_message(message.sequence).await {
             Ok(_) => Ok(()),
             // It was answered in the meantime.
@@ -191,7 +204,7 @@ pub(super) fn read<T: DeserializeOwned>(
     message: &StreamMessage,
 ) -> Result<Versioned<T>, QueueError> {
     let value = serde_json::from_slice(&message.payload).map_err(|error| {
-        QueueError::Storage(format!("the value under {} is damaged: {error}", message.subject))
+        QueueError::Damaged(format!("the value under {}: {error}", message.subject))
     })?;
     Ok(Versioned { value, version: message.sequence })
 }

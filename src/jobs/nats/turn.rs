@@ -20,7 +20,7 @@ impl Turn {
     /// Whether this node is to sweep now.
     pub(super) async fn is_ours(&self, table: &Table) -> Result<bool, QueueError> {
         let mut seen = self.seen.lock().await;
-        let mark = table.get::<()>(MARK).await?.map(|mark| mark.version);
+        let mark = table.get_readable::<()>(MARK).await?.map(|mark| mark.version);
         let expected = match mark {
             None => Expected::Nothing,
             Some(version) if *seen == Some(version) => Expected::Version(version),

@@ -88,6 +88,11 @@ impl Nats {
                 answer(&message, AckKind::Ack).await;
                 Ok(None)
             }
+            Err(QueueError::Damaged(error)) => {
+                tracing::error!(job = %id, error, "a job's record cannot be read, and is set aside");
+                answer(&message, AckKind::Term).await;
+                Ok(None)
+            }
             Err(error) => {
                 answer(&message, AckKind::Nak(Some(PAUSE_AFTER_ERROR))).await;
                 Err(error)
@@ -128,7 +133,8 @@ impl Nats {
             match job.begin(id) {
                 Some(claim) => Step::Store(Begun::Claimed(Box::new(claim))),
                 None => {
-                    let problem = Problem::new(Kind::Internal, "the record of the job is damaged");
+                    let problem =
+                        Problem::new(Kind::StorageDamaged, "the record of the job is damaged");
                     job.end(&Outcome::Failed(problem.value()), ttl);
                     Step::Store(Begun::Over(Some(State::Failed)))
                 }
@@ -145,7 +151,7 @@ impl Nats {
     ) -> Result<Renewal, QueueError> {
         let Some(holding) = self.holdings.get(lease) else { return Ok(Renewal::Lost) };
         let renewed = self
-            .change(&holding.owner, lease.job, Some(holding.record), |job| {
+            .change_held(&holding.owner, lease.job, holding.record, |job| {
                 if !job.is_held_by(lease) {
                     return Step::Leave(Renewal::Lost);
                 }
@@ -174,7 +180,7 @@ impl Nats {
     /// Whether a worker still has a job, and shall have it.
     pub(super) async fn standing(&self, lease: Lease) -> Result<Renewal, QueueError> {
         let Some(holding) = self.holdings.get(lease) else { return Ok(Renewal::Lost) };
-        let record = self.record(&holding.owner, lease.job).await?;
+        let record = self.readable_record(&holding.owner, lease.job).await?;
         Ok(match record.filter(|record| record.value.is_held_by(lease)) {
             Some(record) => standing(record.value.is_cancel_requested()),
             None => {
@@ -203,7 +209,7 @@ impl Nats {
         }
         let ttl = self.terms.result_ttl;
         let ended = self
-            .change(&holding.owner, lease.job, Some(holding.record), |job| {
+            .change_held(&holding.owner, lease.job, holding.record, |job| {
                 if job.is_held_by(lease) {
                     job.finish(outcome, ttl);
                     return Step::Store(true);
