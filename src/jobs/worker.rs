@@ -7,7 +7,7 @@
 
 use super::Jobs;
 use super::blobs::Hold;
-use super::queue::{Claim, Finish, Lease, Outcome, Renewal};
+use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::admission::{Admission, Cost, Slot};
 use crate::digest::Digest;
@@ -196,7 +196,7 @@ impl Worker {
     ) -> Result<(Outcome, Hold), Problem> {
         let order = stored_order(&claim.order)?;
         let deadline = Instant::now() + self.deadline;
-        let file = self.jobs.blobs.get(claim.picture.digest).await?;
+        let file = self.fetch(claim.picture.digest, deadline).await?;
         let source = parted(&file, &claim.picture)?;
         let header = order.output.reading(&self.pictures).probe(&source.image)?;
         let plan = order.plan(&header)?;
@@ -220,6 +220,21 @@ impl Worker {
         });
         let product = answer.await.map_err(too_slow_for_a_job)?;
         self.store(product, deadline).await
+    }
+
+    /// The picture's blob. While a store that nodes share does not give it, again and again until the
+    /// deadline: it is the store that fails and not the job, and all that wait would use their attempts
+    /// up on it.
+    async fn fetch(&self, digest: Digest, deadline: Instant) -> Result<Bytes, Problem> {
+        loop {
+            match self.jobs.blobs.get(digest).await {
+                Err(error @ QueueError::Blobs(_)) if Instant::now() < deadline => {
+                    tracing::warn!(%error, "a picture could not be read");
+                    tokio::time::sleep(PAUSE_AFTER_ERROR).await;
+                }
+                fetched => return Ok(fetched?),
+            }
+        }
     }
 
     /// Stores the mesh; while the storage does not take it, again and again until the deadline.

@@ -1,11 +1,12 @@
 //! What fails, and what becomes of the jobs that were accepted: a ledger that the client keeps tells.
 
-use crate::ledger::Ledger;
-use crate::nats_server::{NatsServer, free_port, program};
-use crate::node::Node;
+use crate::client::try_send;
+use crate::ledger::{Ledger, SECOND, Work};
+use crate::nats_server::{NatsServer, program};
+use crate::node::{self, Node};
 use crate::pictures::{disc, noise};
-use crate::proxy::Proxy;
-use std::path::Path;
+use crate::proxy::{Cut, Proxy};
+use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -66,7 +67,7 @@ fn a_worker_that_was_cut_off_longer_than_its_lease_changes_nothing_when_it_is_ba
     let broker = NatsServer::start(&program);
     let (queue, wire) = (broker.address(), Proxy::to(broker.port));
     let node = Node::serve(&queue, &SHORT_LEASE);
-    let cut_off = Node::work(&format!("nats://127.0.0.1:{}", wire.port), &SHORT_LEASE);
+    let cut_off = Node::work(&wire.address(), &SHORT_LEASE);
     let mut ledger = Ledger::default();
     ledger.submit(&[&node], 0..6);
     node.wait_until("it has begun", || ledger.ended(&node) > 0);
@@ -81,30 +82,124 @@ fn a_worker_that_was_cut_off_longer_than_its_lease_changes_nothing_when_it_is_ba
 }
 
 #[test]
-fn a_broker_that_is_full_is_said_to_be() {
+fn a_broker_that_is_full_is_said_to_be_and_keeps_what_it_accepted() {
+    const NOISES: Work = Work { query: "size=40", picture: |n| noise(300 + n) };
+    let room = |megabytes: usize| {
+        format!(
+            "jetstream {{ sync_interval: always, store_dir: \"STORE\", \
+             max_file_store: {megabytes}MB }}"
+        )
+    };
     let Some(program) = program() else { return };
-    let broker =
-        NatsServer::start_with(&program, "jetstream { store_dir: \"STORE\", max_file_store: 2MB }");
-    let node = Node::serve(&broker.address(), &[]);
-    let mut status = 202;
-    for n in 0..64 {
-        let answer = node.submit("size=40", &[], &noise(300 + n));
-        status = answer.status;
-        if status != 202 {
-            assert!(matches!(status, 503 | 507), "{}", answer.text());
-            assert!(answer.text().contains("storage"), "{}", answer.text());
-            break;
-        }
-    }
-    assert_ne!(status, 202, "2 MB hold 64 pictures of 90 kB");
+    let mut broker = NatsServer::start_with(&program, &room(2));
+    let node = Node::serve(&broker.address(), &SHORT_LEASE);
+    let mut ledger = Ledger::of(NOISES);
+    let refused = (0..64).find_map(|n| {
+        let answer = ledger.submit_once(&node, n).unwrap();
+        (answer.status != 202).then_some((n, answer))
+    });
+    let (number, answer) = refused.expect("2 MB hold 64 pictures of 90 kB");
+    assert!(matches!(answer.status, 503 | 507), "{}", answer.text());
+    assert!(answer.text().contains("storage"), "{}", answer.text());
     assert_eq!(node.operate("/livez").status, 200);
+    // With more room everything that was accepted is done, and what was refused is taken.
+    broker.restart_with(&room(64));
+    let _worker = Node::work(&broker.address(), &SHORT_LEASE);
+    ledger.submit(&[&node], number..number + 1);
+    ledger.check(&node);
+    assert_eq!(ledger.len(), number + 1);
+}
+
+/// Where a node is killed that takes a job in: by what it is about to send to the broker, or has
+/// sent to it.
+const PLACES: [(&str, Cut); 5] = [
+    ("PUB pixmesh.free.", Cut::Before),
+    ("PUB pixmesh.word.", Cut::Before),
+    ("PUB pixmesh.job.", Cut::Before),
+    ("PUB pixmesh.work.", Cut::Before),
+    ("PUB pixmesh.work.", Cut::After),
+];
+
+/// With a word, whatever the node had come to: before the picture, between picture, word, record and
+/// message, and before the answer.
+#[test]
+fn a_submission_whose_node_is_killed_anywhere_is_one_job_when_it_is_sent_again() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let other = Node::serve(&queue, &SHORT_LEASE);
+    let mut ledger = Ledger::default();
+    for (n, (message, side)) in PLACES.into_iter().enumerate() {
+        let wire = Proxy::to(broker.port);
+        let mut node = Node::serve(&wire.address(), &SHORT_LEASE);
+        ledger.submit(&[&node], 2 * n..2 * n + 1);
+        wire.cut_at(message, side);
+        let address = node.public;
+        let submission = thread::spawn(move || Ledger::attempt(SECOND, address, 2 * n + 1));
+        node.wait_until(&format!("{side:?} {message}"), || wire.was_cut());
+        node.kill();
+        assert!(submission.join().unwrap().is_none(), "{side:?} {message}");
+        ledger.submit(&[&other], 2 * n + 1..2 * n + 2);
+    }
+    let _worker = Node::work(&queue, &SHORT_LEASE);
+    ledger.check(&other);
+    assert_eq!(ledger.len(), 2 * PLACES.len());
+}
+
+/// Without a word nobody comes again: what was acknowledged stays, and nothing else.
+#[test]
+fn a_picture_whose_node_was_killed_before_its_record_is_swept() {
+    let (Some(program), Some(clocks)) = (program(), clock_library()) else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let folder = std::env::temp_dir().join(format!("pixmesh-orphans-{}", std::process::id()));
+    let blobs = format!("file://{}", folder.display());
+    let flags = ["--blobs", &blobs, "--job-lease", "5s"];
+    let wire = Proxy::to(broker.port);
+    let mut node = Node::serve(&wire.address(), &flags);
+    let mut ledger = Ledger::default();
+    ledger.submit(&[&node], 0..1);
+    wire.cut_at("PUB pixmesh.job.", Cut::Before);
+    let address = node.public;
+    let submission =
+        thread::spawn(move || try_send(address, "POST", "/v1/jobs?size=9", &[], &noise(99)));
+    node.wait_until("the record is on its way", || wire.was_cut());
+    assert_eq!(stored(&folder), 2, "both pictures are stored");
+    node.kill();
+    assert!(submission.join().unwrap().is_none());
+    // A blob may be on its way to a job for an hour: that time is over by the clock of the next.
+    let mut later = node::program();
+    later.env("LD_PRELOAD", clocks).env("FAKETIME", "+2h").env("DONT_FAKE_MONOTONIC", "1");
+    let later = Node::serve_with(later, &queue, &flags);
+    later.wait_until("the picture of no job is gone", || stored(&folder) == 1);
+    let _worker = Node::work(&queue, &flags);
+    ledger.check(&later);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// How many blobs are in a folder.
+fn stored(folder: &Path) -> usize {
+    let shelves = folder.read_dir().unwrap().map(|shelf| shelf.unwrap().path());
+    shelves.filter(|path| path.is_dir()).map(|shelf| shelf.read_dir().unwrap().count()).sum()
+}
+
+/// What lets a process have another time, where Debian's package `faketime` has it.
+fn clock_library() -> Option<PathBuf> {
+    let folders = ["/usr/lib/x86_64-linux-gnu/faketime", "/usr/lib/aarch64-linux-gnu/faketime"];
+    let paths = folders.iter().map(|folder| Path::new(folder).join("libfaketime.so.1"));
+    let found = paths.into_iter().find(|path| path.exists());
+    if found.is_none() {
+        assert!(std::env::var_os("PIXMESH_REQUIRE_TOOLS").is_none(), "libfaketime is missing");
+        eprintln!("left out: there is no libfaketime; ./test installs it");
+    }
+    found
 }
 
 /// A cluster of three: everything on a majority of them.
 #[test]
 fn nothing_is_lost_when_the_leader_of_the_stream_is_killed() {
     let Some(program) = program() else { return };
-    let mut servers = cluster(&program);
+    let mut servers = NatsServer::start_cluster(&program);
     let queue: Vec<String> = servers.iter().map(NatsServer::address).collect();
     let queue = queue.join(",");
     let node = Node::serve(&queue, &SHORT_LEASE);
@@ -119,21 +214,6 @@ fn nothing_is_lost_when_the_leader_of_the_stream_is_killed() {
     ledger.submit(&[&node], 20..25);
     ledger.check(&node);
     drop(workers);
-}
-
-/// Three servers that know each other.
-fn cluster(program: &Path) -> Vec<NatsServer> {
-    let routes: [u16; 3] = std::array::from_fn(|_| free_port());
-    let others = routes.map(|port| format!("nats://127.0.0.1:{port}")).join(", ");
-    let start = |n: usize| {
-        let configuration = format!(
-            "server_name: n{n}\njetstream {{ sync_interval: always, store_dir: \"STORE\" }}\n\
-             cluster {{ name: pixmesh, listen: \"127.0.0.1:{}\", routes: [{others}] }}",
-            routes[n]
-        );
-        NatsServer::start_with(program, &configuration)
-    };
-    (0..3).map(start).collect()
 }
 
 /// Which server leads the stream of work.

@@ -1,6 +1,6 @@
 //! What a client knows: which jobs were accepted, and what must become of each.
 
-use crate::client::{send, try_send};
+use crate::client::{Answer, send, try_send};
 use crate::node::Node;
 use crate::pictures::disc;
 use std::collections::HashMap;
@@ -10,41 +10,68 @@ use std::time::{Duration, Instant};
 
 /// The longest time in which all jobs of a ledger come to their end.
 const PATIENCE: Duration = Duration::from_secs(120);
+/// What is asked for, of which pictures.
+#[derive(Clone, Copy)]
+pub(crate) struct Work {
+    pub(crate) query: &'static str,
+    pub(crate) picture: fn(usize) -> Vec<u8>,
+}
+
 /// Work that takes about a second.
-const QUERY: &str = "method=mgpr&size=200";
+pub(crate) const SECOND: Work =
+    Work { query: "method=mgpr&size=200", picture: |n| disc(120 + n % 8, 120, 1) };
 
 /// The accepted jobs, with the number of the picture of each.
-#[derive(Default)]
 pub(crate) struct Ledger {
+    work: Work,
     jobs: HashMap<String, usize>,
 }
 
-fn picture(number: usize) -> Vec<u8> {
-    disc(120 + number % 8, 120, 1)
+impl Default for Ledger {
+    fn default() -> Self {
+        Self::of(SECOND)
+    }
 }
 
 impl Ledger {
+    pub(crate) fn of(work: Work) -> Self {
+        Self { work, jobs: HashMap::new() }
+    }
+
+    /// Submits a job with its word once; `None` where there is no answer. It is accepted or not: the
+    /// ledger does not know of it.
+    pub(crate) fn attempt(work: Work, node: SocketAddr, number: usize) -> Option<Answer> {
+        let word = format!("word-{number}");
+        let headers = [("Idempotency-Key", word.as_str())];
+        let target = format!("/v1/jobs?{}", work.query);
+        try_send(node, "POST", &target, &headers, &(work.picture)(number))
+    }
+
+    /// Submits a job once, and takes it down if it is accepted.
+    pub(crate) fn submit_once(&mut self, node: &Node, number: usize) -> Option<Answer> {
+        let answer = Self::attempt(self.work, node.public, number)?;
+        if answer.status == 202 {
+            let location = answer.header("location").to_owned();
+            let known = self.jobs.insert(location, number);
+            assert!(known.is_none_or(|known| known == number), "two words, one job");
+        }
+        Some(answer)
+    }
+
     /// Submits jobs in turn to nodes, each with a word, again and again until it is accepted.
     pub(crate) fn submit(&mut self, nodes: &[&Node], numbers: std::ops::Range<usize>) {
         for number in numbers {
             let began = Instant::now();
-            let (image, word) = (picture(number), format!("word-{number}"));
-            let location = loop {
-                let node = nodes[number % nodes.len()];
-                let headers = [("Idempotency-Key", word.as_str())];
-                let target = format!("/v1/jobs?{QUERY}");
-                match try_send(node.public, "POST", &target, &headers, &image) {
-                    Some(answer) if answer.status == 202 => {
-                        break answer.header("location").to_owned();
-                    }
+            let node = nodes[number % nodes.len()];
+            loop {
+                match self.submit_once(node, number) {
+                    Some(answer) if answer.status == 202 => break,
                     Some(answer) => assert_eq!(answer.status, 503, "{}", answer.text()),
                     None => {}
                 }
                 assert!(began.elapsed() < PATIENCE, "never accepted: {number}\n{}", node.log());
                 thread::sleep(Duration::from_millis(50));
-            };
-            let known = self.jobs.insert(location, number);
-            assert!(known.is_none_or(|known| known == number), "two words, one job");
+            }
         }
     }
 
@@ -57,11 +84,17 @@ impl Ledger {
         self.jobs.keys().filter(|job| node.get(job).json()["state"] == "completed").count()
     }
 
+    /// How many attempts there were at all of them.
+    pub(crate) fn attempts(&self, node: &Node) -> usize {
+        let attempts = |job| node.get(job).json()["attempt"].as_u64().unwrap();
+        self.jobs.keys().map(|job| attempts(job) as usize).sum()
+    }
+
     /// Waits until every job is completed, with the mesh that its picture has, in at most three
     /// attempts, and that no other job is there.
     pub(crate) fn check(&self, node: &Node) {
         let began = Instant::now();
-        let mut meshes: HashMap<usize, Vec<u8>> = HashMap::new();
+        let mut meshes: HashMap<Vec<u8>, Vec<u8>> = HashMap::new();
         for (job, number) in &self.jobs {
             let document = loop {
                 let document = node.get(job).json();
@@ -75,19 +108,17 @@ impl Ledger {
             };
             assert!(document["attempt"].as_u64().unwrap() <= 3);
             let mesh = node.get(&format!("{job}/mesh")).body;
-            let expected = meshes.entry(number % 8).or_insert_with(|| direct(node.public, *number));
-            assert_eq!(mesh, *expected, "{job}");
+            let picture = (self.work.picture)(*number);
+            let expected = meshes.entry(picture.clone()).or_insert_with(|| {
+                let target = format!("/v1/meshes?{}", self.work.query);
+                let answer = send(node.public, "POST", &target, &[], &picture);
+                assert_eq!(answer.status, 200, "{}", answer.text());
+                answer.body
+            });
+            assert!(mesh == *expected, "{job} has another mesh");
         }
         assert_eq!(count_listed(node), self.jobs.len());
     }
-}
-
-/// The mesh of a picture, made in one call.
-fn direct(node: SocketAddr, number: usize) -> Vec<u8> {
-    let target = format!("/v1/meshes?{QUERY}");
-    let answer = send(node, "POST", &target, &[], &picture(number));
-    assert_eq!(answer.status, 200, "{}", answer.text());
-    answer.body
 }
 
 fn count_listed(node: &Node) -> usize {

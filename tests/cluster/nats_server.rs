@@ -52,6 +52,21 @@ impl NatsServer {
         Self::start_at(program, free_port(), configuration)
     }
 
+    /// Starts three that know each other: everything is on a majority of them.
+    pub(crate) fn start_cluster(program: &Path) -> Vec<Self> {
+        let routes: [u16; 3] = std::array::from_fn(|_| free_port());
+        let others = routes.map(|port| format!("nats://127.0.0.1:{port}")).join(", ");
+        let start = |n: usize| {
+            let configuration = format!(
+                "server_name: n{n}\njetstream {{ sync_interval: always, store_dir: \"STORE\" }}\n\
+                 cluster {{ name: pixmesh, listen: \"127.0.0.1:{}\", routes: [{others}] }}",
+                routes[n]
+            );
+            Self::start_with(program, &configuration)
+        };
+        (0..3).map(start).collect()
+    }
+
     /// Starts one at a port.
     pub(crate) fn start_at(program: &Path, port: u16, configuration: &str) -> Self {
         static COUNT: AtomicUsize = AtomicUsize::new(0);
@@ -59,9 +74,7 @@ impl NatsServer {
         let folder =
             std::env::temp_dir().join(format!("pixmesh-nats-{}-{count}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let file = folder.join("server.conf");
-        let store = folder.join("store").display().to_string();
-        std::fs::write(&file, configuration.replace("STORE", &store)).unwrap();
+        let file = configured(&folder, configuration);
         let log = folder.join("log").display().to_string();
         let flags = vec![
             "--addr".into(),
@@ -97,6 +110,12 @@ impl NatsServer {
         self.wait_until_it_listens();
     }
 
+    /// The same with another configuration.
+    pub(crate) fn restart_with(&mut self, configuration: &str) {
+        configured(&self.folder, configuration);
+        self.restart();
+    }
+
     fn wait_until_it_listens(&self) {
         let began = Instant::now();
         while std::net::TcpStream::connect(("127.0.0.1", self.port)).is_err() {
@@ -109,6 +128,14 @@ impl NatsServer {
     pub(crate) fn log(&self) -> String {
         std::fs::read_to_string(self.folder.join("log")).unwrap_or_default()
     }
+}
+
+/// Writes a server's configuration into its folder, and returns where it is.
+fn configured(folder: &Path, configuration: &str) -> PathBuf {
+    let file = folder.join("server.conf");
+    let store = folder.join("store").display().to_string();
+    std::fs::write(&file, configuration.replace("STORE", &store)).unwrap();
+    file
 }
 
 fn run(program: &Path, flags: &[String]) -> Child {

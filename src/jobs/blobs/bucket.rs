@@ -49,7 +49,7 @@ impl BrokerBucket {
             num_replicas: broker.replicas,
             ..Config::default()
         };
-        let made = broker.context.create_object_store(config).await;
+        let made = broker.made(|| broker.context.create_object_store(config.clone())).await;
         Ok(Self {
             bucket: made.map_err(|error| format!("bucket {bucket} cannot be made: {error}"))?,
         })

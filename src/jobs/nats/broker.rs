@@ -48,6 +48,29 @@ impl Broker {
         format!("{}-{kind}", self.prefix)
     }
 
+    /// Makes a stream or a bucket. A cluster that has just come up, or elects a leader, does not know
+    /// all its servers yet: it is asked again for as long as a start may take.
+    pub(in crate::jobs) async fn made<T, E, F>(
+        &self,
+        make: impl Fn() -> F + Send + Sync,
+    ) -> Result<T, E>
+    where
+        E: Error + 'static,
+        F: Future<Output = Result<T, E>> + Send,
+    {
+        let is_cluster = self.client.server_info().cluster.is_some();
+        let until = Instant::now() + START_TIME;
+        loop {
+            let made = make().await;
+            let is_forming = made.as_ref().err().is_some_and(|error| is_forming(error));
+            if !(is_cluster && is_forming) || Instant::now() >= until {
+                return made;
+            }
+            drop(made);
+            sleep(START_PAUSE).await;
+        }
+    }
+
     /// Whether there is a connection now.
     pub(super) fn is_connected(&self) -> bool {
         self.client.connection_state() == State::Connected
@@ -119,6 +142,20 @@ pub(in crate::jobs) fn is_full(error: &(dyn Error + 'static)) -> bool {
                 | ErrorCode::STORAGE_RESOURCES_EXCEEDED
                 | ErrorCode::ACCOUNT_RESOURCES_EXCEEDED
                 | ErrorCode::STREAM_STORE_FAILED
+        )
+    )
+}
+
+/// Whether an error is one of a cluster that is not complete.
+fn is_forming(error: &(dyn Error + 'static)) -> bool {
+    matches!(
+        server_code(error),
+        Some(
+            ErrorCode::CLUSTER_INCOMPLETE
+                | ErrorCode::CLUSTER_NO_PEERS
+                | ErrorCode::CLUSTER_NOT_ACTIVE
+                | ErrorCode::CLUSTER_NOT_AVAILABLE
+                | ErrorCode::INSUFFICIENT_RESOURCES
         )
     )
 }

@@ -93,7 +93,7 @@ fn configs(broker: &Broker, terms: &Terms) -> [Config; 5] {
 /// Makes a stream where there is none, and changes one that is otherwise.
 async fn provide(broker: &Broker, config: Config) -> Result<(), QueueError> {
     let name = config.name.clone();
-    let stream = broker.context.get_or_create_stream(config.clone()).await;
+    let stream = broker.made(|| broker.context.get_or_create_stream(config.clone())).await;
     let stream =
         stream.map_err(|error| failure(&format!("stream {name} cannot be made"), &error))?;
     let found = &stream.cached_info().config;

@@ -13,11 +13,14 @@ use nats_server::NatsServer;
 #[path = "../../../tests/cluster/nats_server.rs"]
 mod nats_server;
 
-/// A queue in a server of its own; `None` where there is no server to be had.
-struct InServer(NatsServer);
+/// A queue in one server or more, under a prefix.
+struct InServers {
+    servers: Arc<Vec<NatsServer>>,
+    prefix: String,
+}
 
 #[async_trait]
-impl Engine for InServer {
+impl Engine for InServers {
     /// The server is asked over a connection, and other tests use the same processor.
     const SHORT: Duration = Duration::from_millis(500);
     const LEASE: Duration = Duration::from_secs(1);
@@ -39,27 +42,72 @@ impl Engine for InServer {
     }
 }
 
-impl InServer {
+impl InServers {
     async fn broker(&self) -> Broker {
-        Broker::connect(&settings(&self.0.address(), &[])).await.unwrap()
+        self.broker_under(&self.prefix).await
+    }
+
+    async fn broker_under(&self, prefix: &str) -> Broker {
+        let addresses: Vec<String> = self.servers.iter().map(NatsServer::address).collect();
+        let settings = settings(&addresses.join(","), &["--queue-prefix", prefix]);
+        Broker::connect(&settings).await.unwrap()
     }
 }
 
-fn settings(address: &str, flags: &[&str]) -> BrokerSettings {
+fn settings(addresses: &str, flags: &[&str]) -> BrokerSettings {
     #[derive(Parser)]
     struct Flags {
         #[command(flatten)]
         broker: BrokerSettings,
     }
-    let flags = ["pixmesh", "--queue", address].into_iter().chain(flags.iter().copied());
+    let flags = ["pixmesh", "--queue", addresses].into_iter().chain(flags.iter().copied());
     Flags::try_parse_from(flags).unwrap().broker
 }
 
-fn engine(_name: &str) -> Option<InServer> {
-    nats_server::program().map(|program| InServer(NatsServer::start(&program)))
+/// One with a server of its own; `None` where there is no server to be had.
+fn engine(_name: &str) -> Option<InServers> {
+    let servers = vec![NatsServer::start(&nats_server::program()?)];
+    Some(InServers { servers: Arc::new(servers), prefix: "pixmesh".into() })
 }
 
-conforms! { engine, InServer }
+mod one_server {
+    use super::*;
+    conforms! { engine, InServers }
+}
+
+/// Three servers that all these tests share while there are any: each has a prefix of its own.
+mod three_servers {
+    use super::*;
+    use std::sync::{Mutex as Lock, Weak};
+
+    static SERVERS: Lock<Weak<Vec<NatsServer>>> = Lock::new(Weak::new());
+
+    fn engine(promise: &str) -> Option<InServers> {
+        let program = nats_server::program()?;
+        let mut shared = SERVERS.lock().unwrap();
+        let servers = shared.upgrade().unwrap_or_else(|| {
+            let started = Arc::new(NatsServer::start_cluster(&program));
+            *shared = Arc::downgrade(&started);
+            started
+        });
+        // A prefix has 32 letters at the most, and these are no two promises' beginning.
+        let prefix = promise.chars().take(32).collect();
+        Some(InServers { servers, prefix })
+    }
+
+    conforms! { engine, InServers }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn what_is_kept_is_on_three_servers() {
+        let Some(engine) = engine("three") else { return };
+        let queue = opened(&engine).await;
+        for table in [&queue.streams.work, &queue.streams.jobs, &queue.streams.blobs] {
+            let info = table.stream().get_info().await.unwrap();
+            assert_eq!(info.config.num_replicas, 3);
+            assert_eq!(info.cluster.unwrap().replicas.len(), 2);
+        }
+    }
+}
 
 fn terms() -> Terms {
     let caps =
@@ -68,7 +116,7 @@ fn terms() -> Terms {
     Terms { caps, lease: hour, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour }
 }
 
-async fn opened(engine: &InServer) -> Nats {
+async fn opened(engine: &InServers) -> Nats {
     Nats::open(engine.broker().await, terms()).await.unwrap()
 }
 
@@ -135,9 +183,7 @@ async fn nodes_under_other_prefixes_know_nothing_of_each_other() {
     let Some(engine) = engine("prefixes") else { return };
     let one = opened(&engine).await;
     one.submit(job("image", None)).await.unwrap();
-    let settings = settings(&engine.0.address(), &["--queue-prefix", "other"]);
-    let broker = Broker::connect(&settings).await.unwrap();
-    let other = Nats::open(broker, one.terms).await.unwrap();
+    let other = Nats::open(engine.broker_under("other").await, one.terms).await.unwrap();
     assert_eq!(other.claim().await.unwrap(), None);
     assert_eq!(other.stats().await.unwrap(), Stats::default());
 }
@@ -205,13 +251,13 @@ async fn a_job_whose_record_is_damaged_as_it_runs_is_lost_to_its_worker() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_record_that_cannot_be_read_is_gone_in_its_time() {
     let Some(engine) = engine("damaged-gone") else { return };
-    let terms = Terms { result_ttl: InServer::SHORT, ..terms() };
+    let terms = Terms { result_ttl: InServers::SHORT, ..terms() };
     let queue = Nats::open(engine.broker().await, terms).await.unwrap();
     let damaged = job("damaged", None);
     queue.submit(damaged.clone()).await.unwrap();
     damage_record(&queue, &damaged).await;
     assert_eq!(queue.sweep().await.unwrap().expired, 0);
-    tokio::time::sleep(2 * InServer::SHORT).await;
+    tokio::time::sleep(2 * InServers::SHORT).await;
     let swept = queue.sweep().await.unwrap();
     assert_eq!((swept.expired, swept.given_up), (1, vec![damaged.picture.digest]));
     assert_eq!(queue.get(&damaged.owner, damaged.id).await.unwrap(), Lookup::Gone);
