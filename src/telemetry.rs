@@ -141,8 +141,8 @@ pub fn job_attempt() {
     counter!(JOB_ATTEMPTS).increment(1);
 }
 
-/// So many durable jobs wait, for so long; those that were done here of late took so long on
-/// average, if there were any: how much work waits is not known before.
+/// So many durable jobs wait, for so long; those that were done of late took so long on average, if
+/// there were any: how much work waits is not known before.
 pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     gauge!(JOBS_WAITING).set(stats.queued as f64);
     gauge!(JOBS_RUNNING).set(stats.running as f64);

@@ -22,6 +22,7 @@ mod connection;
 mod damaged;
 mod holdings;
 mod owners;
+mod pace;
 mod read;
 mod records;
 mod references;
@@ -50,6 +51,7 @@ use bytes::Bytes;
 use futures_util::StreamExt;
 use holdings::Holdings;
 use owners::Owners;
+use pace::Pace;
 use silence::Silence;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -74,6 +76,7 @@ pub struct Nats {
     holdings: Holdings,
     silence: Silence,
     turn: Turn,
+    pace: Pace,
     /// Where the next sweep goes on.
     places: Mutex<Places>,
     /// One claim at a time, so that the last attempt of a job is made alone.
@@ -103,6 +106,7 @@ impl Nats {
             holdings: Holdings::default(),
             silence: Silence::default(),
             turn: Turn::default(),
+            pace: Pace::default(),
             places: Mutex::default(),
             claiming: Mutex::default(),
             calls,
@@ -225,6 +229,10 @@ impl Queue for Nats {
 
     async fn stats(&self) -> Result<Stats, QueueError> {
         self.count_all().await
+    }
+
+    async fn mean_duration_s(&self, own: Option<f64>) -> Result<Option<f64>, QueueError> {
+        self.share_mean(own).await
     }
 
     async fn sweep(&self) -> Result<Swept, QueueError> {

@@ -243,6 +243,12 @@ pub trait Queue: fmt::Debug + Send + Sync {
     /// How much there is of what.
     async fn stats(&self) -> Result<Stats, QueueError>;
 
+    /// How many seconds a job takes of late on average, as far as is known: nodes that share a queue
+    /// tell each other. `own` is this node's mean.
+    async fn mean_duration_s(&self, own: Option<f64>) -> Result<Option<f64>, QueueError> {
+        Ok(own)
+    }
+
     /// Takes jobs from workers that fell silent, forgets those kept long enough, and names the
     /// blobs that were given up, until [`Self::forget`] is told that they are seen to.
     async fn sweep(&self) -> Result<Swept, QueueError>;

@@ -59,7 +59,8 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
     if !given_up.is_empty() {
         delete(jobs, given_up).await?;
     }
-    telemetry::jobs(&jobs.queue.stats().await?, jobs.durations.mean_s());
+    let mean_s = jobs.queue.mean_duration_s(jobs.durations.mean_s()).await?;
+    telemetry::jobs(&jobs.queue.stats().await?, mean_s);
     Ok(())
 }
 

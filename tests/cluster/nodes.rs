@@ -77,6 +77,13 @@ fn a_cancellation_and_progress_cross_nodes() {
     assert_eq!(other.get(&job).status, 404);
 }
 
+/// How many seconds of work wait, as a node counts.
+fn work_s(node: &Node) -> Option<f64> {
+    let metrics = node.operate("/metrics").text();
+    let line = metrics.lines().find_map(|l| l.strip_prefix("pixmesh_jobs_queued_work_seconds "))?;
+    Some(line.parse().unwrap())
+}
+
 #[test]
 fn what_waits_shows_in_metrics_of_every_node_and_more_than_may_is_refused() {
     let Some(program) = program() else { return };
@@ -102,8 +109,20 @@ fn what_waits_shows_in_metrics_of_every_node_and_more_than_may_is_refused() {
     }
     let worker = Node::work(&queue, &[]);
     nodes[0].wait_until("all are done", || worker.completions() == 5);
-    worker.wait_until("the work that waits is told in seconds", || {
-        worker.operate("/metrics").text().contains("pixmesh_jobs_queued_work_seconds 0")
-    });
-    thread::sleep(Duration::from_millis(10));
+    for node in [&nodes[0], &nodes[1], &worker] {
+        node.wait_until("no work waits", || work_s(node) == Some(0.0));
+    }
+    // Who has done no jobs knows all the same how long those take that wait.
+    let is_told =
+        || worker.operate("/metrics").text().contains("pixmesh_job_duration_seconds_count 5");
+    worker.wait_until("it has counted them", is_told);
+    thread::sleep(Duration::from_secs(6));
+    drop(worker);
+    nodes[0].job("size=90", &disc(40, 40, 1));
+    let new = Node::serve(&queue, &[]);
+    for node in [&nodes[0], &nodes[1], &new] {
+        node.wait_until("the work that waits is told in seconds", || {
+            work_s(node).is_some_and(|seconds| seconds > 0.0)
+        });
+    }
 }

@@ -6,7 +6,7 @@
 //! | `jobs` | `job.{owner}.{job}` | the record of each job |
 //! | `words` | `word.{digest}` | what a client's word for a submission was given for |
 //! | `gone` | `gone.{owner}.{job}` | that there was a job |
-//! | `blobs` | `ref.{blob}.{job}`, `free.{blob}`, `turn.sweep` | which jobs have a blob, which blobs were given up, and who sweeps |
+//! | `blobs` | `ref.{blob}.{job}`, `free.{blob}`, `turn.sweep`, `turn.pace` | which jobs have a blob, which blobs were given up, who sweeps, and how long jobs take |
 //!
 //! An owner is written as `o` and the hexadecimal digits of its name, so that any name is one word
 //! of a subject and owners order like their names.

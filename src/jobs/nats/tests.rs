@@ -286,3 +286,20 @@ async fn a_word_a_mark_and_an_end_that_cannot_be_read_stop_nothing() {
     queue.cancel(&first.owner, first.id).await.unwrap();
     assert_eq!(queue.get(&first.owner, first.id).await.unwrap(), Lookup::Gone);
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_node_knows_how_long_jobs_take_on_the_one_that_worked_last() {
+    let Some(engine) = engine("pace") else { return };
+    let (one, other) = (opened(&engine).await, opened(&engine).await);
+    assert_eq!(other.mean_duration_s(None).await.unwrap(), None);
+    assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(2.5));
+    assert_eq!(other.mean_duration_s(None).await.unwrap(), Some(2.5));
+    assert_eq!(other.mean_duration_s(Some(4.0)).await.unwrap(), Some(4.0));
+    // The first has done nothing since: what it knows is old.
+    assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(4.0));
+    drop((one, other));
+    assert_eq!(opened(&engine).await.mean_duration_s(None).await.unwrap(), Some(4.0));
+    let queue = opened(&engine).await;
+    damage(&queue.streams.blobs, "turn.pace").await;
+    assert_eq!(queue.mean_duration_s(None).await.unwrap(), None);
+}
