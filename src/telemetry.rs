@@ -142,13 +142,13 @@ pub fn job_attempt() {
 }
 
 /// So many durable jobs wait, for so long; those that were done of late took so long on average, if
-/// there were any: how much work waits is not known before.
+/// there were any: how much work waits is not known before, and none is not said of it.
 pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     gauge!(JOBS_WAITING).set(stats.queued as f64);
     gauge!(JOBS_RUNNING).set(stats.running as f64);
     gauge!(JOBS_OLDEST).set(stats.oldest_queued_s);
-    if mean_duration_s.is_some() || stats.queued == 0 {
-        gauge!(JOBS_WORK).set(stats.queued as f64 * mean_duration_s.unwrap_or_default());
+    if let Some(mean_s) = mean_duration_s {
+        gauge!(JOBS_WORK).set(stats.queued as f64 * mean_s);
     }
 }
 

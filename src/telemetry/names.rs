@@ -62,7 +62,7 @@ metrics! {
     JOBS_RUNNING: Gauge "pixmesh_jobs_running" [] "Durable jobs that workers have, on all nodes";
     JOBS_WORK: Gauge "pixmesh_jobs_queued_work_seconds" []
         "Seconds of one worker's time that the durable jobs waiting will take, as long as jobs took \
-         here of late";
+         of late on the node that did the last";
     JOB_DURATION: Histogram "pixmesh_job_duration_seconds" []
         "Seconds that an attempt at a durable job took";
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []

@@ -21,5 +21,8 @@ mod operator;
 #[path = "../service/pictures.rs"]
 mod pictures;
 mod proxy;
+mod scaling;
 mod start;
 mod stores;
+#[path = "../clients/tools.rs"]
+mod tools;

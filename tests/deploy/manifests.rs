@@ -76,6 +76,28 @@ fn the_manifests_are_valid() {
 }
 
 #[test]
+fn the_manifests_in_the_document_on_scaling_are_valid() {
+    if !is_there(&python_tool("kubernetes-validate")) {
+        return;
+    }
+    let document = read("docs/scaling.md");
+    let blocks = document.split("```yaml\n").skip(1).map(|rest| rest.split("```").next().unwrap());
+    let (manifests, others): (Vec<_>, Vec<_>) =
+        blocks.map(str::to_owned).partition(|block| block.contains("\nkind: "));
+    let (custom, known): (Vec<_>, Vec<_>) =
+        manifests.into_iter().partition(|block| CUSTOM.contains(&kind(block)));
+    assert_eq!((known.len(), custom.len(), others.len()), (1, 1, 1));
+    validate("scaling", &known).unwrap_or_else(|said| panic!("{said}"));
+    // Of what Kubernetes itself does not know: that it can be read.
+    for block in custom.iter().chain(&others) {
+        let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("scaling.yaml");
+        std::fs::write(&path, block).unwrap();
+        let script = "import sys, yaml; assert yaml.safe_load(open(sys.argv[1]))";
+        run(Command::new(checkout(&python_tool("python"))).args(["-c", script]).arg(path));
+    }
+}
+
+#[test]
 fn a_mistake_in_a_manifest_is_found() {
     if !is_there(&python_tool("kubernetes-validate")) {
         return;

@@ -32,6 +32,10 @@ fn a_running_service_has_the_metrics_that_are_declared_and_no_others() {
     server.mesh("density=0", &[], &disc(30, 30, 1));
     let job = server.job("", &disc(30, 30, 1));
     server.wait_for(&job, "completed");
+    // How long jobs take is known with the next look at the queue.
+    server.wait_until("the work that waits is told", || {
+        server.operate("/metrics").text().contains("\npixmesh_jobs_queued_work_seconds ")
+    });
     let metrics = server.operate("/metrics").text();
     let mut seen = BTreeSet::new();
     for line in metrics.lines().filter_map(|line| line.strip_prefix("# TYPE ")) {
