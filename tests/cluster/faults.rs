@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 /// A lease in tests: short, and longer than a busy machine keeps a worker from renewing it.
 const LEASE: Duration = Duration::from_secs(5);
 const SHORT_LEASE: [&str; 2] = ["--job-lease", "5s"];
+/// The lease where none is set: servers elect a leader within seconds, whatever the lease.
+const DEFAULT_LEASE: Duration = Duration::from_secs(30);
 /// How much longer than a lease a job may wait for another worker.
 const RECOVERY: Duration = Duration::from_secs(5);
 
@@ -79,6 +81,30 @@ fn a_worker_that_was_cut_off_longer_than_its_lease_changes_nothing_when_it_is_ba
     ledger.check(&node);
     let done = cut_off.completions() + other.completions();
     assert_eq!(done, ledger.len(), "each once\n{}\n{}", cut_off.log(), other.log());
+}
+
+/// The end that the first of them writes is held up on its way until the second has written another.
+#[test]
+fn two_workers_that_end_one_job_have_one_effect() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let (queue, wire) = (broker.address(), Proxy::to(broker.port));
+    let node = Node::serve(&queue, &SHORT_LEASE);
+    let first = Node::work(&wire.address(), &SHORT_LEASE);
+    wire.cut_at("\"state\":\"completed\"", Cut::Before);
+    let mut ledger = Ledger::default();
+    ledger.submit(&[&node], 0..1);
+    first.wait_until("it has ended the job", || wire.was_cut());
+    let cut = Instant::now();
+    let second = Node::work(&queue, &SHORT_LEASE);
+    node.wait_until("the second has it", || ledger.attempts(&node) == 2);
+    assert!(cut.elapsed() < LEASE + RECOVERY, "{:?}", cut.elapsed());
+    node.wait_until("the second has ended it", || ledger.ended(&node) == 1);
+    wire.mend();
+    first.wait_until("the first has heard", || first.log().contains("somebody else's"));
+    ledger.check(&node);
+    assert_eq!((first.completions(), second.completions()), (0, 1));
+    assert_eq!(ledger.attempts(&node), 2);
 }
 
 #[test]
@@ -208,7 +234,10 @@ fn nothing_is_lost_when_the_leader_of_the_stream_is_killed() {
     ledger.submit(&[&node], 0..10);
     let leader = leader_of_work(&queue);
     servers[leader].kill();
-    ledger.submit(&[&node], 10..20);
+    let killed = Instant::now();
+    ledger.submit(&[&node], 10..11);
+    assert!(killed.elapsed() < DEFAULT_LEASE + RECOVERY, "{:?}", killed.elapsed());
+    ledger.submit(&[&node], 11..20);
     ledger.check(&node);
     servers[leader].restart();
     ledger.submit(&[&node], 20..25);
