@@ -36,7 +36,7 @@ mod turn;
 mod work;
 
 pub use broker::Broker;
-pub(super) use broker::is_full;
+pub(super) use broker::{failure, is_full};
 
 use super::queue::{
     Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
@@ -161,7 +161,7 @@ impl Broker {
     /// Hears what is said under a name from now on.
     async fn subscribe(&self, name: &str) -> Result<Subscriber, QueueError> {
         let subscribed = self.client.subscribe(format!("{}.{name}", self.prefix)).await;
-        subscribed.map_err(|error| broker::failure("nothing can be listened to", &error))
+        subscribed.map_err(|error| failure("nothing can be listened to", &error))
     }
 }
 

@@ -186,13 +186,20 @@ fn a_user_that_an_operator_s_account_has_signed_is_let_in_by_a_file_of_credentia
 }
 
 #[test]
-fn a_user_who_may_not_use_streams_is_told_what_to_be_allowed() {
+fn a_user_needs_the_permissions_that_are_documented_and_is_told_when_they_are_missing() {
     let Some(program) = program() else { return };
-    let limited = "authorization { users: [ { user: u, password: p, permissions: { publish: \
-                   \"pixmesh.>\" } } ] }";
-    let broker = NatsServer::start_with(&program, &format!("{STREAMS}{limited}"));
-    let queue = format!("nats://u:p@127.0.0.1:{}", broker.port);
-    refused(&worker(&queue, &[]), &["$JS.API.>", "_INBOX.>"]);
+    let users = "authorization { users: [
+        { user: u, password: p, permissions: { publish: \"pixmesh.>\" } }
+        { user: all, password: p, permissions: {
+            publish: [\"$JS.API.>\", \"$JS.ACK.>\", \"$O.>\", \"pixmesh.>\"]
+            subscribe: [\"_INBOX.>\", \"pixmesh.>\"]
+        } }
+    ] }";
+    let broker = NatsServer::start_with(&program, &format!("{STREAMS}{users}"));
+    let queue = |user: &str| format!("nats://{user}:p@127.0.0.1:{}", broker.port);
+    refused(&worker(&queue("u"), &[]), &["$JS.API.>", "_INBOX.>"]);
+    let_in(&queue("all"), &[]);
+    assert!(!broker.log().contains("Violation - User \"all\""), "{}", broker.log());
 }
 
 #[test]

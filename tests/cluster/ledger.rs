@@ -107,7 +107,8 @@ impl Ledger {
                 thread::sleep(Duration::from_millis(50));
             };
             assert!(document["attempt"].as_u64().unwrap() <= 3);
-            let mesh = node.get(&format!("{job}/mesh")).body;
+            let mesh = node.get(&format!("{job}/mesh"));
+            assert_eq!(mesh.status, 200, "{job}: {}\n{}", mesh.text(), node.log());
             let picture = (self.work.picture)(*number);
             let expected = meshes.entry(picture.clone()).or_insert_with(|| {
                 let target = format!("/v1/meshes?{}", self.work.query);
@@ -115,7 +116,8 @@ impl Ledger {
                 assert_eq!(answer.status, 200, "{}", answer.text());
                 answer.body
             });
-            assert!(mesh == *expected, "{job} has another mesh");
+            let lengths = (mesh.body.len(), expected.len());
+            assert!(mesh.body == *expected, "{job} has another mesh: {lengths:?}\n{}", node.log());
         }
         assert_eq!(count_listed(node), self.jobs.len());
     }

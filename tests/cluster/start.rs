@@ -55,6 +55,19 @@ fn an_account_without_streams_is_refused_the_same_way() {
     refused(&["worker", "--ops-listen", "127.0.0.1:0", "--queue", &queue], &needles);
 }
 
+#[test]
+fn more_copies_than_there_are_servers_are_refused_with_the_setting() {
+    let Some(program) = program() else { return };
+    let broker = NatsServer::start(&program);
+    let queue = broker.address();
+    let folder = format!("file://{}", std::env::temp_dir().display());
+    for blobs in ["nats", &folder] {
+        let flags = ["--queue", &queue, "--queue-replicas", "3", "--blobs", blobs];
+        let flags = [&["worker", "--ops-listen", "127.0.0.1:0"], &flags[..]].concat();
+        refused(&flags, &["--queue-replicas 3", "non-clustered"]);
+    }
+}
+
 /// What says it is an old server is none: as much of one as a node asks before it knows.
 #[test]
 fn a_broker_that_is_too_old_is_refused_with_both_versions() {

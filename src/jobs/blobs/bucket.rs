@@ -1,6 +1,6 @@
 //! Blobs in the object store of the queue's broker: each in pieces, in a stream of its own.
 
-use crate::jobs::nats::Broker;
+use crate::jobs::nats::{Broker, failure};
 use async_nats::jetstream::object_store::{
     Config, DeleteErrorKind, GetErrorKind, InfoErrorKind, ObjectInfo, ObjectStore as Bucket,
 };
@@ -50,9 +50,9 @@ impl BrokerBucket {
             ..Config::default()
         };
         let made = broker.made(|| broker.context.create_object_store(config.clone())).await;
-        Ok(Self {
-            bucket: made.map_err(|error| format!("bucket {bucket} cannot be made: {error}"))?,
-        })
+        let what =
+            format!("bucket {bucket} cannot be made with --queue-replicas {}", broker.replicas);
+        Ok(Self { bucket: made.map_err(|error| failure(&what, &error))? })
     }
 
     async fn read(

@@ -124,7 +124,7 @@ async fn check_jetstream(
 }
 
 /// What a failure means for those who asked.
-pub(super) fn failure(what: &str, error: &(dyn Error + 'static)) -> QueueError {
+pub(in crate::jobs) fn failure(what: &str, error: &(dyn Error + 'static)) -> QueueError {
     let text = format!("{what}: {}", causes(error));
     match server_code(error) {
         Some(_) if is_full(error) => QueueError::BrokerFull(text),

@@ -94,8 +94,8 @@ fn configs(broker: &Broker, terms: &Terms) -> [Config; 5] {
 async fn provide(broker: &Broker, config: Config) -> Result<(), QueueError> {
     let name = config.name.clone();
     let stream = broker.made(|| broker.context.get_or_create_stream(config.clone())).await;
-    let stream =
-        stream.map_err(|error| failure(&format!("stream {name} cannot be made"), &error))?;
+    let what = format!("stream {name} cannot be made with --queue-replicas {}", broker.replicas);
+    let stream = stream.map_err(|error| failure(&what, &error))?;
     let found = &stream.cached_info().config;
     if found.retention != config.retention || found.subjects != config.subjects {
         return Err(QueueError::Storage(format!(
