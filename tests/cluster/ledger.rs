@@ -107,8 +107,16 @@ impl Ledger {
                 thread::sleep(Duration::from_millis(50));
             };
             assert!(document["attempt"].as_u64().unwrap() <= 3);
-            let mesh = node.get(&format!("{job}/mesh"));
-            assert_eq!(mesh.status, 200, "{job}: {}\n{}", mesh.text(), node.log());
+            let mesh = loop {
+                let mesh = node.get(&format!("{job}/mesh"));
+                if mesh.status == 200 {
+                    break mesh;
+                }
+                // To be sent again, as it says.
+                assert_eq!(mesh.status, 503, "{job}: {}", mesh.text());
+                assert!(began.elapsed() < PATIENCE, "{job}: {}\n{}", mesh.text(), node.log());
+                thread::sleep(Duration::from_millis(50));
+            };
             let picture = (self.work.picture)(*number);
             let expected = meshes.entry(picture.clone()).or_insert_with(|| {
                 let target = format!("/v1/meshes?{}", self.work.query);
