@@ -14,13 +14,12 @@ use crate::choices::{Scan, Startup};
 use crate::control::{Cancelled, Control, Stage, Unattended};
 use crate::density::Density;
 use crate::floyd_steinberg::{Lanes, Numbers, Weights};
+use crate::parallel::share_out;
 use crate::parameters::Parameters;
 use crate::threshold_search::ThresholdSearch;
 use fearless_simd::{Level, Simd, dispatch};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use std::panic::resume_unwind;
-use std::thread;
 
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
@@ -70,6 +69,9 @@ pub(crate) fn diffuse_to_size(
     diffusion.run(&[search.nearest()])?;
     Ok(diffusion.points_of(0))
 }
+
+/// Thresholds tried at once, what they choose, and how many points each chooses.
+type Group<'a> = ((&'a [f64], &'a mut Vec<u16>), &'a mut Vec<usize>);
 
 /// What one pass shares with the next: the density, the options and the buffers.
 struct Diffusion<'a> {
@@ -181,23 +183,16 @@ impl<'a> Diffusion<'a> {
         let mut fields = std::mem::take(&mut self.chosen);
         let per_group = self.thresholds_per_group();
         let this = &*self;
-        let mut groups = thresholds.chunks(per_group).zip(&mut fields);
-        let own = groups.next();
-        let counts = thread::scope(|scope| {
-            let others: Vec<_> = groups
-                .map(|(group, chosen)| scope.spawn(|| this.run_group(group, chosen, &Unattended)))
-                .collect();
-            let own = own.map_or(Ok(Vec::new()), |(group, chosen)| {
-                this.run_group(group, chosen, this.control)
-            });
-            let mut counts = own?;
-            for other in others {
-                counts.extend(other.join().unwrap_or_else(|panic| resume_unwind(panic))?);
-            }
-            Ok(counts)
-        });
+        let mut counts = vec![Vec::new(); thresholds.len().div_ceil(per_group)];
+        let groups = thresholds.chunks(per_group).zip(&mut fields).zip(&mut counts);
+        let run = |((group, chosen), counts): Group<'_>, control: &dyn Control| {
+            this.run_group(group, chosen, control).map(|counted| *counts = counted)
+        };
+        // Only a control cancels, and the caller's own thread alone asks it.
+        let other = |group: Group<'_>| _ = run(group, &Unattended);
+        let result = share_out(groups, |group| run(group, this.control), other);
         self.chosen = fields;
-        counts
+        result.map(|()| counts.concat())
     }
 
     /// One pass over every field for each threshold of a group, fifteen at most.

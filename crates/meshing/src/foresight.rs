@@ -7,10 +7,10 @@
 //! next lie far apart, and almost all that is prepared is used.
 
 use crate::face_error::Measure;
+use crate::parallel::share_out_all;
 use crate::removal::{Neighbour, Net, Remover};
 use crate::removal_queue::RemovalQueue;
 use std::num::NonZeroUsize;
-use std::thread;
 
 /// Fewer vertices than this are not worth the threads.
 const LEAST_VERTICES: usize = 30_000;
@@ -76,16 +76,11 @@ impl<'m> Foresight<'m> {
             }
         }
         let share = self.prepared.len().div_ceil(self.removers.len()).max(1);
-        let mut shares = self.prepared.chunks_mut(share).zip(&mut self.removers);
-        let own = shares.next();
-        thread::scope(|scope| {
-            for (share, remover) in shares {
-                scope.spawn(move || prepare_all(share, remover, net));
-            }
-            if let Some((share, remover)) = own {
-                prepare_all(share, remover, net);
-            }
-        });
+        let shares = self.prepared.chunks_mut(share).zip(&mut self.removers);
+        let prepare = |(share, remover): (&mut [Prepared], &mut Remover<'m>)| {
+            prepare_all(share, remover, net);
+        };
+        share_out_all(shares, prepare);
     }
 
     /// What was prepared for the vertex whose turn it is, if that still holds.

@@ -3,13 +3,63 @@
 use crate::control::Cancelled;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::sync::{Mutex, PoisonError};
+use std::thread::{self, Builder};
 
 /// Less than this many elements are not worth a thread.
 const LEAST_SHARE: usize = 512;
 
 /// Less than this many rows are not worth one.
 const LEAST_ROWS: usize = 128;
+
+/// Calls `own` on this thread and `other` on more of them, each on some of the shares, until every
+/// share has had one of the two; once `own` is cancelled none is begun any more. There are as many
+/// threads as shares, or as many as the system gives: none but this one, if it must be. Which
+/// thread takes a share must not matter.
+pub(crate) fn share_out<S: Send>(
+    shares: impl ExactSizeIterator<Item = S> + Send,
+    own: impl FnMut(S) -> Result<(), Cancelled>,
+    other: impl Fn(S) + Sync,
+) -> Result<(), Cancelled> {
+    share_out_on(Builder::new, shares, own, other)
+}
+
+/// The same on threads built as is said.
+fn share_out_on<S: Send>(
+    new_thread: impl Fn() -> Builder,
+    shares: impl ExactSizeIterator<Item = S> + Send,
+    mut own: impl FnMut(S) -> Result<(), Cancelled>,
+    other: impl Fn(S) + Sync,
+) -> Result<(), Cancelled> {
+    let helpers = shares.len().saturating_sub(1);
+    let shares = Mutex::new(shares);
+    let next = || shares.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let help = || {
+        while let Some(share) = next() {
+            other(share);
+        }
+    };
+    thread::scope(|scope| {
+        // Where no thread starts, the next one would not either, and its share is left to the rest.
+        (0..helpers).all(|_| new_thread().spawn_scoped(scope, help).is_ok());
+        while let Some(share) = next() {
+            own(share).inspect_err(|_| while next().is_some() {})?;
+        }
+        Ok(())
+    })
+}
+
+/// The same with one kind of work that nobody cancels.
+pub(crate) fn share_out_all<S: Send>(
+    shares: impl ExactSizeIterator<Item = S> + Send,
+    work: impl Fn(S) + Sync,
+) {
+    let own = |share| {
+        work(share);
+        Ok(())
+    };
+    let _ = share_out(shares, own, &work);
+}
 
 /// Calls `work` on corresponding parts of two slices of one length, on as many threads as are
 /// allowed and worth it. What `work` makes of an element must not depend on its part.
@@ -20,23 +70,16 @@ pub(crate) fn in_parallel<A: Sync, B: Send>(
     work: impl Fn(&[A], &mut [B]) + Sync,
 ) {
     let share = input.len().div_ceil(threads.get()).max(LEAST_SHARE);
-    let mut shares = input.chunks(share).zip(output.chunks_mut(share));
-    let own = shares.next();
-    thread::scope(|scope| {
-        for (input, output) in shares {
-            scope.spawn(|| work(input, output));
-        }
-        if let Some((input, output)) = own {
-            work(input, output);
-        }
-    });
+    let shares = input.chunks(share).zip(output.chunks_mut(share));
+    let work = |(input, output): (&[A], &mut [B])| work(input, output);
+    share_out_all(shares, work);
 }
 
 /// What a band asks before each of its rows: whether to go on.
 pub(crate) type Poll<'a> = &'a dyn Fn(usize) -> Result<(), Cancelled>;
 
 /// Calls `work` on bands of whole rows of a field: with the first row of each, the band, and what to
-/// ask before each row. In the caller's own band, the first, that is `poll`, and in the others
+/// ask before each row. In the bands of the caller's own thread that is `poll`, and in the others
 /// whether it has cancelled the work.
 pub(crate) fn in_row_bands<T: Send>(
     field: &mut [T],
@@ -46,23 +89,63 @@ pub(crate) fn in_row_bands<T: Send>(
     work: impl Fn(usize, &mut [T], Poll<'_>) -> Result<(), Cancelled> + Sync,
 ) -> Result<(), Cancelled> {
     let rows = (field.len() / width).div_ceil(threads.get()).max(LEAST_ROWS);
-    let mut bands = field.chunks_mut(rows * width).enumerate();
-    let own = bands.next();
+    let bands = field.chunks_mut(rows * width).enumerate();
     let is_cancelled = AtomicBool::new(false);
-    let hear = &|_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
+    let hear = |_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
     let ask = |y| poll(y).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed));
-    thread::scope(|scope| {
-        for (i, band) in bands {
-            let work = &work;
-            scope.spawn(move || work(i * rows, band, hear));
-        }
-        own.map_or(Ok(()), |(_, band)| work(0, band, &ask))
-    })
+    let own = |(i, band): (usize, &mut [T])| work(i * rows, band, &ask);
+    // Only a cancelled work ends early, and of that the caller's own thread tells.
+    let other = |(i, band): (usize, &mut [T])| _ = work(i * rows, band, &hear);
+    share_out(bands, own, other)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A thread that no system has the memory to start.
+    fn that_never_starts() -> Builder {
+        Builder::new().stack_size(1 << 60)
+    }
+
+    #[test]
+    fn where_no_thread_starts_the_caller_does_the_work_of_all() {
+        assert!(that_never_starts().spawn(|| ()).is_err());
+        for shares in [0, 1, 2, 7] {
+            let mut done = Vec::new();
+            let own = |share: usize| {
+                done.push(share);
+                Ok(())
+            };
+            let other = |_| unreachable!();
+            assert_eq!(share_out_on(that_never_starts, 0..shares, own, other), Ok(()));
+            assert_eq!(done, (0..shares).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn no_share_is_begun_after_a_cancellation() {
+        let mut begun = 0;
+        let own = |_| {
+            begun += 1;
+            Err(Cancelled)
+        };
+        let result = share_out_on(that_never_starts, 0..5, own, |_: usize| unreachable!());
+        assert_eq!((result, begun), (Err(Cancelled), 1));
+    }
+
+    #[test]
+    fn where_threads_start_they_take_shares_that_the_caller_is_too_busy_for() {
+        let taken = AtomicBool::new(false);
+        let wait = |_| {
+            while !taken.load(Ordering::Relaxed) {
+                thread::yield_now();
+            }
+            Ok(())
+        };
+        let take = |_: usize| taken.store(true, Ordering::Relaxed);
+        assert_eq!(share_out(0..2, wait, take), Ok(()));
+    }
 
     #[test]
     fn every_element_is_worked_on_once_whatever_the_number_of_threads() {

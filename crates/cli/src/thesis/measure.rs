@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::thread;
+use std::thread::{self, Builder};
 use std::time::Instant;
 
 /// A case that some table needs.
@@ -186,9 +186,9 @@ fn for_each<T: Sync, E: Send>(
         }
     };
     thread::scope(|scope| {
-        for _ in 0..threads.min(tasks.len()) {
-            scope.spawn(worker);
-        }
+        // Where no more threads start, those that did do it all.
+        (1..threads.min(tasks.len())).all(|_| Builder::new().spawn_scoped(scope, worker).is_ok());
+        worker();
     });
     failure.into_inner().unwrap_or_else(PoisonError::into_inner)
 }
