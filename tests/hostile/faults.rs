@@ -4,6 +4,7 @@
 mod clients;
 mod clocks;
 mod disks;
+mod failing_disk;
 mod growth;
 mod stops;
 
