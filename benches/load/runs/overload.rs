@@ -1,14 +1,14 @@
 //! More and more requests per second, wanted or not, and what must stay quick meanwhile.
 
 use super::capacity::{kernels_rate, rate};
-use super::{Setting, workers};
+use super::{Setting, driver_s, workers};
 use crate::driver::{Outcome, Stream, open_loop, request};
 use crate::report::{Curves, Result};
 use crate::row;
 use crate::server::Server;
 use crate::statistics::percentile;
 use crate::work::Work;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Seconds for each load.
 const PERIOD_S: f64 = 300.0;
@@ -30,6 +30,8 @@ pub(super) struct Seen {
     pub(super) work: Vec<Outcome>,
     pub(super) health: Vec<Outcome>,
     pub(super) refusals: Vec<Outcome>,
+    /// The part of all processors that the driver took from the service.
+    driver: Option<f64>,
 }
 
 pub(super) fn run(setting: &Setting) -> Result {
@@ -90,8 +92,11 @@ pub(super) fn under_load(
         Stream { address: operations, per_second: PROBES_PER_S, make: &make_probe },
         Stream { address: public, per_second: PROBES_PER_S, make: &make_refusal },
     ];
+    let (before, start) = (driver_s(), Instant::now());
     let [work, health, refusals] = open_loop(&streams, period).try_into().unwrap();
-    Seen { load, period, work, health, refusals }
+    let processors_s = start.elapsed().as_secs_f64() * workers() as f64;
+    let driver = driver_s().zip(before).map(|(after, before)| (after - before) / processors_s);
+    Seen { load, period, work, health, refusals, driver }
 }
 
 impl Seen {
@@ -158,6 +163,7 @@ fn rows(seen: &[Seen]) -> Vec<Vec<String>> {
         "p99.9, ms",
         "health p99, ms",
         "refusals p99, ms",
+        "driver, % of processors",
     ]];
     rows.extend(seen.iter().map(|seen| {
         let seconds = seen.period.as_secs_f64();
@@ -177,6 +183,7 @@ fn rows(seen: &[Seen]) -> Vec<Vec<String>> {
             p(0.999),
             format!("{:.1}", percentile(&seen.health_ms(), 0.99)),
             format!("{:.1}", percentile(&seen.refusals_ms(), 0.99)),
+            seen.driver.map_or("–".into(), |share| format!("{:.0}", 100.0 * share)),
         ]
     }));
     rows
