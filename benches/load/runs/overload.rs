@@ -58,11 +58,16 @@ pub(super) fn run(setting: &Setting) -> Result {
         .collect();
     let mut figures = figures(&seen, &solo_ms, queue_s);
     figures.extend(kernels.map(|kernels| ("S1".to_owned(), 100.0 * capacity / kernels)));
-    let notes = vec![format!(
-        "Capacity {capacity:.2} meshes per second; alone p50 {:.0} ms; {} s for each load.",
-        percentile(&solo_ms, 0.5),
-        period.as_secs(),
-    )];
+    let notes = vec![
+        format!(
+            "Capacity {capacity:.2} meshes per second; alone p50 {:.0} ms; {} s for each load.",
+            percentile(&solo_ms, 0.5),
+            period.as_secs(),
+        ),
+        "Goodput counts what the driver's part of the processors leaves. What runs when a request \
+         is let in, and the request itself, come on top of the seconds that the queue may hold."
+            .to_owned(),
+    ];
     Result { figures, rows: rows(&seen), notes, plots: plots(&seen, capacity) }
 }
 
