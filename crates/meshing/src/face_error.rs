@@ -105,6 +105,11 @@ impl<'m> FaceErrors<'m> {
         self.error_of_any(corners)
     }
 
+    /// The points of the picture, where the squared error of small faces is measured on them.
+    pub(crate) fn pixels(&self) -> Option<&Pixels> {
+        self.measure.pixels.as_ref()
+    }
+
     /// The error of a face of any size.
     fn error_of_any(&mut self, corners: [Point; 3]) -> u64 {
         if let Some(weights) = self.measure.weights {

@@ -46,7 +46,7 @@
 //!
 //! `search` makes meshes of several sizes where a quality is asked for, and `largest_error` follows
 //! removals up to the first that breaks a bound. `refine` goes beyond the thesis: it moves the
-//! vertices that are left. Other ways: [`FlatColors`] gives each face one colour, `greedy_insertion`
+//! vertices that are left, where `small_face_forecast` promises a gain. Other ways: [`FlatColors`] gives each face one colour, `greedy_insertion`
 //! chooses points in a moment, [`Progression`] holds every size of a mesh, and `sensitivity` says which points
 //! matter to the structural similarity.
 
@@ -88,6 +88,7 @@ mod sensitivity;
 mod significance;
 mod simplify;
 mod small_face;
+mod small_face_forecast;
 mod small_face_plane;
 mod small_face_rows;
 mod small_removal;

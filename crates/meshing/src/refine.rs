@@ -23,7 +23,7 @@ pub(crate) mod vertex_moves;
 
 use crate::control::{Cancelled, Control, Stage};
 use measured_mesh::{FaceMeasure, MeasuredMesh};
-use relocation::{Relocation, Window};
+use relocation::{Look, Relocation};
 use schedule::Step;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -91,14 +91,14 @@ struct Refinement<M> {
 impl<M: FaceMeasure> Refinement<M> {
     fn take(&mut self, step: Step, control: &dyn Control) -> Result<(), Cancelled> {
         match step {
-            Step::Relocate(window) => self.relocate(window, control),
-            Step::RelocateAll(window) => {
+            Step::Relocate(look) => self.relocate(look, control),
+            Step::RelocateAll(look) => {
                 self.relocation.restart();
-                self.relocate(window, control)
+                self.relocate(look, control)
             }
-            Step::Swap => {
-                let face_count = self.mesh.triangulation.slot_count() / 4;
-                swaps::swap_vertices(&mut self.mesh, face_count, &mut self.relocation, control)
+            Step::Swap(tried) => {
+                let looked_into = (self.mesh.triangulation.slot_count() / 4, tried);
+                swaps::swap_vertices(&mut self.mesh, looked_into, &mut self.relocation, control)
             }
             Step::Grow(percent) => self.grow(percent, control).map(|_| ()),
             Step::GrowWhileItPays(percent) => {
@@ -112,8 +112,8 @@ impl<M: FaceMeasure> Refinement<M> {
         }
     }
 
-    fn relocate(&mut self, window: Window, control: &dyn Control) -> Result<(), Cancelled> {
-        self.relocation.pass(&mut self.mesh, window, control).map(|_| ())
+    fn relocate(&mut self, look: Look, control: &dyn Control) -> Result<(), Cancelled> {
+        self.relocation.pass(&mut self.mesh, look, control).map(|_| ())
     }
 
     /// Has the mesh grow and shrink again, unless that raises its error; tells whether it paid.
@@ -123,10 +123,10 @@ impl<M: FaceMeasure> Refinement<M> {
         let Self { mesh, relocation } = self;
         let count = (mesh.vertex_count() * percent).div_ceil(100);
         let grown = growth::grow(mesh, count, relocation, control)?;
-        relocation.pass(mesh, Window::Square5, control)?;
+        relocation.pass(mesh, Look::Thorough, control)?;
         growth::shrink(mesh, grown, |around| relocation.note(around), control)?;
         for _ in 0..SETTLING_PASSES {
-            if relocation.pass(mesh, Window::Square5, control)? == 0 {
+            if relocation.pass(mesh, Look::Thorough, control)? == 0 {
                 break;
             }
         }

@@ -18,7 +18,7 @@ use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u
 pub(crate) const TOO_LARGE: u64 = u64::MAX;
 
 /// Samples side by side in a vector.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Bytes read at each point.
 const BYTES_READ: usize = 16;
@@ -29,12 +29,12 @@ const POINTS_PER_SUM: usize = 256;
 /// A picture of up to four components and 8 bits, the samples of each point side by side, a byte
 /// each.
 pub(crate) struct Pixels {
-    level: Level,
-    width: usize,
+    pub(crate) level: Level,
+    pub(crate) width: usize,
     /// Bytes of each point: 1, 2 or 4; the fourth of three components is 0.
-    stride: usize,
+    pub(crate) stride: usize,
     /// So many bytes more than the points have that a vector can be read at each of them.
-    bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl Pixels {
@@ -112,7 +112,7 @@ impl Pixels {
 
     /// The samples of one point, again and again.
     #[inline(always)]
-    fn repeat<S: Simd, const STRIDE: usize>(&self, simd: S, point: Point) -> f32x8<S> {
+    pub(crate) fn repeat<S: Simd, const STRIDE: usize>(&self, simd: S, point: Point) -> f32x8<S> {
         let at = (point.y as usize * self.width + point.x as usize) * STRIDE;
         if STRIDE == 1 {
             return f32x8::splat(simd, self.bytes[at].into());
@@ -127,7 +127,7 @@ impl Pixels {
 
 /// The first of so many bytes as numbers.
 #[inline(always)]
-fn first_bytes<S: Simd>(bytes: u8x16<S>) -> f32x8<S> {
+pub(crate) fn first_bytes<S: Simd>(bytes: u8x16<S>) -> f32x8<S> {
     let (first, second) = bytes.widen().0.widen();
     first.combine(second).to_float()
 }

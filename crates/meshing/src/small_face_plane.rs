@@ -27,7 +27,7 @@ pub(crate) struct Plane<S: Simd> {
     at_a: f32x8<S>,
     pub(crate) per_column: f32x8<S>,
     pub(crate) per_row: f32x8<S>,
-    quarter_reciprocal: f32,
+    pub(crate) quarter_reciprocal: f32,
     /// How many points after the first one each lane stands.
     pub(crate) offsets: i32x8<S>,
 }

@@ -5,7 +5,7 @@
 //! moving, this goes over the hill. It may end higher than it began, and is undone then.
 
 use super::measured_mesh::{FaceMeasure, MeasuredMesh};
-use super::openings::Openings;
+use super::openings::{Openings, Tried};
 use super::relocation::Relocation;
 use super::removal_costs::RemovalCosts;
 use crate::control::{Cancelled, Control, Stage};
@@ -22,7 +22,7 @@ pub(crate) fn grow<M: FaceMeasure>(
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<usize, Cancelled> {
-    let mut openings = Openings::find(mesh, count * 3, 0, control)?;
+    let mut openings = Openings::find(mesh, (count * 3, Tried::All), 0, control)?;
     for grown in 0..count {
         control.poll(Stage::Refine, 0, 1)?;
         let Some(opening) = openings.pop(mesh) else { return Ok(grown) };

@@ -1,20 +1,33 @@
 //! A triangulation that knows the error of each of its faces, and what a change would do to their
 //! sum.
 
+pub(crate) mod moves;
+
 use super::dynamic_triangulation::{DynamicTriangulation, Ring};
 use crate::hole::HoleFiller;
 use crate::mesh::{Face, Point};
+use crate::small_face::Pixels;
 use crate::triangulation::NONE;
+use moves::Trial;
 
 /// The error of a face, a whole number that depends on the places of its vertices alone.
 pub(crate) trait FaceMeasure {
     /// Sum of the errors of the lattice points of a counter-clockwise face.
     fn error(&mut self, corners: [Point; 3]) -> u64;
+
+    /// The points by which moves can be foreseen, where the error is the squared one on them.
+    fn pixels(&self) -> Option<&Pixels> {
+        None
+    }
 }
 
 impl FaceMeasure for crate::face_error::FaceErrors<'_> {
     fn error(&mut self, corners: [Point; 3]) -> u64 {
         Self::error(self, corners)
+    }
+
+    fn pixels(&self) -> Option<&Pixels> {
+        Self::pixels(self)
     }
 }
 
@@ -41,6 +54,7 @@ pub(crate) struct MeasuredMesh<M> {
     cavity: Ring,
     /// Slots of the fan put there.
     fan: Vec<u32>,
+    trial: Trial,
 }
 
 /// What a mesh was at one time.
@@ -77,6 +91,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             fill_errors: Vec::new(),
             cavity: Ring::default(),
             fan: Vec::new(),
+            trial: Trial::default(),
         };
         for slot in 0..mesh.triangulation.slot_count() as u32 {
             let error = mesh.measure.error(mesh.triangulation.corners(slot));

@@ -5,10 +5,29 @@ use crate::control::{Cancelled, Control, Stage};
 use crate::mesh::Point;
 use std::collections::BinaryHeap;
 
-/// Barycentric weights, in eighths, of the places of a face that are tried: its middle, places
-/// nearer to each vertex, and near the middle of each edge.
-const TRIED: [[i32; 3]; 7] =
+/// Barycentric weights, in eighths, of places in a face: its middle, places nearer to each vertex,
+/// and near the middle of each edge.
+const PLACES: [[i32; 3]; 7] =
     [[3, 3, 2], [4, 2, 2], [2, 4, 2], [2, 2, 4], [4, 4, 0], [0, 4, 4], [4, 0, 4]];
+
+/// Which places of a face are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Tried {
+    /// Four inside.
+    Inner,
+    /// Three near the middles of the edges too.
+    All,
+}
+
+impl Tried {
+    /// The weights of the places.
+    fn weights(self) -> &'static [[i32; 3]] {
+        match self {
+            Self::Inner => &PLACES[..4],
+            Self::All => &PLACES,
+        }
+    }
+}
 
 /// A place in a face where a vertex would lower the error. Compares by how much, then by place.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,18 +47,19 @@ pub(crate) struct Openings {
     heap: BinaryHeap<Opening>,
     /// How often each slot has been filled.
     versions: Vec<u32>,
+    tried: Tried,
 }
 
 impl Openings {
     /// Looks into `face_count` of the worst faces for openings worth more than `least`.
     pub(crate) fn find<M: FaceMeasure>(
         mesh: &mut MeasuredMesh<M>,
-        face_count: usize,
+        (face_count, tried): (usize, Tried),
         least: i64,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let versions = vec![0; mesh.triangulation.slot_count()];
-        let mut openings = Self { heap: BinaryHeap::new(), versions };
+        let mut openings = Self { heap: BinaryHeap::new(), versions, tried };
         for slot in worst_faces(mesh, face_count) {
             control.poll(Stage::Refine, 0, 1)?;
             openings.look_into(mesh, slot, least);
@@ -51,7 +71,7 @@ impl Openings {
     fn look_into<M: FaceMeasure>(&mut self, mesh: &mut MeasuredMesh<M>, slot: u32, least: i64) {
         let corners = mesh.triangulation.corners(slot);
         let (mut limit, mut best) = (-least.max(0), None);
-        for weights in TRIED {
+        for &weights in self.tried.weights() {
             let place = weighted_mean(corners, weights);
             if !mesh.is_vacant(place) {
                 continue;
@@ -138,11 +158,12 @@ mod tests {
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
+            tried in prop::sample::select(&[Tried::Inner, Tried::All][..]),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mut mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mut mesh, usize::MAX, 0, &Unattended).unwrap();
+            let mut openings = Openings::find(&mut mesh, (usize::MAX, tried), 0, &Unattended).unwrap();
             let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
             let before = error(&points);
             let gain = |place: Point| {
@@ -152,7 +173,7 @@ mod tests {
             };
             // The best place tried of every face, where it gains anything.
             let best = |corners: [Point; 3]| {
-                let tried = TRIED.iter().map(|&weights| weighted_mean(corners, weights));
+                let tried = tried.weights().iter().map(|&weights| weighted_mean(corners, weights));
                 let vacant = tried.filter(|place| !points.contains(place));
                 vacant.map(gain).filter(|&gain| gain > 0).max()
             };
