@@ -9,7 +9,7 @@ use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
 use pixmesh_meshing::{
     GenerateError, Image, Model, OnThreads, ParameterError, Parameters, Progression, Removal,
-    Stage, Unattended, generate,
+    Stage, Unattended, generate, structural_similarity,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -67,7 +67,8 @@ pub struct MakeModel {
     /// needs the best colour of each face, which a MODEL does not hold
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// Print vertices, faces, MSE, PSNR and the time of each stage on standard error
+    /// Print vertices, faces, MSE, PSNR, structural similarity (of pictures of at least 11 columns and
+    /// rows) and the time of each stage on standard error
     #[arg(long, help_heading = FILES)]
     stats: bool,
     /// Threads to work on; the model does not depend on it [default: one for each core]
@@ -149,8 +150,9 @@ impl MakeModel {
         let encoding = self.write(&model, texture.as_ref())?;
         self.write_compact(&image, &parameters, &model)?;
         if self.stats {
+            let ssim = structural_similarity(&image, &*picture_of(&model)?, &Unattended)?;
             // Statistics that nobody can read are no reason to fail.
-            let _ = print_statistics(&model, decoding, &stages, encoding);
+            let _ = print_statistics(&model, ssim, decoding, &stages, encoding);
         }
         Ok(())
     }
@@ -223,6 +225,7 @@ fn history(removals: &[Removal]) -> String {
 /// Prints the figures of a mesh and where the time went, a line each.
 fn print_statistics(
     model: &Model,
+    ssim: Option<f64>,
     decoding: Duration,
     stages: &[(Stage, Duration)],
     encoding: Duration,
@@ -233,6 +236,9 @@ fn print_statistics(
     writeln!(errors, "faces        {}", model.mesh.faces().len())?;
     writeln!(errors, "mse          {:.4}", fidelity.mse())?;
     writeln!(errors, "psnr_db      {:.4}", fidelity.psnr_db())?;
+    if let Some(ssim) = ssim {
+        writeln!(errors, "ssim         {ssim:.4}")?;
+    }
     let times = stages.iter().map(|(stage, time)| (stage.name(), *time));
     let codec = |name, time| std::iter::once((name, time));
     for (name, time) in codec("decode", decoding).chain(times).chain(codec("encode", encoding)) {

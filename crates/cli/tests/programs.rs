@@ -129,10 +129,19 @@ fn statistics_go_to_standard_error_and_agree_with_the_model() {
     let names: Vec<&str> =
         statistics.lines().map(|l| l.split_whitespace().next().unwrap()).collect();
     let stages = ["decode", "density", "diffuse", "triangulate", "simplify", "encode"];
-    assert_eq!(names[..4], ["vertices", "faces", "mse", "psnr_db"]);
-    assert_eq!(names[4..], stages);
+    assert_eq!(names[..5], ["vertices", "faces", "mse", "psnr_db", "ssim"]);
+    assert_eq!(names[5..], stages);
     assert!(statistics.starts_with("vertices     40\n"), "{statistics}");
     assert_eq!(vertex_count(&output.stdout), 40);
+    let picture = |bytes: &[u8]| pixmesh_codec::decode(bytes, &pixmesh_cli::files::LIMITS).unwrap();
+    let rebuilt = picture(&succeed(RASTERIZE_MODEL, "", &output.stdout));
+    let ssim = pixmesh_meshing::structural_similarity(
+        &picture(&gray_pgm()),
+        &rebuilt,
+        &pixmesh_meshing::Unattended,
+    );
+    let ssim = format!("ssim         {:.4}\n", ssim.unwrap().unwrap());
+    assert!(statistics.contains(&ssim), "{statistics} without {ssim}");
 }
 
 /// The number of vertices and the PSNR that a run's statistics name.

@@ -198,6 +198,57 @@ mod tests {
         assert!((index(&first, &second) - expected).abs() < 1e-9);
     }
 
+    /// The index of two pictures of one shape as the paper defines it, window by window.
+    fn index_by_definition(first: &Image, second: &Image) -> f64 {
+        let largest = f64::from(first.max_sample());
+        let (c1, c2) = ((0.01 * largest).powi(2), (0.03 * largest).powi(2));
+        let gaussian = |d: usize| (-(d as f64 - 5.0).powi(2) / 4.5).exp();
+        let total = (0..11).map(gaussian).sum::<f64>().powi(2);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for c in 0..first.component_count() {
+            for (left, top) in (0..=first.width() - 11)
+                .flat_map(|x| (0..=first.height() - 11).map(move |y| (x, y)))
+            {
+                let mean = |value: &dyn Fn(f64, f64) -> f64| {
+                    let points = (0..11).flat_map(|y| (0..11).map(move |x| (x, y)));
+                    let weighted = points.map(|(x, y)| {
+                        let [a, b] =
+                            [first, second].map(|p| f64::from(p.sample(c, left + x, top + y)));
+                        gaussian(x) * gaussian(y) * value(a, b)
+                    });
+                    weighted.sum::<f64>() / total
+                };
+                let (a, b) = (mean(&|a, _| a), mean(&|_, b| b));
+                let (aa, bb) = (mean(&|x, _| (x - a).powi(2)), mean(&|_, x| (x - b).powi(2)));
+                let ab = mean(&|x, y| (x - a) * (y - b));
+                let likeness = (2.0 * a * b + c1) * (2.0 * ab + c2);
+                sum += likeness / ((a * a + b * b + c1) * (aa + bb + c2));
+                count += 1.0;
+            }
+        }
+        sum / count
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(24))]
+        #[test]
+        fn the_index_of_whole_pictures_is_that_of_its_definition(
+            (width, height, count) in (11usize..20, 11usize..20, 1usize..4),
+            precision in 1u8..=16,
+            seeds in proptest::array::uniform2(0usize..10_000),
+        ) {
+            let picture = |seed: usize| {
+                let sample = |i: usize| ((i + seed).wrapping_mul(40_503) >> 3) as u16 >> (16 - precision);
+                let plane = |c: usize| (0..width * height).map(|i| sample(i * (c + 1))).collect();
+                Image::new(width, height, precision, (0..count).map(plane).collect()).unwrap()
+            };
+            let [first, second] = seeds.map(picture);
+            let (found, expected) = (index(&first, &second), index_by_definition(&first, &second));
+            proptest::prop_assert!((found - expected).abs() < 1e-9, "{} for {}", found, expected);
+            proptest::prop_assert!((index(&first, &first) - 1.0).abs() < 1e-12);
+        }
+    }
+
     #[test]
     fn pictures_smaller_than_the_window_have_no_index() {
         let small = gray(10, |x, _| x as u16);
