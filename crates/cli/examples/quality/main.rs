@@ -5,6 +5,9 @@
 //!     --output docs/quality --document docs/quality.md
 //! ```
 //!
+//! Pictures can be measured one by one, or on several machines: `--measured FIGURES.csv...` takes what
+//! earlier runs wrote in the place of measuring again.
+//!
 //! Writes two plots (SVG) for each picture and the figures of all (CSV) to the folder, and puts the
 //! tables in Markdown where the document has them, or prints them. Seconds are the least of some
 //! rounds on the machine at hand; everything else is the same on every machine.
@@ -20,7 +23,7 @@ mod series;
 use clap::Parser;
 use figures::{Measured, measure};
 use pixmesh_meshing::{Image, ImageError};
-use report::{by_seconds, by_vertices, csv, tables, with_tables};
+use report::{by_seconds, by_vertices, csv, read_csv, tables, with_tables};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -35,6 +38,9 @@ struct Arguments {
     /// Pictures in colour, named so, that are measured in gray too: (77 R + 150 G + 29 B + 128) / 256
     #[arg(long, value_name = "NAME", num_args = 1..)]
     gray: Vec<String>,
+    /// Figures that earlier runs wrote, which come after those of the pictures given
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    measured: Vec<PathBuf>,
     /// Folder to write plots and figures to
     #[arg(long)]
     output: PathBuf,
@@ -66,6 +72,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             let figures = measure(&image, is_thorough, arguments.rounds.max(1))?;
             measured.push(Measured { name, is_thorough, figures });
         }
+    }
+    for file in &arguments.measured {
+        measured.extend(read_csv(&std::fs::read_to_string(file)?)?);
     }
     for picture in &measured {
         for (what, plot) in [("vertices", by_vertices(picture)), ("seconds", by_seconds(picture))] {

@@ -3,6 +3,7 @@
 use crate::figures::{DENSITIES, Figure, Measured};
 use crate::plot::{Axis, Curve, Plot};
 use crate::series::{SERIES, Series};
+use std::error::Error;
 use std::fmt::Write as _;
 
 /// The density whose seconds are plotted.
@@ -15,9 +16,12 @@ const END: &str = "<!-- Made by the program above: end -->\n";
 /// The series whose gain over MGPRFS is told for every picture.
 const GAINING: [&str; 3] = ["optimal 1", "optimal 5", "optimal 5 free fitted"];
 
+/// The columns of the figures.
+const COLUMNS: &str = "picture,series,density_percent,vertices,psnr_db,ssim,seconds";
+
 /// Every figure, a line each.
 pub(crate) fn csv(measured: &[Measured]) -> String {
-    let mut csv = String::from("picture,series,density_percent,vertices,psnr_db,ssim,seconds\n");
+    let mut csv = format!("{COLUMNS}\n");
     for picture in measured {
         for figure in &picture.figures {
             let Figure { series, density, vertices, psnr_db, ssim, seconds } = figure;
@@ -30,6 +34,34 @@ pub(crate) fn csv(measured: &[Measured]) -> String {
         }
     }
     csv
+}
+
+/// The figures that [`csv`] wrote; those of series that are no more are left out.
+pub(crate) fn read_csv(text: &str) -> Result<Vec<Measured>, Box<dyn Error>> {
+    let mut measured: Vec<Measured> = Vec::new();
+    let lines = text.strip_prefix(COLUMNS).ok_or("these are not figures of this program")?;
+    for line in lines.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let [name, label, density, vertices, psnr_db, ssim, seconds] = fields[..] else {
+            return Err(format!("not a line of seven fields: {line}").into());
+        };
+        if measured.last().is_none_or(|picture| picture.name != name) {
+            let name = name.to_owned();
+            measured.push(Measured { name, is_thorough: false, figures: Vec::new() });
+        }
+        let series = SERIES.iter().find(|series| series.label == label);
+        let (Some(picture), Some(series)) = (measured.last_mut(), series) else { continue };
+        picture.is_thorough |= series.slow;
+        picture.figures.push(Figure {
+            series,
+            density: density.parse()?,
+            vertices: vertices.parse()?,
+            psnr_db: psnr_db.parse()?,
+            ssim: ssim.parse()?,
+            seconds: seconds.parse()?,
+        });
+    }
+    Ok(measured)
 }
 
 /// PSNR against vertices, in thousands.
