@@ -8,6 +8,9 @@
 //! `2 r w e + w^2 e^2`, as long as the points keep their faces. Sums of `r w` and of `w^2`, of which
 //! there is about a sixth of the area, serve all `d` at once, and the faces of a vertex together.
 //!
+//! Differences are taken before rounding, where numerators are a quarter of a step too high
+//! ([`Plane`]).
+//!
 //! These are the first and second derivatives, so the nearer the place, the truer the forecast; it
 //! says where to look, and what is true is measured there. It is the same on every machine: the lanes
 //! are eight everywhere, and each does the same operations in the same order.
@@ -293,7 +296,8 @@ mod tests {
                 for_each_row(corners, |y, first, end| {
                     for x in first..end {
                         let p = Point::new(x, y);
-                        change += 2.0 * (value(p) - sample(p)) * weights(p)[0] * e;
+                        let difference = value(p) + 0.25 / double_area - sample(p);
+                        change += 2.0 * difference * weights(p)[0] * e;
                     }
                 });
             }
