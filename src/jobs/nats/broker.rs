@@ -84,7 +84,8 @@ fn check_version(client: &Client, settings: &BrokerSettings) -> Result<(), Strin
     }
     let found = client.server_info().version;
     Err(format!(
-        "--queue {settings}: the broker is nats-server {found}, and {major}.{minor} or newer is needed"
+        "--queue {settings}: the broker is nats-server {found}, and {major}.{minor} or newer is \
+         needed"
     ))
 }
 

@@ -177,8 +177,8 @@ fn about_certificate(error: &CertificateError, settings: &BrokerSettings) -> Str
 
 /// The error of TLS among the causes of one.
 fn tls_error(error: &ConnectError) -> Option<&TlsError> {
-    let causes = std::iter::successors(Some(error as &dyn Error), |&error| error.source());
-    causes.into_iter().find_map(|cause| match cause.downcast_ref::<io::Error>() {
+    let mut causes = std::iter::successors(Some(error as &dyn Error), |&error| error.source());
+    causes.find_map(|cause| match cause.downcast_ref::<io::Error>() {
         // Its source is not what is in it, but the source of that.
         Some(error) => error.get_ref()?.downcast_ref(),
         None => cause.downcast_ref(),
