@@ -1,4 +1,4 @@
-//! One piece of work on a blocking thread: its ticket moves in, and it ends at its deadline.
+//! One piece of work on a thread of its own: its ticket moves in, and it ends at its deadline.
 //!
 //! The threads are a pool of their own, which yields to the threads that answer requests and write
 //! jobs: these have little to do and must not wait for it, while work takes every core. How many
@@ -8,6 +8,7 @@
 //! given back. Decoding does not poll: work that is stopped meanwhile stops at its end, which for the
 //! largest pictures may take a second more.
 
+mod threads;
 mod watch;
 
 pub use watch::Watch;
@@ -16,17 +17,20 @@ use crate::admission::Ticket;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
 use rustix::process::{getpriority_process, setpriority_process};
-use std::sync::{Arc, OnceLock};
+use std::io;
+use std::sync::Arc;
+use std::thread::Builder;
 use std::time::Instant;
-use tokio::runtime::{Builder, Handle, Runtime};
-use tokio::task::JoinError;
+use threads::Threads;
+use tokio::sync::oneshot;
 use tokio::time::timeout_at;
 use tracing::Span;
 
 /// Runs `work` and waits for it until `deadline`; the work may keep memory of its ticket.
 ///
 /// # Errors
-/// The work's own refusal, `deadline-exceeded`, or `internal` when it panicked.
+/// The work's own refusal, `deadline-exceeded`, `overloaded` when the system has no thread for it, or
+/// `internal` when it panicked.
 pub async fn run<T: Send + 'static>(
     ticket: Ticket,
     deadline: Instant,
@@ -47,40 +51,37 @@ pub async fn run_watched<T: Send + 'static>(
 ) -> Result<T, Problem> {
     let _guard = CancelOnDrop(Arc::clone(&watch));
     let span = Span::current();
-    let task = threads().spawn_blocking(move || {
-        let _entered = span.enter();
-        watch.record("queue", ticket.waited);
-        let result = work(&watch, &mut ticket);
-        match &result {
-            Ok(_) => ticket.completed(),
-            Err(_) => ticket.stopped(),
-        }
-        result
-    });
-    match timeout_at(deadline.into(), task).await {
+    let (said, heard) = oneshot::channel();
+    let work = move || {
+        let result = span.in_scope(|| {
+            watch.record("queue", ticket.waited);
+            let result = work(&watch, &mut ticket);
+            match &result {
+                Ok(_) => ticket.completed(),
+                Err(_) => ticket.stopped(),
+            }
+            result
+        });
+        drop((ticket, span));
+        // Whoever waited for it may have gone away.
+        let _ = said.send(result);
+    };
+    THREADS.run(Box::new(work)).map_err(|error| no_thread(&error))?;
+    match timeout_at(deadline.into(), heard).await {
         Ok(Ok(Err(problem))) if problem.kind() == Kind::DeadlineExceeded => Err(too_slow()),
-        Ok(joined) => joined.unwrap_or_else(|error| Err(panicked(&error))),
+        Ok(heard) => heard.unwrap_or_else(|_| Err(panicked())),
         Err(_) => Err(too_slow()),
     }
 }
+
+/// When a client should try again whose work found no thread, in seconds.
+const RETRY_AFTER_S: u64 = 5;
 
 /// How much nicer than the process the threads that work are.
 const NICENESS: i32 = 5;
 
 /// The threads that work.
-///
-/// The runtime runs nothing but these: it is where the threads of a pool can be told from others.
-fn threads() -> &'static Handle {
-    static THREADS: OnceLock<Option<Runtime>> = OnceLock::new();
-    static FALLBACK: OnceLock<Handle> = OnceLock::new();
-    let runtime = THREADS.get_or_init(|| {
-        Builder::new_current_thread().thread_name("work").on_thread_start(be_nicer).build().ok()
-    });
-    match runtime {
-        Some(runtime) => runtime.handle(),
-        None => FALLBACK.get_or_init(Handle::current),
-    }
-}
+static THREADS: Threads = Threads::new(|| Builder::new().name("work".into()), be_nicer);
 
 /// Lets other threads of the process go first, as far as the system knows of that.
 fn be_nicer() {
@@ -105,8 +106,14 @@ fn too_slow() -> Problem {
     Problem::new(Kind::DeadlineExceeded, detail).setting("--sync-deadline")
 }
 
+fn no_thread(error: &io::Error) -> Problem {
+    tracing::error!(%error, "no thread could be started");
+    let detail = "the system has no thread for the work now";
+    Problem::new(Kind::Overloaded, detail).retry_after_s(RETRY_AFTER_S)
+}
+
 /// The panic itself is in the log already, by the hook.
-fn panicked(_: &JoinError) -> Problem {
+fn panicked() -> Problem {
     Problem::new(Kind::Internal, "the log has the reason under this request's id")
 }
 

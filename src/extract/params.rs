@@ -13,7 +13,7 @@ mod table;
 
 pub use grammar::whole_between;
 pub use output::Output;
-pub use sources::{pairs_of_json, pairs_of_query};
+pub use sources::{MOST_MEMBERS, pairs_of_json, pairs_of_query, skip_rest};
 pub use table::{Parameter, TABLE, Takes};
 
 use super::accept::Format;

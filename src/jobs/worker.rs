@@ -301,11 +301,13 @@ fn stored_order(query: &str) -> Result<Order, Problem> {
     ParameterSet::of_query(Some(query))?.finish()
 }
 
-/// How a problem ends an attempt: what the storage refused may succeed another time, all else would
-/// fail the same way again.
+/// How a problem ends an attempt: what the storage refused, or the machine had no room for, may
+/// succeed another time; all else would fail the same way again.
 fn outcome_of(problem: &Problem) -> Outcome {
     match problem.kind() {
-        Kind::StorageFull | Kind::StorageUnavailable => Outcome::Retry(problem.value()),
+        Kind::StorageFull | Kind::StorageUnavailable | Kind::Overloaded => {
+            Outcome::Retry(problem.value())
+        }
         _ => Outcome::Failed(problem.value()),
     }
 }

@@ -307,6 +307,21 @@ fn of_json() -> Vec<Row> {
                     .into()
             },
         ),
+        Row::new(
+            "P13d",
+            "a job in JSON of 2 million tiny members, its own or those of its parameters",
+            Expected::Refused(400, "unknown-parameter"),
+            || {
+                let members: Vec<_> = (0..2_000_000).map(|n| format!("\"{n:x}\":1")).collect();
+                let members = members.join(",");
+                [format!("{{{members}}}"), format!("{{\"params\":{{{members}}}}}")]
+                    .map(|body| {
+                        post("/v1/jobs", &[("Content-Type", "application/json")], body.into())
+                    })
+                    .into()
+            },
+        )
+        .within(Duration::from_secs(2)),
     ]
 }
 

@@ -299,3 +299,31 @@ impl Image {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::method::Method;
+    use crate::parameters::Target;
+
+    #[test]
+    fn weights_given_lower_those_of_what_is_seen_and_never_to_nothing() {
+        let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
+        let image = Image::new(24, 24, 8, vec![samples]).unwrap();
+        let own = Method::Mgpr.parameters(Target::Size(50));
+        let parameters = Parameters { error_metric: ErrorMetric::Ssim, ..own };
+        let seen = |image: &Image| {
+            let ruling = ruling_image(image, &parameters, &Unattended).unwrap().unwrap();
+            ruling.weights().unwrap().to_vec()
+        };
+        let alone = seen(&image);
+        assert!(alone.iter().any(|&weight| weight > 1));
+        for given in [0, 1, 128, 255] {
+            let weighted = image.clone().with_weights(vec![given; 24 * 24]).unwrap();
+            for (&with, &without) in seen(&weighted).iter().zip(&alone) {
+                let expected = f64::from(without) * f64::from(given) / 255.0;
+                assert_eq!(f64::from(with), expected.ceil(), "{without} and {given}");
+            }
+        }
+    }
+}

@@ -179,4 +179,17 @@ mod tests {
             prop_assert!(count == size || (count < size && total == 0));
         }
     }
+
+    #[test]
+    fn no_point_is_inserted_for_what_does_not_matter() {
+        let samples = (0..20 * 20).map(|i| (i * 53 % 97) as u16).collect();
+        let image = Image::new(20, 20, 8, vec![samples]).unwrap();
+        let weights = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();
+        let weighted = image.with_weights(weights).unwrap();
+        let metric = ErrorMetric::MeanCompSe;
+        let points = inserted_points(&weighted, metric, 60, &Unattended).unwrap();
+        assert_eq!(points.len(), 60);
+        let corners = corner_points(20, 20);
+        assert!(points.iter().all(|point| point.x < 8 || corners.contains(point)), "{points:?}");
+    }
 }

@@ -491,6 +491,16 @@ mod tests {
     }
 
     #[test]
+    fn a_smoothing_order_is_odd_and_within_its_bounds() {
+        let own = Method::Med.parameters(Target::Size(50));
+        for smoothing_order in 0..=MAX_SMOOTHING_ORDER + 2 {
+            let parameters = Parameters { smoothing_order, ..own.clone() };
+            let is_good = smoothing_order % 2 == 1 && smoothing_order <= MAX_SMOOTHING_ORDER;
+            assert_eq!(parameters.check().is_ok(), is_good, "{smoothing_order}");
+        }
+    }
+
+    #[test]
     fn binary_fractions_do_not_lose_a_point() {
         for (density, side, expected) in
             [(0.7, 1000, 7000), (4.1, 1000, 41000), (0.29, 1000, 2900), (100.0, 3, 9)]

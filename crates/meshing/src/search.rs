@@ -154,3 +154,49 @@ fn largest_difference(image: &Image, mesh: &Mesh, control: &dyn Control) -> Resu
     let differences = pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)));
     Ok(differences.max().unwrap_or(0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::method::Method;
+
+    /// A slope with a disc on it: more points make a better mesh of it, and few a fair one.
+    fn slope_with_disc() -> Image {
+        let sample = |i: usize| {
+            let (x, y) = (i as i32 % 32, i as i32 / 32);
+            (3 * x + 2 * y) as u16 + if (x - 16).pow(2) + (y - 12).pow(2) < 60 { 20 } else { 0 }
+        };
+        Image::new(32, 32, 8, vec![(0..32 * 32).map(sample).collect()]).unwrap()
+    }
+
+    fn psnr_of_size(image: &Image, size: usize) -> f64 {
+        let parameters = Method::Preview.parameters(Target::Size(size));
+        generate(image, &parameters, &Unattended).unwrap().fidelity.psnr_db()
+    }
+
+    #[test]
+    fn the_smallest_mesh_is_found_below_and_above_the_size_first_tried() {
+        let image = slope_with_disc();
+        let first = image.pixel_count() / FIRST_PART;
+        // What the meshes of these sizes reach is the bound, and no smaller one may be missed.
+        for wanted in [MIN_SIZE, MIN_SIZE + 2, first - 3, first, first + 5, 3 * first] {
+            let bound = psnr_of_size(&image, wanted);
+            let parameters = Method::Preview.parameters(Target::Psnr(bound));
+            let found = generate(&image, &parameters, &Unattended).unwrap();
+            assert!(found.fidelity.psnr_db() >= bound, "{wanted}");
+            let size = found.mesh.points().len();
+            if size > MIN_SIZE {
+                let before = psnr_of_size(&image, size - 1);
+                assert!(before < bound, "{wanted}: {} keep the bound, too", size - 1);
+            }
+        }
+    }
+
+    #[test]
+    fn a_bound_that_every_mesh_keeps_needs_the_corners_alone() {
+        let parameters = Method::Preview.parameters(Target::Psnr(1.0));
+        let found = generate(&slope_with_disc(), &parameters, &Unattended).unwrap();
+        assert_eq!(found.mesh.points().len(), MIN_SIZE);
+    }
+}

@@ -1,9 +1,10 @@
 //! Where parameters come from: the query and JSON, as pairs for the one parser.
 
 use super::ParameterSet;
+use super::table::TABLE;
 use crate::problem::{Kind, Problem};
 use percent_encoding::percent_decode_str;
-use serde::de::{self, Deserializer, MapAccess, Visitor};
+use serde::de::{self, Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::value::RawValue;
 use std::fmt;
 
@@ -45,7 +46,12 @@ pub fn pairs_of_query(
     })
 }
 
-/// The members of a flat JSON object, each value as its text.
+/// Most members of a JSON object that are kept. No object that is understood has as many, so that one
+/// of these is unknown or repeated; small as members may be, millions of them would not be.
+pub const MOST_MEMBERS: usize = TABLE.len() + 1;
+
+/// The members of a flat JSON object, each value as its text; of a longer one its first
+/// [`MOST_MEMBERS`].
 ///
 /// # Errors
 /// `json-malformed` for anything else.
@@ -101,11 +107,20 @@ impl<'de> Visitor<'de> for PairsVisitor {
 
     fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Pairs, A::Error> {
         let mut pairs = Vec::new();
-        while let Some((name, value)) = members.next_entry::<String, &RawValue>()? {
+        while pairs.len() < MOST_MEMBERS {
+            let member = members.next_entry::<String, &RawValue>()?;
+            let Some((name, value)) = member else { return Ok(Pairs(pairs)) };
             pairs.push((name, text_of(value.get()).map_err(de::Error::custom)?));
         }
+        skip_rest(members)?;
         Ok(Pairs(pairs))
     }
+}
+
+/// Reads the members that are left without keeping any.
+pub fn skip_rest<'de, A: MapAccess<'de>>(mut members: A) -> Result<(), A::Error> {
+    while members.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+    Ok(())
 }
 
 /// The text of a JSON value that is a string, a number or a truth value.

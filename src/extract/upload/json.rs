@@ -1,7 +1,7 @@
 //! Reads a JSON object: the files in base64, and the parameters as an object `params`.
 
 use crate::extract::fields::{repeated, unknown};
-use crate::extract::params::pairs_of_json;
+use crate::extract::params::{MOST_MEMBERS, pairs_of_json, skip_rest};
 use crate::problem::{Kind, Problem};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -74,7 +74,8 @@ impl<'de> Deserialize<'de> for Text<'de> {
     }
 }
 
-/// The members of an object in their order, also repeated ones.
+/// The members of an object in their order, also repeated ones, but no more than
+/// [`MOST_MEMBERS`].
 struct Members<'a>(Vec<(String, &'a RawValue)>);
 
 impl<'de> Deserialize<'de> for Members<'de> {
@@ -87,9 +88,11 @@ impl<'de> Deserialize<'de> for Members<'de> {
             }
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Members<'de>, A::Error> {
                 let mut members = Vec::new();
-                while let Some(member) = map.next_entry()? {
+                while members.len() < MOST_MEMBERS {
+                    let Some(member) = map.next_entry()? else { return Ok(Members(members)) };
                     members.push(member);
                 }
+                skip_rest(map)?;
                 Ok(Members(members))
             }
         }
@@ -111,6 +114,17 @@ mod tests {
         assert_eq!(image(br#"{"image": "AQID", "params": {"size": 50}}"#), Ok(Some(vec![1, 2, 3])));
         assert_eq!(image(br#"{"image": "AQI\u003d"}"#), Ok(Some(vec![1, 2])));
         assert_eq!(image(b"{}"), Ok(None));
+    }
+
+    #[test]
+    fn of_very_many_members_one_is_refused_and_the_rest_is_still_read() {
+        let members = |count: usize| {
+            (0..count).map(|n| format!("\"k{n}\": {{}}")).collect::<Vec<_>>().join(", ")
+        };
+        let body = |rest: &str| format!("{{{}{rest}", members(3 * MOST_MEMBERS));
+        assert_eq!(image(body("}").as_bytes()), Err(Kind::UnknownParameter));
+        assert_eq!(image(body("").as_bytes()), Err(Kind::JsonMalformed));
+        assert_eq!(image(body(", 1}").as_bytes()), Err(Kind::JsonMalformed));
     }
 
     #[test]
