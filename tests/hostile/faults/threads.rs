@@ -1,0 +1,53 @@
+//! A system that gives the process no more threads.
+
+use crate::pictures::disc;
+use crate::server::{Folder, Server, program};
+use std::process::Command;
+use std::sync::Arc;
+
+/// A user that nothing else runs as: the system counts the threads of each user.
+const USER: &str = "--reuid=54321 --regid=54321 --clear-groups";
+
+/// Runs what is given as that user, without the settings of this environment.
+fn as_user() -> Command {
+    let mut command = Command::new("setpriv");
+    for (name, _) in std::env::vars_os() {
+        if name.to_string_lossy().starts_with("PIXMESH_") {
+            command.env_remove(name);
+        }
+    }
+    command.args(USER.split(' ')).arg(program().get_program());
+    command
+}
+
+/// Lets a process start no thread where its user has so many.
+fn allow_threads(process: u32, count: &str) {
+    let mut command = Command::new("prlimit");
+    command.args(["--pid", &process.to_string(), &format!("--nproc={count}")]);
+    assert!(command.status().unwrap().success());
+}
+
+#[test]
+fn work_without_a_thread_is_refused_and_takes_no_worker_with_it() {
+    let tried = as_user().arg("--version").output();
+    if !tried.is_ok_and(|output| output.status.success()) {
+        return println!("skipped: only an administrator can run the service as another user");
+    }
+    let folder: Arc<Folder> = Arc::default();
+    std::fs::create_dir_all(folder.path()).unwrap();
+    std::os::unix::fs::chown(folder.path(), Some(54321), Some(54321)).unwrap();
+    let server = Server::start_as(as_user(), &["--workers", "2"], folder);
+    let image = disc(40, 40, 1);
+    allow_threads(server.process_id(), "1:unlimited");
+    for _ in 0..5 {
+        let answer = server.mesh("", &[], &image);
+        answer.problem(503, "overloaded");
+        assert!(!answer.header("retry-after").is_empty());
+        assert_eq!(server.operate("/livez").status, 200);
+    }
+    server.wait_until_idle();
+    allow_threads(server.process_id(), "unlimited:unlimited");
+    for _ in 0..5 {
+        assert_eq!(server.mesh("", &[], &image).status, 200);
+    }
+}
