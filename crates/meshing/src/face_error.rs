@@ -22,6 +22,8 @@ pub(crate) struct Measure<'a> {
     level: Level,
     /// How much each point matters, where that differs.
     weights: Option<&'a [u8]>,
+    /// The points by which moves are foreseen where weights keep errors from being taken on them.
+    foreseen_on: Option<Pixels>,
 }
 
 impl<'a> Measure<'a> {
@@ -44,7 +46,15 @@ impl<'a> Measure<'a> {
             flat: None,
             level: Level::new(),
             weights: None,
+            foreseen_on: None,
         }
+    }
+
+    /// The same as [`new`](Self::new) where vertices are to move, by the forecast of the error of
+    /// all points alike.
+    pub(crate) fn with_foresight(image: &'a Image, metric: ErrorMetric) -> Self {
+        let foreseen_on = image.weights().and_then(|_| Pixels::new(image));
+        Self { foreseen_on, ..Self::new(image, metric) }
     }
 }
 
@@ -105,9 +115,15 @@ impl<'m> FaceErrors<'m> {
         self.error_of_any(corners)
     }
 
-    /// The points of the picture, where the squared error of small faces is measured on them.
+    /// The points of the picture, where the squared error of small faces is measured or foreseen on
+    /// them.
     pub(crate) fn pixels(&self) -> Option<&Pixels> {
-        self.measure.pixels.as_ref()
+        self.measure.pixels.as_ref().or(self.measure.foreseen_on.as_ref())
+    }
+
+    /// Tells whether some points matter more than others.
+    pub(crate) fn is_weighted(&self) -> bool {
+        self.measure.weights.is_some()
     }
 
     /// The error of a face of any size.

@@ -19,6 +19,11 @@ pub(crate) trait FaceMeasure {
     fn pixels(&self) -> Option<&Pixels> {
         None
     }
+
+    /// Whether some points matter more than others, so that the error is not that on the points.
+    fn is_weighted(&self) -> bool {
+        false
+    }
 }
 
 impl FaceMeasure for crate::face_error::FaceErrors<'_> {
@@ -28,6 +33,10 @@ impl FaceMeasure for crate::face_error::FaceErrors<'_> {
 
     fn pixels(&self) -> Option<&Pixels> {
         Self::pixels(self)
+    }
+
+    fn is_weighted(&self) -> bool {
+        Self::is_weighted(self)
     }
 }
 

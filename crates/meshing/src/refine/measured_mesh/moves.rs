@@ -52,7 +52,15 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         let Some(forecast) = pixels.forecast(from, &self.boundary, face_count) else {
             return false;
         };
-        let around: u64 = self.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
+        let around: u64 = if self.measure.is_weighted() {
+            // Forecasts know no weights, so that equal ones change nothing.
+            let faces = self.star.triangles.iter().map(|&t| self.triangulation.corners(t));
+            self.trial.tried.clear();
+            pixels.squared_errors(&faces.collect::<Vec<_>>(), &mut self.trial.tried);
+            self.trial.tried.iter().sum()
+        } else {
+            self.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum()
+        };
         let limit = doubt * around as f32;
         for &(dx, dy) in offsets {
             let place = Point::new(from.x + dx, from.y + dy);
