@@ -24,8 +24,9 @@ use pixmesh_codec::{
     Texturing,
 };
 use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parameters, Plan,
-    Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Target, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parallel,
+    Parameters, Plan, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup,
+    Target, Values,
 };
 use serde_json::{Map, Value};
 
@@ -74,6 +75,7 @@ struct Choices {
     connectivity: Option<Connectivity>,
     values: Option<Values>,
     reconstruction: Option<Reconstruction>,
+    parallel: Option<Parallel>,
     seed: Option<u64>,
     alpha: Option<Alpha>,
     lenient: Option<bool>,
@@ -204,6 +206,7 @@ impl Choices {
             connectivity: self.connectivity.unwrap_or(method.connectivity),
             values: self.values.unwrap_or(method.values),
             reconstruction: self.reconstruction.unwrap_or(method.reconstruction),
+            parallel: self.parallel.unwrap_or(method.parallel),
             seed: self.seed.unwrap_or(method.seed),
             ..*method
         }

@@ -3,9 +3,9 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
 use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, ParameterError,
-    Parameters, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup,
-    Target, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parallel,
+    ParameterError, Parameters, Policy, PscTie, Reconstruction, Scan, Smoothing,
+    SmoothingDirection, Startup, Target, Values,
 };
 
 /// The choices that decide the mesh.
@@ -106,6 +106,10 @@ pub struct MeshOptions {
     /// [default: 1]
     #[arg(long, help_heading = REMOVAL, value_parser = choice(SWITCH))]
     pub bad_point_removal: Option<bool>,
+    /// How point removal is shared out to threads: as far as the exact order allows, or tile by tile,
+    /// which is faster for many megapixels and changes the mesh a little [default: exact]
+    #[arg(long, help_heading = REMOVAL, value_parser = named(Parallel::NAMES, Parallel::ALL))]
+    pub parallel: Option<Parallel>,
     /// Effort of refinement, 0 (none) to 9: vertices move and change places while that lowers the
     /// error [default: 0, for the method optimal 5]
     #[arg(long, help_heading = REFINEMENT, value_name = "LEVEL")]
@@ -290,6 +294,7 @@ impl MeshOptions {
         set(&mut parameters.connectivity, self.connectivity);
         set(&mut parameters.values, self.values);
         set(&mut parameters.reconstruction, self.reconstruction);
+        set(&mut parameters.parallel, self.parallel);
     }
 
     /// Sets how the picture is smoothed and differentiated.

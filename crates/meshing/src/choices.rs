@@ -229,6 +229,17 @@ named_values! {
     }
 }
 
+named_values! {
+    /// How greedy point removal is shared out to threads.
+    "parallel" Parallel {
+        /// As far as the exact order allows.
+        Exact = "exact",
+        /// Tile by tile where there are many points: faster on one thread as well, by an order that
+        /// differs a little around the borders of tiles.
+        Tiles = "tiles",
+    }
+}
+
 pub(crate) use named_values;
 
 impl Policy {

@@ -190,7 +190,8 @@ impl<'a> Diffusion<'a> {
         };
         // Only a control cancels, and the caller's own thread alone asks it.
         let other = |group: Group<'_>| _ = run(group, &Unattended);
-        let result = share_out(groups, |group| run(group, this.control), other);
+        let result =
+            share_out(this.control.threads(), groups, |group| run(group, this.control), other);
         self.chosen = fields;
         result.map(|()| counts.concat())
     }

@@ -10,6 +10,7 @@ use crate::face_error::Measure;
 use crate::parallel::share_out_all;
 use crate::removal::{Neighbour, Net, Remover};
 use crate::removal_queue::RemovalQueue;
+use crate::star::Stars;
 use std::num::NonZeroUsize;
 
 /// Fewer vertices than this are not worth the threads.
@@ -23,14 +24,13 @@ const PART_AT_ONCE: usize = 64;
 /// A removal in all its consequences.
 pub(crate) struct Prepared {
     vertex: u32,
-    /// By how much it changes the error.
-    pub(crate) change: i64,
     /// The vertices around it, as they will be.
     pub(crate) neighbours: Vec<Neighbour>,
 }
 
 /// The removals prepared, in the order of their turns.
 pub(crate) struct Foresight<'m> {
+    threads: NonZeroUsize,
     removers: Vec<Remover<'m>>,
     prepared: Vec<Prepared>,
     /// The first one whose turn has not come.
@@ -48,6 +48,7 @@ impl<'m> Foresight<'m> {
         threads: NonZeroUsize,
     ) -> Option<Self> {
         (threads.get() > 1 && vertex_count >= LEAST_VERTICES).then(|| Self {
+            threads,
             removers: (0..threads.get()).map(|_| Remover::new(measure)).collect(),
             prepared: Vec::new(),
             next: 0,
@@ -57,7 +58,12 @@ impl<'m> Foresight<'m> {
     }
 
     /// Prepares the next removals when the turns of all those prepared are over.
-    pub(crate) fn look_ahead(&mut self, net: &Net, queue: &RemovalQueue, remaining: usize) {
+    pub(crate) fn look_ahead(
+        &mut self,
+        net: &Net<'_, Stars>,
+        queue: &RemovalQueue,
+        remaining: usize,
+    ) {
         self.skip_changed();
         if self.next < self.prepared.len() || remaining < LEAST_VERTICES {
             return;
@@ -71,7 +77,7 @@ impl<'m> Foresight<'m> {
                 Some(prepared) => prepared.vertex = entry.vertex,
                 None => {
                     let neighbours = Vec::new();
-                    self.prepared.push(Prepared { vertex: entry.vertex, change: 0, neighbours });
+                    self.prepared.push(Prepared { vertex: entry.vertex, neighbours });
                 }
             }
         }
@@ -80,11 +86,11 @@ impl<'m> Foresight<'m> {
         let prepare = |(share, remover): (&mut [Prepared], &mut Remover<'m>)| {
             prepare_all(share, remover, net);
         };
-        share_out_all(shares, prepare);
+        share_out_all(self.threads, shares, prepare);
     }
 
     /// What was prepared for the vertex whose turn it is, if that still holds.
-    pub(crate) fn take(&mut self, vertex: u32, net: &Net) -> Option<&mut Prepared> {
+    pub(crate) fn take(&mut self, vertex: u32, net: &Net<'_, Stars>) -> Option<&mut Prepared> {
         self.skip_changed();
         let prepared = self.prepared.get_mut(self.next)?;
         if prepared.vertex != vertex {
@@ -110,8 +116,8 @@ impl<'m> Foresight<'m> {
 }
 
 /// Prepares some removals.
-fn prepare_all(share: &mut [Prepared], remover: &mut Remover<'_>, net: &Net) {
-    for Prepared { vertex, change, neighbours } in share {
-        *change = remover.prepare(*vertex, net, neighbours);
+fn prepare_all(share: &mut [Prepared], remover: &mut Remover<'_>, net: &Net<'_, Stars>) {
+    for Prepared { vertex, neighbours } in share {
+        remover.prepare(*vertex, net, neighbours);
     }
 }

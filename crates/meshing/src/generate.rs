@@ -1,6 +1,6 @@
 //! From an image to its mesh: the stages of every method, in order.
 
-use crate::choices::{Connectivity, ErrorMetric, Meshed, Values};
+use crate::choices::{Connectivity, ErrorMetric, Meshed, Parallel, Values};
 use crate::control::{Cancelled, Control, Stage, Unattended};
 use crate::face_error::{FaceErrors, Measure};
 use crate::flat_color::{FlatColors, FlatFaces, RowSums};
@@ -201,7 +201,7 @@ fn simplify_image(
         return simplify_within(image, triangulation, rule, most, control);
     }
     let Simplified { points, faces, removals, error } =
-        simplify(image, triangulation, rule, control)?;
+        simplify(image, triangulation, rule, parameters.parallel, control)?;
     let squared_error = parameters.error_metric.is_squared_difference().then_some(error);
     Ok(Made { points, faces, removals, squared_error })
 }
@@ -245,7 +245,7 @@ fn simplify_within(
     control: &dyn Control,
 ) -> Result<Made, Cancelled> {
     let (initial, faces) = (triangulation.points.clone(), triangulation.faces());
-    let mut removals = simplify(image, triangulation, rule, control)?.removals;
+    let mut removals = simplify(image, triangulation, rule, Parallel::Exact, control)?.removals;
     let count = removals_within(image, initial.clone(), &faces, &removals, most, control)?;
     removals.truncate(count);
     let gone: HashSet<Point> = removals.iter().map(|removal| removal.point).collect();

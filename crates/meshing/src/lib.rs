@@ -96,12 +96,13 @@ mod ssim;
 mod star;
 mod threshold_search;
 mod tile_order;
+mod tiled_removal;
 mod triangulation;
 mod weighted_error;
 
 pub use choices::{
-    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Policy, PscTie, Reconstruction, Scan,
-    Smoothing, SmoothingDirection, Startup, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Parallel, Policy, PscTie,
+    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
 pub use density::Density;

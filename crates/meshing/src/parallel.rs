@@ -14,24 +14,26 @@ const LEAST_ROWS: usize = 128;
 
 /// Calls `own` on this thread and `other` on more of them, each on some of the shares, until every
 /// share has had one of the two; once `own` is cancelled none is begun any more. There are as many
-/// threads as shares, or as many as the system gives: none but this one, if it must be. Which
-/// thread takes a share must not matter.
+/// threads as are allowed and as there are shares for, or as many as the system gives: none but this
+/// one, if it must be. Which thread takes a share must not matter.
 pub(crate) fn share_out<S: Send>(
+    threads: NonZeroUsize,
     shares: impl ExactSizeIterator<Item = S> + Send,
     own: impl FnMut(S) -> Result<(), Cancelled>,
     other: impl Fn(S) + Sync,
 ) -> Result<(), Cancelled> {
-    share_out_on(Builder::new, shares, own, other)
+    share_out_on(Builder::new, threads, shares, own, other)
 }
 
 /// The same on threads built as is said.
 fn share_out_on<S: Send>(
     new_thread: impl Fn() -> Builder,
+    threads: NonZeroUsize,
     shares: impl ExactSizeIterator<Item = S> + Send,
     mut own: impl FnMut(S) -> Result<(), Cancelled>,
     other: impl Fn(S) + Sync,
 ) -> Result<(), Cancelled> {
-    let helpers = shares.len().saturating_sub(1);
+    let helpers = shares.len().min(threads.get()).saturating_sub(1);
     let shares = Mutex::new(shares);
     let next = || shares.lock().unwrap_or_else(PoisonError::into_inner).next();
     let help = || {
@@ -51,6 +53,7 @@ fn share_out_on<S: Send>(
 
 /// The same with one kind of work that nobody cancels.
 pub(crate) fn share_out_all<S: Send>(
+    threads: NonZeroUsize,
     shares: impl ExactSizeIterator<Item = S> + Send,
     work: impl Fn(S) + Sync,
 ) {
@@ -58,7 +61,7 @@ pub(crate) fn share_out_all<S: Send>(
         work(share);
         Ok(())
     };
-    let _ = share_out(shares, own, &work);
+    let _ = share_out(threads, shares, own, &work);
 }
 
 /// Calls `work` on corresponding parts of two slices of one length, on as many threads as are
@@ -72,7 +75,7 @@ pub(crate) fn in_parallel<A: Sync, B: Send>(
     let share = input.len().div_ceil(threads.get()).max(LEAST_SHARE);
     let shares = input.chunks(share).zip(output.chunks_mut(share));
     let work = |(input, output): (&[A], &mut [B])| work(input, output);
-    share_out_all(shares, work);
+    share_out_all(threads, shares, work);
 }
 
 /// What a band asks before each of its rows: whether to go on.
@@ -96,12 +99,14 @@ pub(crate) fn in_row_bands<T: Send>(
     let own = |(i, band): (usize, &mut [T])| work(i * rows, band, &ask);
     // Only a cancelled work ends early, and of that the caller's own thread tells.
     let other = |(i, band): (usize, &mut [T])| _ = work(i * rows, band, &hear);
-    share_out(bands, own, other)
+    share_out(threads, bands, own, other)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const THREADS: NonZeroUsize = NonZeroUsize::new(8).unwrap();
 
     /// A thread that no system has the memory to start.
     fn that_never_starts() -> Builder {
@@ -118,7 +123,7 @@ mod tests {
                 Ok(())
             };
             let other = |_| unreachable!();
-            assert_eq!(share_out_on(that_never_starts, 0..shares, own, other), Ok(()));
+            assert_eq!(share_out_on(that_never_starts, THREADS, 0..shares, own, other), Ok(()));
             assert_eq!(done, (0..shares).collect::<Vec<_>>());
         }
     }
@@ -130,7 +135,7 @@ mod tests {
             begun += 1;
             Err(Cancelled)
         };
-        let result = share_out_on(that_never_starts, 0..5, own, |_: usize| unreachable!());
+        let result = share_out_on(that_never_starts, THREADS, 0..5, own, |_: usize| unreachable!());
         assert_eq!((result, begun), (Err(Cancelled), 1));
     }
 
@@ -144,7 +149,7 @@ mod tests {
             Ok(())
         };
         let take = |_: usize| taken.store(true, Ordering::Relaxed);
-        assert_eq!(share_out(0..2, wait, take), Ok(()));
+        assert_eq!(share_out(THREADS, 0..2, wait, take), Ok(()));
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Everything that decides which mesh is made of an image, its bounds, and what it means for one.
 
 use crate::choices::{
-    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Policy, PscTie, Reconstruction, Scan,
-    Smoothing, SmoothingDirection, Startup, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Parallel, Policy, PscTie,
+    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 use crate::image::{ImageError, MAX_SIDE, check_shape};
 use crate::mesh::Shape;
@@ -185,6 +185,8 @@ pub struct Parameters {
     pub values: Values,
     /// How the picture is rebuilt, which the error of faces is measured by.
     pub reconstruction: Reconstruction,
+    /// How greedy point removal is shared out to threads, where the target is a number of vertices.
+    pub parallel: Parallel,
     /// Seed of [`Generator::Random`] and [`Startup::Random`].
     pub seed: u64,
 }
@@ -238,6 +240,7 @@ impl Parameters {
             connectivity: Connectivity::Delaunay,
             values: Values::Sampled,
             reconstruction: Reconstruction::Linear,
+            parallel: Parallel::Exact,
             seed: 0,
         }
     }

@@ -5,7 +5,7 @@
 //! what the preferred-directions Delaunay triangulation is. So one order holds every size, and a mesh
 //! of it costs one triangulation. The squared errors of all sizes are known, too.
 
-use crate::choices::{ErrorMetric, Meshed};
+use crate::choices::{ErrorMetric, Meshed, Parallel};
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::{FaceErrors, Measure};
 use crate::generate::ruling_image;
@@ -239,7 +239,7 @@ fn remove_all(
     let triangulation = Triangulation::new(points, control)?;
     let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
     let Simplified { removals, error, .. } =
-        simplify(gray.as_ref().unwrap_or(ruling), triangulation, rule, control)?;
+        simplify(gray.as_ref().unwrap_or(ruling), triangulation, rule, Parallel::Exact, control)?;
     let is_squared_error =
         metric.is_squared_difference() && gray.is_none() && ruling.weights().is_none();
     Ok(Removed { removals, squared_error: is_squared_error.then_some(error) })

@@ -8,13 +8,14 @@ use crate::hole::HoleFiller;
 use crate::hole_memory::{HoleMemory, Shift};
 use crate::mesh::Point;
 use crate::small_removal::FewHoles;
-use crate::star::{Gap, Packed, Star, Stars};
+use crate::star::{Gap, Packed, Star, StarSource, Stars};
 
 /// The points and stars of a triangulation that loses vertices.
-pub(crate) struct Net {
+#[derive(Clone, Copy)]
+pub(crate) struct Net<'a, S> {
     /// The place of each vertex.
-    pub(crate) points: Vec<Point>,
-    pub(crate) stars: Stars,
+    pub(crate) points: &'a [Point],
+    pub(crate) stars: &'a S,
     /// The last column and row.
     pub(crate) right: i32,
     pub(crate) top: i32,
@@ -63,7 +64,13 @@ struct Wedge {
     error: u64,
 }
 
-impl Net {
+impl<S: StarSource> Net<'_, S> {
+    /// The stars among which that of a vertex is.
+    #[inline(always)]
+    pub(crate) fn stars_of(&self, vertex: u32) -> &Stars {
+        self.stars.stars_of(vertex)
+    }
+
     /// Tells whether all coordinates are below 2^14, so that 32 bits hold products of two.
     #[inline]
     pub(crate) fn is_narrow(&self) -> bool {
@@ -103,32 +110,38 @@ impl<'m> Remover<'m> {
     }
 
     /// By how much the error changes when a vertex goes, and what to remember of its hole.
-    pub(crate) fn evaluate(&mut self, vertex: u32, net: &Net) -> (i64, HoleMemory) {
+    pub(crate) fn evaluate(
+        &mut self,
+        vertex: u32,
+        net: &Net<'_, impl StarSource>,
+    ) -> (i64, HoleMemory) {
         if let Some(result) = self.few.evaluate(vertex, net, &mut self.errors) {
             return result;
         }
-        net.stars.read(vertex, &mut self.star);
-        let change = self.change(net, net.stars.memory(vertex), Shift::NONE);
+        net.stars_of(vertex).read(vertex, &mut self.star);
+        let change = self.change(net, net.stars_of(vertex).memory(vertex), Shift::NONE);
         (change, self.memory())
     }
 
-    /// The states of all neighbours after a vertex has gone, and by how much the error changes.
+    /// The states of all neighbours after a vertex has gone.
     pub(crate) fn prepare(
         &mut self,
         vertex: u32,
-        net: &Net,
+        net: &Net<'_, impl StarSource>,
         neighbours: &mut Vec<Neighbour>,
-    ) -> i64 {
-        net.stars.touch(net.stars.neighbours(vertex));
+    ) {
+        let stars = net.stars_of(vertex);
+        stars.touch(stars.neighbours(vertex));
         neighbours.clear();
-        if let Some(change) = self.few.prepare(vertex, net, &mut self.errors, neighbours) {
-            return change;
+        if self.few.prepare(vertex, net, &mut self.errors, neighbours).is_some() {
+            return;
         }
         neighbours.clear();
-        net.stars.read(vertex, &mut self.star);
-        let change = self
-            .recall(net.stars.memory(vertex))
-            .unwrap_or_else(|| self.change(net, net.stars.memory(vertex), Shift::NONE));
+        net.stars_of(vertex).read(vertex, &mut self.star);
+        let memory = net.stars_of(vertex).memory(vertex);
+        if !self.recall(memory) {
+            self.change(net, memory, Shift::NONE);
+        }
         self.collect_wedges();
         std::mem::swap(&mut self.hole, &mut self.star);
         let is_open = net.is_on_border(vertex);
@@ -140,23 +153,22 @@ impl<'m> Remover<'m> {
             first += count;
             neighbours.push(self.neighbour(self.hole.neighbours[place], vertex, net));
         }
-        change
     }
 
-    /// The change of error and the fill of the star in work, if all of it is remembered.
-    fn recall(&mut self, memory: &HoleMemory) -> Option<i64> {
-        let fill = memory.recall(self.star.neighbours.len() - 2)?;
+    /// Takes the fill of the star in work from memory, if all of it is remembered.
+    fn recall(&mut self, memory: &HoleMemory) -> bool {
+        let Some(fill) = memory.recall(self.star.neighbours.len() - 2) else { return false };
         self.fill_errors.clear();
         self.filler.take(fill.map(|(triangle, error)| {
             self.fill_errors.push(error);
             triangle
         }));
-        Some(self.fill_errors.iter().sum::<u64>() as i64 - self.star.error() as i64)
+        true
     }
 
     /// The change of error of the star in work, and its fill.
     #[inline]
-    fn change(&mut self, net: &Net, memory: &HoleMemory, shift: Shift) -> i64 {
+    fn change(&mut self, net: &Net<'_, impl StarSource>, memory: &HoleMemory, shift: Shift) -> i64 {
         self.boundary.clear();
         self.boundary.extend(self.star.neighbours.iter().map(|&v| net.points[v as usize]));
         self.fill_errors.clear();
@@ -218,13 +230,13 @@ impl<'m> Remover<'m> {
     }
 
     /// The state of a neighbour after `gone` has gone, with the gap closed as found.
-    fn neighbour(&mut self, vertex: u32, gone: u32, net: &Net) -> Neighbour {
+    fn neighbour(&mut self, vertex: u32, gone: u32, net: &Net<'_, impl StarSource>) -> Neighbour {
         let gap = Gap { successors: &self.successors, errors: &self.gap_errors };
-        let shift = net.stars.read_without(vertex, gone, gap, &mut self.star);
+        let shift = net.stars_of(vertex).read_without(vertex, gone, gap, &mut self.star);
         if net.is_corner(vertex) {
             return Neighbour { vertex, star: self.star.pack(HoleMemory::NOTHING), change: None };
         }
-        let change = self.change(net, net.stars.memory(vertex), shift);
+        let change = self.change(net, net.stars_of(vertex).memory(vertex), shift);
         Neighbour { vertex, star: self.star.pack(self.memory()), change: Some(change) }
     }
 }

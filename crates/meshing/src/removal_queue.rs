@@ -56,17 +56,29 @@ pub(crate) struct RemovalQueue {
     /// The entries at the other places: child `k` of place `i` is the `k`-th of the `i`-th element.
     children: Vec<Children>,
     len: usize,
-    /// Place of each vertex in the heap.
+    /// The number of the first vertex that may be in the queue.
+    first_vertex: u32,
+    /// Place of each vertex in the heap, from the first one on.
     places: Vec<u32>,
 }
 
 impl RemovalQueue {
     /// A queue of entries for some of `vertex_count` vertices.
     pub(crate) fn new(entries: Vec<Entry>, vertex_count: usize) -> Self {
+        Self::of_vertices_from(0, vertex_count, entries)
+    }
+
+    /// The same for vertices that are numbered from `first_vertex` on.
+    pub(crate) fn of_vertices_from(
+        first_vertex: u32,
+        vertex_count: usize,
+        entries: Vec<Entry>,
+    ) -> Self {
         let mut queue = Self {
             first: NO_KEY,
             children: vec![Children([NO_KEY; ARITY]); entries.len().div_ceil(ARITY)],
             len: entries.len(),
+            first_vertex,
             places: vec![ABSENT; vertex_count],
         };
         for (place, entry) in entries.into_iter().enumerate() {
@@ -108,12 +120,30 @@ impl RemovalQueue {
         least
     }
 
+    /// Number of vertices in the queue.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// All entries, in any order.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
+        let others = self.children.iter().flat_map(|Children(keys)| keys);
+        let keys = std::iter::once(&self.first).chain(others);
+        keys.filter(|&&key| key != NO_KEY).map(|&key| Entry::from_key(key))
+    }
+
+    /// The change of a vertex of the queue.
+    pub(crate) fn change_of(&self, vertex: u32) -> i64 {
+        Entry::from_key(self.at(self.places[self.index(vertex)] as usize)).change
+    }
+
     /// Takes out the first vertex.
     pub(crate) fn remove_first(&mut self) {
         if self.len == 0 {
             return;
         }
-        self.places[self.first as u32 as usize] = ABSENT;
+        let gone = self.index(self.first as u32);
+        self.places[gone] = ABSENT;
         self.len -= 1;
         let last = self.at(self.len);
         self.set(self.len, NO_KEY);
@@ -124,7 +154,7 @@ impl RemovalQueue {
 
     /// Gives a vertex of the queue another key.
     pub(crate) fn change(&mut self, vertex: u32, change: i64) {
-        let place = self.places[vertex as usize] as usize;
+        let place = self.places[self.index(vertex)] as usize;
         let old = self.at(place);
         let key = Entry { change, ..Entry::from_key(old) }.key();
         if key < old {
@@ -163,6 +193,12 @@ impl RemovalQueue {
         self.put(place, key);
     }
 
+    /// Where the place of a vertex is noted.
+    #[inline(always)]
+    fn index(&self, vertex: u32) -> usize {
+        vertex.wrapping_sub(self.first_vertex) as usize
+    }
+
     /// The entry at a place.
     #[inline]
     fn at(&self, place: usize) -> u128 {
@@ -184,7 +220,8 @@ impl RemovalQueue {
     #[inline]
     fn put(&mut self, place: usize, key: u128) {
         self.set(place, key);
-        self.places[key as u32 as usize] = place as u32;
+        let index = self.index(key as u32);
+        self.places[index] = place as u32;
     }
 }
 

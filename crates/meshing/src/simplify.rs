@@ -6,7 +6,7 @@
 //! interpolants, in whole numbers; equal changes go by row, then column. Removing one vertex
 //! changes the keys of its neighbours alone, about six.
 
-use crate::choices::ErrorMetric;
+use crate::choices::{ErrorMetric, Parallel};
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::{FaceErrors, Measure};
 use crate::foresight::Foresight;
@@ -18,8 +18,9 @@ use crate::parallel::in_parallel;
 use crate::parameters::ErrorBound;
 use crate::removal::{Neighbour, Net, Remover};
 use crate::removal_queue::{Entry, RemovalQueue};
-use crate::star::{ROOM, Stars};
+use crate::star::{ROOM, StarSource, Stars};
 use crate::tile_order::tile_order;
+use crate::tiled_removal::{self, remove_by_tiles};
 use crate::triangulation::Triangulation;
 
 /// Faces measured, and vertices evaluated for the first time, between two polls of the control.
@@ -68,121 +69,100 @@ pub(crate) fn simplify(
     image: &Image,
     triangulation: Triangulation,
     rule: StopRule,
+    parallel: Parallel,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
     let measure = Measure::new(image, rule.metric);
-    let surplus = triangulation.points.len().saturating_sub(rule.size);
-    let mut simplification =
-        Simplification::new(image, &triangulation, &measure, surplus, control)?;
-    drop(triangulation);
-    let mut queue = simplification.evaluate_all(&measure, surplus, control)?;
-    let mut foresight =
-        Foresight::new(&measure, simplification.net.points.len(), control.threads());
-    let mut removals = Vec::with_capacity(surplus);
-    while let Some(Entry { change, vertex, .. }) = queue.first() {
-        control.poll(Stage::Simplify, removals.len().min(surplus), surplus)?;
-        if simplification.must_stop(change, rule) {
+    let (vertices, stars, entries, tally) = prepare(image, triangulation, rule, &measure, control)?;
+    if parallel == Parallel::Tiles && tiled_removal::is_worth_while(&tally) {
+        return remove_by_tiles(&vertices, stars, entries, &measure, tally, control);
+    }
+    remove_in_order(&vertices, stars, entries, &measure, tally, control)
+}
+
+/// The vertices of a triangulation, their stars, an entry for each that may leave, and the tally
+/// before any has left.
+pub(crate) fn prepare<'a>(
+    image: &'a Image,
+    triangulation: Triangulation,
+    rule: StopRule,
+    measure: &Measure<'_>,
+    control: &dyn Control,
+) -> Result<(Vertices, Stars, Vec<Entry>, Tally<'a>), Cancelled> {
+    let count = triangulation.points.len();
+    let surplus = count.saturating_sub(rule.size);
+    let errors = errors_of(&triangulation, measure, surplus, control)?;
+    let tally = Tally::new(image, rule, count, errors.iter().sum());
+    let (vertices, mut stars) = Vertices::new(image, &triangulation, &errors);
+    drop((triangulation, errors));
+    let entries = vertices.evaluate_all(&mut stars, measure, &tally, control)?;
+    Ok((vertices, stars, entries, tally))
+}
+
+/// Removes vertices one by one, always the one whose removal raises the error least.
+fn remove_in_order(
+    vertices: &Vertices,
+    stars: Stars,
+    entries: Vec<Entry>,
+    measure: &Measure<'_>,
+    mut tally: Tally<'_>,
+    control: &dyn Control,
+) -> Result<Simplified, Cancelled> {
+    let count = vertices.points.len();
+    let mut simplification = Simplification::new(vertices, stars, entries, measure);
+    let mut foresight = Foresight::new(measure, count, control.threads());
+    while let Some(first) = simplification.queue.first() {
+        tally.poll(control)?;
+        if tally.must_stop(first.change) {
             break;
         }
         if let Some(foresight) = &mut foresight {
-            foresight.look_ahead(&simplification.net, &queue, simplification.remaining);
+            let net = vertices.net(&simplification.stars);
+            foresight.look_ahead(&net, &simplification.queue, tally.remaining);
         }
-        queue.remove_first();
-        simplification.touch_next(&queue);
-        simplification.remove(vertex, foresight.as_mut(), &mut queue);
-        removals.push(Removal { point: simplification.net.points[vertex as usize], change });
+        simplification.remove_first(foresight.as_mut());
+        tally.note(vertices, first);
     }
-    let (points, faces) = simplification.mesh();
-    Ok(Simplified { points, faces, removals, error: simplification.total_error })
+    Ok(tally.finish(vertices, &simplification.stars))
 }
 
-/// A triangulation that loses vertices.
-struct Simplification<'a> {
+/// How far removal has come, and when it ends.
+pub(crate) struct Tally<'a> {
     image: &'a Image,
-    net: Net,
-    /// The places of the vertices by row, then column.
-    ranks: Vec<u32>,
-    remover: Remover<'a>,
-    /// The neighbours of the last vertex that went.
-    neighbours: Vec<Neighbour>,
-    /// Sum of the errors of all faces.
-    total_error: u64,
+    pub(crate) rule: StopRule,
+    /// Vertices that must go at least, if nothing else ends removal.
+    surplus: usize,
     /// Vertices not removed.
-    remaining: usize,
+    pub(crate) remaining: usize,
+    /// Sum of the errors of all faces.
+    error: u64,
+    removals: Vec<Removal>,
 }
 
-impl<'a> Simplification<'a> {
-    fn new(
-        image: &'a Image,
-        triangulation: &Triangulation,
-        measure: &'a Measure<'a>,
-        surplus: usize,
-        control: &dyn Control,
-    ) -> Result<Self, Cancelled> {
-        let errors = errors_of(triangulation, measure, surplus, control)?;
-        let ranks = tile_order(&triangulation.points, image.width(), image.height());
-        let mut numbers = vec![0; ranks.len()];
-        for (number, &rank) in (0..).zip(&ranks) {
-            numbers[rank as usize] = number;
-        }
-        let net = Net {
-            stars: Stars::new(triangulation, &numbers, &errors),
-            points: ranks.iter().map(|&rank| triangulation.points[rank as usize]).collect(),
-            right: image.width() as i32 - 1,
-            top: image.height() as i32 - 1,
-        };
-        Ok(Self {
-            image,
-            remaining: net.points.len(),
-            net,
-            ranks,
-            remover: Remover::new(measure),
-            neighbours: Vec::new(),
-            total_error: errors.iter().sum(),
-        })
+impl<'a> Tally<'a> {
+    fn new(image: &'a Image, rule: StopRule, count: usize, error: u64) -> Self {
+        let surplus = count.saturating_sub(rule.size);
+        let removals = Vec::with_capacity(surplus);
+        Self { image, rule, surplus, remaining: count, error, removals }
     }
 
-    /// The queue of all vertices but the corners of the image.
-    fn evaluate_all(
-        &mut self,
-        measure: &Measure<'_>,
-        surplus: usize,
-        control: &dyn Control,
-    ) -> Result<RemovalQueue, Cancelled> {
-        let count = self.net.points.len();
-        let mut entries = Vec::with_capacity(count);
-        let mut evaluated = Vec::new();
-        for first in (0..count).step_by(VERTICES_PER_ROUND) {
-            control.poll(Stage::Simplify, 0, surplus)?;
-            let vertices: Vec<u32> =
-                (first as u32..count.min(first + VERTICES_PER_ROUND) as u32).collect();
-            evaluated.clear();
-            evaluated.resize(vertices.len(), (0, HoleMemory::NOTHING));
-            let net = &self.net;
-            in_parallel(&vertices, &mut evaluated, control.threads(), |vertices, evaluated| {
-                let mut remover = Remover::new(measure);
-                for (&vertex, evaluated) in vertices.iter().zip(evaluated) {
-                    if !net.is_corner(vertex) {
-                        *evaluated = remover.evaluate(vertex, net);
-                    }
-                }
-            });
-            for (vertex, &(change, memory)) in vertices.into_iter().zip(&evaluated) {
-                if !self.net.is_corner(vertex) {
-                    self.net.stars.remember(vertex, memory);
-                    entries.push(Entry { change, rank: self.ranks[vertex as usize], vertex });
-                }
-            }
-        }
-        Ok(RemovalQueue::new(entries, count))
+    /// Vertices that must still go.
+    pub(crate) fn surplus_left(&self) -> usize {
+        self.surplus.saturating_sub(self.removals.len())
+    }
+
+    /// Tells the control how far removal has come.
+    pub(crate) fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
+        control.poll(Stage::Simplify, self.removals.len().min(self.surplus), self.surplus)
     }
 
     /// Tells whether a removal with this change must not be made.
-    fn must_stop(&self, change: i64, rule: StopRule) -> bool {
+    pub(crate) fn must_stop(&self, change: i64) -> bool {
+        let rule = self.rule;
         if self.remaining <= rule.size {
             return !(rule.bad_point_removal && change < 0);
         }
-        let error = self.total_error.wrapping_add_signed(change);
+        let error = self.error.wrapping_add_signed(change);
         match rule.bound {
             None => false,
             Some(ErrorBound::PsnrDb(least)) => {
@@ -194,54 +174,94 @@ impl<'a> Simplification<'a> {
         }
     }
 
-    /// Asks memory for what the removals after this one will probably need: for the next one the
-    /// stars around it, for the one after that its own, which tells where those around it are.
-    #[inline]
-    fn touch_next(&self, queue: &RemovalQueue) {
-        let stars = &self.net.stars;
-        if let Some(next) = queue.first() {
-            let around = stars.neighbours(next.vertex);
-            stars.touch(&around[..around.len().min(ROOM)]);
-        }
-        if let Some(second) = queue.second() {
-            stars.touch(&[second.vertex]);
-        }
-    }
-
-    /// Takes a vertex out of the mesh, fills its hole and gives its neighbours their new keys.
-    fn remove(
-        &mut self,
-        vertex: u32,
-        mut foresight: Option<&mut Foresight<'_>>,
-        queue: &mut RemovalQueue,
-    ) {
-        let foreseen = foresight.as_mut().and_then(|foresight| foresight.take(vertex, &self.net));
-        let change = match foreseen {
-            Some(prepared) => {
-                std::mem::swap(&mut self.neighbours, &mut prepared.neighbours);
-                prepared.change
-            }
-            None => self.remover.prepare(vertex, &self.net, &mut self.neighbours),
-        };
-        for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
-            self.net.stars.write(vertex, star);
-            if let Some(foresight) = &mut foresight {
-                foresight.note_change(vertex);
-            }
-            if let Some(change) = change {
-                queue.change(vertex, change);
-            }
-        }
-        self.net.stars.remove(vertex);
-        self.total_error = self.total_error.wrapping_add_signed(change);
+    /// Counts a vertex that has gone.
+    pub(crate) fn note(&mut self, vertices: &Vertices, gone: Entry) {
+        let point = vertices.points[gone.vertex as usize];
+        self.removals.push(Removal { point, change: gone.change });
+        self.error = self.error.wrapping_add_signed(gone.change);
         self.remaining -= 1;
     }
 
+    /// What is left.
+    pub(crate) fn finish(self, vertices: &Vertices, stars: &impl StarSource) -> Simplified {
+        let (points, faces) = vertices.mesh(stars);
+        Simplified { points, faces, removals: self.removals, error: self.error }
+    }
+}
+
+/// The places of the vertices of a triangulation, numbered tile by tile.
+pub(crate) struct Vertices {
+    pub(crate) points: Vec<Point>,
+    /// Their places by row, then column.
+    ranks: Vec<u32>,
+    /// The last column and row of the image.
+    right: i32,
+    top: i32,
+}
+
+impl Vertices {
+    /// The vertices and their stars, with the errors of all triangles.
+    fn new(image: &Image, triangulation: &Triangulation, errors: &[u64]) -> (Self, Stars) {
+        let ranks = tile_order(&triangulation.points, image.width(), image.height());
+        let mut numbers = vec![0; ranks.len()];
+        for (number, &rank) in (0..).zip(&ranks) {
+            numbers[rank as usize] = number;
+        }
+        let stars = Stars::new(triangulation, &numbers, errors);
+        let points = ranks.iter().map(|&rank| triangulation.points[rank as usize]).collect();
+        let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
+        (Self { points, ranks, right, top }, stars)
+    }
+
+    /// The vertices with their stars.
+    #[inline]
+    pub(crate) fn net<'a, S: StarSource>(&'a self, stars: &'a S) -> Net<'a, S> {
+        Net { points: &self.points, stars, right: self.right, top: self.top }
+    }
+
+    /// The entries of all vertices but the corners of the image, by number, and what is remembered
+    /// of their holes.
+    fn evaluate_all(
+        &self,
+        stars: &mut Stars,
+        measure: &Measure<'_>,
+        tally: &Tally<'_>,
+        control: &dyn Control,
+    ) -> Result<Vec<Entry>, Cancelled> {
+        let count = self.points.len();
+        let mut entries = Vec::with_capacity(count);
+        let mut evaluated = Vec::new();
+        for first in (0..count).step_by(VERTICES_PER_ROUND) {
+            tally.poll(control)?;
+            let vertices: Vec<u32> =
+                (first as u32..count.min(first + VERTICES_PER_ROUND) as u32).collect();
+            evaluated.clear();
+            evaluated.resize(vertices.len(), (0, HoleMemory::NOTHING));
+            let net = self.net(stars);
+            in_parallel(&vertices, &mut evaluated, control.threads(), |vertices, evaluated| {
+                let mut remover = Remover::new(measure);
+                for (&vertex, evaluated) in vertices.iter().zip(evaluated) {
+                    if !net.is_corner(vertex) {
+                        *evaluated = remover.evaluate(vertex, &net);
+                    }
+                }
+            });
+            for (vertex, &(change, memory)) in vertices.into_iter().zip(&evaluated) {
+                if !self.net(stars).is_corner(vertex) {
+                    stars.remember(vertex, memory);
+                    entries.push(Entry { change, rank: self.ranks[vertex as usize], vertex });
+                }
+            }
+        }
+        Ok(entries)
+    }
+
     /// The points and faces of the vertices that are left.
-    fn mesh(&self) -> (Vec<Point>, Vec<Face>) {
-        let Self { net, ranks, .. } = self;
+    fn mesh(&self, stars: &impl StarSource) -> (Vec<Point>, Vec<Face>) {
+        let (net, ranks) = (self.net(stars), &self.ranks);
         let mut by_rank = vec![GONE; ranks.len()];
-        for (vertex, &rank) in (0..).zip(ranks).filter(|&(v, _)| !net.stars.is_gone(v)) {
+        let is_gone = |vertex| stars.stars_of(vertex).is_gone(vertex);
+        for (vertex, &rank) in (0..).zip(ranks).filter(|&(v, _)| !is_gone(v)) {
             by_rank[rank as usize] = vertex;
         }
         by_rank.retain(|&vertex| vertex != GONE);
@@ -249,12 +269,74 @@ impl<'a> Simplification<'a> {
         for (number, &vertex) in (0..).zip(&by_rank) {
             numbers[vertex as usize] = number;
         }
-        let points = by_rank.iter().map(|&vertex| net.points[vertex as usize]).collect();
+        let points = by_rank.iter().map(|&vertex| self.points[vertex as usize]).collect();
         let mut faces = Vec::with_capacity(2 * by_rank.len());
         for &vertex in &by_rank {
-            faces_at(vertex, net, &numbers, &mut faces);
+            faces_at(vertex, &net, &numbers, &mut faces);
         }
         (points, faces)
+    }
+}
+
+/// Vertices that leave, with what removal keeps of them.
+struct Simplification<'a> {
+    vertices: &'a Vertices,
+    stars: Stars,
+    queue: RemovalQueue,
+    remover: Remover<'a>,
+    /// The neighbours of the last vertex that went.
+    neighbours: Vec<Neighbour>,
+}
+
+impl<'a> Simplification<'a> {
+    /// Vertices, with an entry for each that may leave.
+    fn new(
+        vertices: &'a Vertices,
+        stars: Stars,
+        entries: Vec<Entry>,
+        measure: &'a Measure<'a>,
+    ) -> Self {
+        let queue = RemovalQueue::new(entries, vertices.points.len());
+        let remover = Remover::new(measure);
+        Self { vertices, stars, queue, remover, neighbours: Vec::new() }
+    }
+
+    /// Takes the first vertex of the queue out of the mesh, fills its hole and gives its neighbours
+    /// their new keys.
+    fn remove_first(&mut self, mut foresight: Option<&mut Foresight<'_>>) {
+        let Some(Entry { vertex, .. }) = self.queue.first() else { return };
+        self.queue.remove_first();
+        self.touch_next();
+        let net = self.vertices.net(&self.stars);
+        let foreseen = foresight.as_mut().and_then(|foresight| foresight.take(vertex, &net));
+        match foreseen {
+            Some(prepared) => std::mem::swap(&mut self.neighbours, &mut prepared.neighbours),
+            None => _ = self.remover.prepare(vertex, &net, &mut self.neighbours),
+        };
+        for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
+            self.stars.write(vertex, star);
+            if let Some(foresight) = &mut foresight {
+                foresight.note_change(vertex);
+            }
+            if let Some(change) = change {
+                self.queue.change(vertex, change);
+            }
+        }
+        self.stars.remove(vertex);
+    }
+
+    /// Asks memory for what the removals after this one will probably need: for the next one the
+    /// stars around it, for the one after that its own, which tells where those around it are.
+    #[inline]
+    fn touch_next(&self) {
+        let Self { stars, queue, .. } = self;
+        if let Some(next) = queue.first() {
+            let around = stars.neighbours(next.vertex);
+            stars.touch(&around[..around.len().min(ROOM)]);
+        }
+        if let Some(second) = queue.second() {
+            stars.touch(&[second.vertex]);
+        }
     }
 }
 
@@ -283,8 +365,8 @@ fn errors_of(
 }
 
 /// Adds the faces of which a vertex is the one of the smallest number, in ascending order.
-fn faces_at(vertex: u32, net: &Net, numbers: &[u32], faces: &mut Vec<Face>) {
-    let neighbours = net.stars.neighbours(vertex);
+fn faces_at(vertex: u32, net: &Net<'_, impl StarSource>, numbers: &[u32], faces: &mut Vec<Face>) {
+    let neighbours = net.stars_of(vertex).neighbours(vertex);
     let number = numbers[vertex as usize];
     let begun = faces.len();
     for (i, &neighbour) in neighbours.iter().enumerate() {
@@ -320,16 +402,21 @@ mod tests {
     }
 
     /// The errors kept for the faces are those computed afresh.
-    fn assert_errors_are_current(simplification: &Simplification<'_>, measure: &Measure<'_>) {
+    fn assert_errors_are_current(
+        simplification: &Simplification<'_>,
+        measure: &Measure<'_>,
+        total_error: u64,
+    ) {
         let mut errors = FaceErrors::new(measure);
-        let Net { points, stars, .. } = &simplification.net;
+        let Simplification { vertices, stars, .. } = simplification;
+        let points = &vertices.points;
         let (mut star, mut total) = (Star::default(), 0);
         for v in (0..points.len() as u32).filter(|&v| !stars.is_gone(v)) {
             stars.read(v, &mut star);
             let neighbours = &star.neighbours;
             for (i, &error) in star.errors.iter().enumerate() {
                 let last = i + 1 == neighbours.len();
-                let fresh = if last && simplification.net.is_on_border(v) {
+                let fresh = if last && vertices.net(stars).is_on_border(v) {
                     0
                 } else {
                     let next = neighbours[if last { 0 } else { i + 1 }];
@@ -339,30 +426,27 @@ mod tests {
                 total += fresh;
             }
         }
-        assert_eq!(3 * simplification.total_error, total);
+        assert_eq!(3 * total_error, total);
     }
 
     /// The faces are those of the vertices that are left, triangulated afresh.
     fn assert_triangulated_afresh(simplification: &Simplification<'_>) {
-        let (points, faces) = simplification.mesh();
+        let (points, faces) = simplification.vertices.mesh(&simplification.stars);
         assert!(points.is_sorted());
         assert_eq!(faces, triangulate(&points));
     }
 
     /// The queue's keys are the changes computed afresh, with nothing remembered.
-    fn assert_keys_are_current(simplification: &mut Simplification<'_>, queue: &mut RemovalQueue) {
-        let mut entries = Vec::new();
-        while let Some(entry) = queue.first() {
-            let stars = &mut simplification.net.stars;
+    fn assert_keys_are_current(simplification: &mut Simplification<'_>) {
+        for entry in simplification.queue.entries() {
+            let stars = &mut simplification.stars;
             let remembered = *stars.memory(entry.vertex);
             stars.remember(entry.vertex, HoleMemory::NOTHING);
-            let (change, _) = simplification.remover.evaluate(entry.vertex, &simplification.net);
-            simplification.net.stars.remember(entry.vertex, remembered);
+            let net = simplification.vertices.net(stars);
+            let (change, _) = simplification.remover.evaluate(entry.vertex, &net);
+            stars.remember(entry.vertex, remembered);
             assert_eq!(change, entry.change);
-            entries.push(entry);
-            queue.remove_first();
         }
-        *queue = RemovalQueue::new(entries, simplification.net.points.len());
     }
 
     proptest! {
@@ -375,20 +459,20 @@ mod tests {
         ) {
             let image = picture(width, height, &samples);
             let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
-            let mut simplification =
-                Simplification::new(&image, &triangulation, &measure, 1, &Unattended).unwrap();
-            let mut queue = simplification.evaluate_all(&measure, 1, &Unattended).unwrap();
-            while let Some(Entry { change, vertex, .. }) = queue.first() {
-                let before = simplification.total_error;
-                queue.remove_first();
-                simplification.remove(vertex, None, &mut queue);
-                prop_assert_eq!(simplification.total_error, before.wrapping_add_signed(change));
-                assert_errors_are_current(&simplification, &measure);
+            let metric = ErrorMetric::MeanCompSe;
+            let measure = Measure::new(&image, metric);
+            let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
+            let (vertices, stars, entries, mut tally) =
+                prepare(&image, triangulation, rule, &measure, &Unattended).unwrap();
+            let mut simplification = Simplification::new(&vertices, stars, entries, &measure);
+            while let Some(first) = simplification.queue.first() {
+                simplification.remove_first(None);
+                tally.note(&vertices, first);
+                assert_errors_are_current(&simplification, &measure, tally.error);
                 assert_triangulated_afresh(&simplification);
-                assert_keys_are_current(&mut simplification, &mut queue);
+                assert_keys_are_current(&mut simplification);
             }
-            prop_assert_eq!(simplification.remaining, 4);
+            prop_assert_eq!(tally.remaining, 4);
         }
     }
 }

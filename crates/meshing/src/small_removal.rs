@@ -10,7 +10,7 @@ use crate::hole::few::{PLACES, TRIANGLES, fill_few};
 use crate::hole_memory::{HoleMemory, SLOTS};
 use crate::mesh::Point;
 use crate::removal::{Neighbour, Net};
-use crate::star::{Packed, Record};
+use crate::star::{Packed, Record, StarSource};
 
 /// The most neighbours of a vertex that goes: all triangles of its fill are remembered.
 const MOST_NEIGHBOURS: usize = SLOTS + 2;
@@ -74,10 +74,10 @@ impl FewHoles {
     pub(crate) fn evaluate(
         &mut self,
         vertex: u32,
-        net: &Net,
+        net: &Net<'_, impl StarSource>,
         errors: &mut FaceErrors<'_>,
     ) -> Option<(i64, HoleMemory)> {
-        let record = net.stars.record(vertex);
+        let record = net.stars_of(vertex).record(vertex);
         if !net.is_narrow() || !record.is_within() {
             return None;
         }
@@ -89,16 +89,15 @@ impl FewHoles {
         Some((change, record.memory))
     }
 
-    /// The states of all neighbours after a vertex has gone, and by how much the error changes;
-    /// `None` when there are many neighbours or large errors, or when the vertex is on the border.
+    /// The states of all neighbours after a vertex has gone; `None` when there are many neighbours or large errors, or when the vertex is on the border.
     pub(crate) fn prepare(
         &mut self,
         vertex: u32,
-        net: &Net,
+        net: &Net<'_, impl StarSource>,
         errors: &mut FaceErrors<'_>,
         neighbours: &mut Vec<Neighbour>,
-    ) -> Option<i64> {
-        let hole = net.stars.record(vertex);
+    ) -> Option<()> {
+        let hole = net.stars_of(vertex).record(vertex);
         if !net.is_narrow() || !hole.is_within() || net.is_on_border(vertex) {
             return None;
         }
@@ -106,7 +105,7 @@ impl FewHoles {
         self.face_count = 0;
         for (place, &neighbour) in hole.neighbours().iter().enumerate() {
             let gap = fans.gap(place);
-            let old = net.stars.record(neighbour);
+            let old = net.stars_of(neighbour).record(neighbour);
             let (mut record, at) = old.without(vertex, &gap)?;
             let mut change = None;
             if !net.is_corner(neighbour) {
@@ -123,7 +122,7 @@ impl FewHoles {
                 *change = self.finish(place, &mut neighbour.star.record)?;
             }
         }
-        Some(fans.error as i64 - hole.error() as i64)
+        Some(())
     }
 
     /// Fills the hole of a vertex, of which `number` holes there are before, and looks up what is
@@ -135,7 +134,7 @@ impl FewHoles {
         record: &mut Record,
         memory: &HoleMemory,
         former: &FormerPlaces,
-        net: &Net,
+        net: &Net<'_, impl StarSource>,
     ) {
         let mut points = [Point::new(0, 0); PLACES];
         for (point, &vertex) in points.iter_mut().zip(record.all_neighbours()) {
@@ -195,8 +194,6 @@ struct Fans<'a> {
     /// For each two places the one that makes a triangle with them, and that triangle's number.
     thirds: [(u8, u8); MOST_NEIGHBOURS * MOST_NEIGHBOURS],
     errors: [u32; SLOTS],
-    /// The sum of all errors.
-    error: u64,
 }
 
 impl<'a> Fans<'a> {
@@ -207,12 +204,8 @@ impl<'a> Fans<'a> {
         if degree > MOST_NEIGHBOURS {
             return None;
         }
-        let mut fans = Self {
-            hole,
-            thirds: [(0, 0); MOST_NEIGHBOURS * MOST_NEIGHBOURS],
-            errors: [0; SLOTS],
-            error: 0,
-        };
+        let mut fans =
+            Self { hole, thirds: [(0, 0); MOST_NEIGHBOURS * MOST_NEIGHBOURS], errors: [0; SLOTS] };
         let fill = hole.memory.recall(degree - 2)?;
         for (i, ([a, b, c], error)) in fill.enumerate() {
             for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
@@ -220,7 +213,6 @@ impl<'a> Fans<'a> {
                 fans.thirds[edge % fans.thirds.len()] = (third as u8, i as u8);
             }
             fans.errors[i % SLOTS] = error as u32;
-            fans.error += error;
         }
         Some(fans)
     }

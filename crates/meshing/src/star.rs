@@ -9,6 +9,7 @@ use crate::hole_memory::{HoleMemory, Shift};
 use crate::small_removal::FewGap;
 use crate::triangulation::{NONE, Triangulation, next, previous};
 use std::hint::black_box;
+use std::ops::Range;
 
 /// Neighbours that a record has room for; six in a thousand vertices have more.
 pub(crate) const ROOM: usize = 9;
@@ -47,12 +48,27 @@ pub(crate) struct Packed {
     pub(crate) listed: Option<Box<Star>>,
 }
 
-/// The stars of all vertices.
+/// The stars of vertices whose numbers follow each other.
 pub(crate) struct Stars {
+    /// The number of the first of them.
+    first: u32,
     records: Vec<Record>,
     lists: Vec<Star>,
     /// Lists that no vertex uses.
     unused: Vec<u32>,
+}
+
+/// Where the stars of vertices are found.
+pub(crate) trait StarSource: Sync {
+    /// The stars among which that of a vertex is.
+    fn stars_of(&self, vertex: u32) -> &Stars;
+}
+
+impl StarSource for Stars {
+    #[inline(always)]
+    fn stars_of(&self, _: u32) -> &Stars {
+        self
+    }
 }
 
 impl Record {
@@ -216,6 +232,7 @@ impl Stars {
     pub(crate) fn new(triangulation: &Triangulation, numbers: &[u32], errors: &[u64]) -> Self {
         let Triangulation { origins, twins, .. } = triangulation;
         let mut stars = Self {
+            first: 0,
             records: vec![Record::GONE; numbers.len()],
             lists: Vec::new(),
             unused: Vec::new(),
@@ -242,52 +259,84 @@ impl Stars {
         stars
     }
 
+    /// The same in parts of so many vertices each, but for the last.
+    pub(crate) fn split(mut self, size: usize) -> Vec<Self> {
+        let mut parts = Vec::with_capacity(self.records.len().div_ceil(size));
+        for first in (0..self.records.len()).step_by(size).rev() {
+            let records = self.records.split_off(first);
+            // Or all records would be in memory twice.
+            self.records.shrink_to_fit();
+            let mut part =
+                Self { first: first as u32, records, lists: Vec::new(), unused: Vec::new() };
+            for record in part.records.iter_mut().filter(|record| record.degree == LISTED) {
+                let list = &mut self.lists[record.neighbours[0] as usize];
+                record.neighbours[0] = part.lists.len() as u32;
+                part.lists.push(std::mem::take(list));
+            }
+            parts.push(part);
+        }
+        parts.reverse();
+        parts
+    }
+
+    /// The numbers of the vertices.
+    pub(crate) fn numbers(&self) -> Range<u32> {
+        self.first..self.first + self.records.len() as u32
+    }
+
+    /// The place of a vertex among the records.
+    #[inline(always)]
+    fn place(&self, vertex: u32) -> usize {
+        vertex.wrapping_sub(self.first) as usize
+    }
+
+    /// Asks memory for the records of several vertices at once, so that they come together instead of
+    /// one after the other as each is used. Those of vertices elsewhere are left out.
+    #[inline]
+    pub(crate) fn touch(&self, vertices: &[u32]) {
+        let lines = vertices.iter().map(|&v| {
+            let record = self.records.get(self.place(v));
+            record.map_or(0, |record| record.degree ^ record.errors[ROOM - 1])
+        });
+        black_box(lines.fold(0, |all, line| all ^ line));
+    }
+
     /// The record of a vertex.
     #[inline]
     pub(crate) fn record(&self, vertex: u32) -> &Record {
-        &self.records[vertex as usize]
+        &self.records[self.place(vertex)]
     }
 
     /// Tells whether a vertex is gone.
     pub(crate) fn is_gone(&self, vertex: u32) -> bool {
-        self.records[vertex as usize].degree == 0
+        self.record(vertex).degree == 0
     }
 
     /// The neighbours of a vertex, counter-clockwise.
     #[inline]
     pub(crate) fn neighbours(&self, vertex: u32) -> &[u32] {
-        let record = &self.records[vertex as usize];
+        let record = self.record(vertex);
         match record.degree {
             LISTED => &self.lists[record.neighbours[0] as usize].neighbours,
             degree => &record.neighbours[..degree as usize],
         }
     }
 
-    /// Asks memory for the records of several vertices at once, so that they come together instead of
-    /// one after the other as each is used.
-    #[inline]
-    pub(crate) fn touch(&self, vertices: &[u32]) {
-        let lines = vertices.iter().map(|&v| {
-            let record = &self.records[v as usize];
-            record.degree ^ record.errors[ROOM - 1]
-        });
-        black_box(lines.fold(0, |all, line| all ^ line));
-    }
-
     /// What is remembered of the hole of a vertex.
     #[inline]
     pub(crate) fn memory(&self, vertex: u32) -> &HoleMemory {
-        &self.records[vertex as usize].memory
+        &self.record(vertex).memory
     }
 
     /// Remembers a hole.
     pub(crate) fn remember(&mut self, vertex: u32, memory: HoleMemory) {
-        self.records[vertex as usize].memory = memory;
+        let place = self.place(vertex);
+        self.records[place].memory = memory;
     }
 
     /// Copies the star of a vertex to `star`.
     pub(crate) fn read(&self, vertex: u32, star: &mut Star) {
-        let record = &self.records[vertex as usize];
+        let record = self.record(vertex);
         match record.degree {
             LISTED => {
                 let list = &self.lists[record.neighbours[0] as usize];
@@ -310,7 +359,7 @@ impl Stars {
         gap: Gap<'_>,
         star: &mut Star,
     ) -> Shift {
-        let record = &self.records[vertex as usize];
+        let record = self.record(vertex);
         let place = |neighbours: &[u32]| {
             // Whoever has the vertex as a neighbour is one of its neighbours.
             neighbours.iter().position(|&v| v == gone).unwrap_or_default()
@@ -345,19 +394,21 @@ impl Stars {
                 None => self.lists.push(*star),
             }
         }
-        self.records[vertex as usize] = record;
+        let place = self.place(vertex);
+        self.records[place] = record;
     }
 
     /// Forgets a vertex that is gone.
     pub(crate) fn remove(&mut self, vertex: u32) {
         self.release(vertex);
-        self.records[vertex as usize].degree = 0;
+        let place = self.place(vertex);
+        self.records[place].degree = 0;
     }
 
     /// Gives back the lists of a vertex.
     #[inline]
     fn release(&mut self, vertex: u32) {
-        let record = &self.records[vertex as usize];
+        let record = self.record(vertex);
         if record.degree == LISTED {
             let number = record.neighbours[0];
             self.lists[number as usize] = Star::default();

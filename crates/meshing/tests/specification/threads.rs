@@ -5,8 +5,8 @@
 
 use crate::pictures::{image, noise};
 use pixmesh_meshing::{
-    Cancelled, Control, ErrorMetric, GenerateError, Image, Method, Model, OnThreads, Parameters,
-    Policy, Stage, Target, Unattended, generate, rasterize,
+    Cancelled, Control, ErrorMetric, GenerateError, Image, Method, Model, OnThreads, Parallel,
+    Parameters, Policy, Stage, Target, Unattended, generate, rasterize,
 };
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
@@ -97,6 +97,32 @@ fn bounds_and_metrics_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
+fn removal_by_tiles_does_not_depend_on_the_number_of_threads_and_costs_little_quality() {
+    for (method, density) in [(Method::Mgprfs, 18.0), (Method::Mgpr, 3.0)] {
+        let own = method.parameters(Target::Density(density));
+        let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
+        let model = assert_same_on_all(&picture(3), &tiles, &format!("tiles of {method}"));
+        let exact = model_on(1, &picture(3), &own);
+        assert_eq!(model.mesh.points().len(), exact.mesh.points().len());
+        assert!(model.mesh != exact.mesh, "there are several tiles");
+        let (psnr_db, exact_db) = (model.fidelity.psnr_db(), exact.fidelity.psnr_db());
+        assert!(psnr_db > exact_db - 0.02, "{method}: {psnr_db} and {exact_db} dB");
+    }
+}
+
+#[test]
+fn tiles_change_nothing_where_a_quality_is_the_target_or_points_are_few() {
+    let picture = picture(1);
+    let few = Method::Mgprfs.parameters(Target::Density(2.0));
+    let quality = Method::Mgpr.parameters(Target::Psnr(40.0));
+    for own in [few, quality] {
+        let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
+        let (tiled, exact) = (model_on(2, &picture, &tiles), model_on(2, &picture, &own));
+        assert!(tiled == exact, "{:?}", own.target);
+    }
+}
+
+#[test]
 fn one_shot_meshes_and_their_pictures_do_not_depend_on_the_number_of_threads() {
     for component_count in [1, 3, 4] {
         let parameters = Method::Med.parameters(Target::Density(30.0));
@@ -132,12 +158,14 @@ fn a_cancelled_run_on_several_threads_ends_promptly() {
     let picture = picture(3);
     let parameters = Method::Mgpr.parameters(Target::Density(10.0));
     let diffused = Method::Mgprfs.parameters(Target::Density(18.0));
+    let tiles = Parameters { parallel: Parallel::Tiles, ..parameters.clone() };
     // 5000 removals later there are still enough vertices for threads.
     let moments = [
         (&diffused, Stage::Density, 150),
         (&diffused, Stage::Diffuse, 1),
         (&parameters, Stage::Simplify, 0),
         (&parameters, Stage::Simplify, 5000),
+        (&tiles, Stage::Simplify, 5000),
     ];
     for (parameters, stage, done) in moments {
         for threads in THREADS {
