@@ -16,11 +16,12 @@ const APART_MIB: u64 = 32;
 #[test]
 fn no_work_takes_more_memory_than_it_was_admitted_for() {
     let _alone = crate::alone();
-    let works: [Work; 21] = [
+    let works: [Work; 22] = [
         ("method=med&density=2&format=model", Format::Model, noise(1500)),
         ("method=med&density=1&format=png", Format::Png, flat(2500, 2500)),
         ("method=mgprfs&density=1&format=model", Format::Model, noise(1200)),
         ("method=mgpr&density=1&format=model", Format::Model, noise(700)),
+        ("method=mgpr&density=1&parallel=tiles&format=model", Format::Model, noise(700)),
         ("method=med&density=1&policy=pse_d&format=pnm", Format::Pnm, flat(2000, 2000)),
         ("method=med&density=15&format=glb", Format::Glb, noise(1000)),
         ("method=med&density=15&format=glb&compression=meshopt", Format::Glb, noise(1000)),

@@ -38,7 +38,8 @@
 //! each one `removal` fills its `hole`, remembered in `hole_memory`, and asks `face_error` for the
 //! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
 //! `small_face` (with its rows and planes) and `flat_areas` compute; where neighbours are few,
-//! `small_removal` does the same in less time. [`rasterize`] rebuilds the picture, [`Fidelity`] and
+//! `small_removal` does the same in less time. `tiled_removal` is the same tile by tile, for large
+//! images. [`rasterize`] rebuilds the picture, [`Fidelity`] and
 //! [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as
 //! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
 //! [`Method`]. Where the [`Control`] allows several threads, `parallel` shares out what is
