@@ -282,3 +282,43 @@ impl ErrorMetric {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn policies_for_colour_have_another_for_the_luma() {
+        for &policy in Policy::ALL {
+            let for_one = policy.of_one_component();
+            assert_ne!(for_one.component_count(), Some(3), "{policy}");
+            if policy.component_count() != Some(3) {
+                assert_eq!(for_one, policy);
+            }
+        }
+        let of_one = [Policy::PsbD, Policy::PsbL, Policy::Psc].map(Policy::of_one_component);
+        assert_eq!(of_one, [Policy::PsaD, Policy::PsaL, Policy::PsaD]);
+    }
+
+    #[test]
+    fn metrics_of_luma_and_colour_differences_are_for_three_components() {
+        use ErrorMetric::*;
+        for &metric in ErrorMetric::ALL {
+            let expected = matches!(metric, LumaSe | LumaAe | YcbcrVecSe | YcbcrVecAe).then_some(3);
+            assert_eq!(metric.component_count(), expected, "{metric}");
+            assert_eq!(metric.of_one_component().component_count(), None);
+        }
+        let of_one = [LumaSe, YcbcrVecAe, Ssim].map(ErrorMetric::of_one_component);
+        assert_eq!(of_one, [MeanCompSe, MeanCompAe, Ssim]);
+    }
+
+    #[test]
+    fn policies_of_one_name_are_for_one_number_of_components() {
+        use Policy::*;
+        for (policies, count) in [([PsaD, PsaL].as_slice(), 1), (&[PsbD, PsbL, Psc], 3)] {
+            for policy in policies {
+                assert_eq!(policy.component_count(), Some(count), "{policy}");
+            }
+        }
+    }
+}

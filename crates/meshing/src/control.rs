@@ -138,3 +138,45 @@ impl<C: Control + Send + ?Sized> Control for std::sync::Arc<C> {
         (**self).threads()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    /// Answers that the work is not wanted, on three threads.
+    struct Unwanted;
+
+    impl Control for Unwanted {
+        fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+            Err(Cancelled)
+        }
+
+        fn threads(&self) -> NonZeroUsize {
+            THREE
+        }
+    }
+
+    const THREE: NonZeroUsize = NonZeroUsize::new(3).unwrap();
+
+    #[test]
+    fn a_stage_has_its_own_name_in_lower_case() {
+        for stage in Stage::ALL {
+            assert_eq!(stage.name(), format!("{stage:?}").to_lowercase());
+            assert_eq!(stage.to_string(), stage.name());
+        }
+    }
+
+    #[test]
+    fn a_control_behind_something_answers_as_itself() {
+        fn answers(control: &impl Control) -> (Result<(), Cancelled>, usize) {
+            (control.poll(Stage::Density, 0, 1), control.threads().get())
+        }
+        assert_eq!(answers(&Unwanted), (Err(Cancelled), 3));
+        assert_eq!(answers(&&Unwanted), (Err(Cancelled), 3));
+        assert_eq!(answers(&Arc::new(Unwanted)), (Err(Cancelled), 3));
+        assert_eq!(answers(&OnThreads(Unwanted, NonZeroUsize::MIN)), (Err(Cancelled), 1));
+        assert_eq!(answers(&OnThreads(Unattended, THREE)), (Ok(()), 3));
+        assert_eq!(answers(&Unattended), (Ok(()), 1));
+    }
+}

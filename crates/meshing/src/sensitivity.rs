@@ -127,4 +127,57 @@ mod tests {
         assert_eq!(weights[10 * 40 + 3], 255);
         assert!(weights[10 * 40 + 35] < 40);
     }
+
+    /// The weights by their definition: variances under the whole window, at every place anew.
+    fn by_definition(image: &Image) -> Vec<f64> {
+        let (width, height) = (image.width() as i32, image.height() as i32);
+        let radius = 5.min((width.min(height) - 1) / 2);
+        let c2 = 16.0 * (0.03 * f64::from(image.max_sample())).powi(2);
+        let weight = |x: i32, y: i32| (f64::from(x * x + y * y) / -4.5).exp();
+        let window: Vec<(i32, i32)> =
+            (-radius..=radius).flat_map(|y| (-radius..=radius).map(move |x| (x, y))).collect();
+        let all: f64 = window.iter().map(|&(x, y)| weight(x, y)).sum();
+        let variance = |component: &[u16], x: i32, y: i32| {
+            let mean_of = |of: fn(f64) -> f64| {
+                let terms = window.iter().map(|&(dx, dy)| {
+                    let sample = component[((y + dy) * width + x + dx) as usize];
+                    weight(dx, dy) * of(sample.into())
+                });
+                terms.sum::<f64>() / all
+            };
+            mean_of(|sample| sample * sample) - mean_of(|sample| sample).powi(2)
+        };
+        (0..width * height)
+            .map(|i| {
+                let x = (i % width).clamp(radius, width - 1 - radius);
+                let y = (i / width).clamp(radius, height - 1 - radius);
+                let components = image.components().iter();
+                let parts = components.map(|plane| c2 / (2.0 * variance(plane, x, y) + c2));
+                let mean = parts.sum::<f64>() / image.component_count() as f64;
+                (255.0 * mean).clamp(1.0, 255.0)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn weights_are_those_of_the_definition() {
+        for (width, height) in [(19, 14), (14, 19), (7, 5), (2, 9)] {
+            let plane = |seed: usize| -> Vec<u16> {
+                (0..width * height)
+                    .map(|i| ((i % width * 7 + i / width * i * seed) % 90 + i * 40 / width) as u16)
+                    .map(|sample| sample.min(255))
+                    .collect()
+            };
+            let image = Image::new(width, height, 8, vec![plane(3), plane(8)]).unwrap();
+            let weights = sensitivity(&image, &Unattended).unwrap();
+            let expected = by_definition(&image);
+            assert_eq!(weights.len(), expected.len());
+            for (i, (&weight, expected)) in weights.iter().zip(&expected).enumerate() {
+                assert!(
+                    (f64::from(weight) - expected).abs() <= 0.500_001,
+                    "{i}: {weight} {expected}"
+                );
+            }
+        }
+    }
 }
