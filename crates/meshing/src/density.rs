@@ -209,3 +209,37 @@ fn merge_by<S: Simd>(_: S, field: &mut [f64], values: &[f64], aggregation: Aggre
         Aggregation::Apart => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Target;
+    use std::sync::Mutex;
+
+    /// Writes down what it hears.
+    #[derive(Default)]
+    struct Record(Mutex<Vec<(Stage, usize, usize)>>);
+
+    impl Control for Record {
+        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+            self.0.lock().unwrap().push((stage, done, total));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn rows_of_all_components_are_counted_as_they_are_done() {
+        let plane = |c: usize| (0..8 * 96).map(|i| (i * (c + 7) % 251) as u16).collect();
+        let image = Image::new(8, 96, 8, (0..3).map(plane).collect()).unwrap();
+        for smoothing_order in [1, 3, 5] {
+            let parameters =
+                Parameters { smoothing_order, ..Parameters::new(Target::Density(50.0)) };
+            let record = Record::default();
+            Density::new(&image, &parameters, &record).unwrap();
+            let heard = record.0.into_inner().unwrap();
+            assert!(heard.len() > 9, "{heard:?}");
+            assert!(heard.is_sorted_by(|a, b| a.1 < b.1), "{heard:?}");
+            assert_eq!(heard.last(), Some(&(Stage::Density, 288, 288)));
+        }
+    }
+}

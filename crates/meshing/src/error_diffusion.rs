@@ -297,6 +297,34 @@ impl Density {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameters::Target;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// Cancels after so many polls.
+    struct Patience(AtomicUsize);
+
+    impl Control for Patience {
+        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+            assert!(stage == Stage::Diffuse && done <= total);
+            let left = self.0.load(Ordering::Relaxed).checked_sub(1).ok_or(Cancelled)?;
+            self.0.store(left, Ordering::Relaxed);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_pass_can_be_cancelled_among_its_rows() {
+        let field: Vec<f64> = (0..4 * 100).map(|i| f64::from(i % 7) / 6.0).collect();
+        let density = Density { width: 4, height: 100, fields: vec![field] };
+        let parameters = Parameters::new(Target::Size(90));
+        for polls in 0..4 {
+            let control = Patience(AtomicUsize::new(polls));
+            assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
+        }
+        let control = Patience(AtomicUsize::new(usize::MAX));
+        let marks = diffuse_to_size(&density, 90, &parameters, &control).unwrap();
+        assert!(marks.iter().map(|&mark| usize::from(mark)).sum::<usize>().abs_diff(90) <= 10);
+    }
 
     #[test]
     fn random_errors_are_those_of_the_seed_and_the_field_and_within_reach() {

@@ -170,6 +170,18 @@ fn foot_and_side(count: i32) -> Vec<Point> {
 }
 
 #[test]
+fn points_elsewhere_on_the_lattice_are_triangulated_as_where_they_stood() {
+    let points = random(60, 40, 30);
+    let expected = merged(&points).faces();
+    for (dx, dy) in [(-25, -40), (-1000, 7), (300, -9), (5, 5)] {
+        let moved: Vec<Point> = points.iter().map(|p| Point::new(p.x + dx, p.y + dy)).collect();
+        assert_eq!(swept(&moved).unwrap().faces(), expected);
+        assert_eq!(merged(&moved).faces(), expected);
+        assert_eq!(Triangulation::new(moved, &Unattended).unwrap().faces(), expected);
+    }
+}
+
+#[test]
 fn a_full_grid_written_down_is_the_one_that_the_other_ways_give() {
     for (width, height) in [(2, 2), (2, 5), (6, 2), (7, 4)] {
         let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
