@@ -345,6 +345,92 @@ mod tests {
         assert!(blobs.get(digest).await.is_err() && blobs.all().unwrap().is_empty());
     }
 
+    /// The same blobs as if other nodes had them, too.
+    fn shared(blobs: &Blobs) -> Blobs {
+        Blobs { folder: None, ..blobs.clone() }
+    }
+
+    /// Makes a blob one that was stored so long ago.
+    fn grow_old(blobs: &Blobs, digest: Digest, minutes: u64) -> SystemTime {
+        let path = blobs.folder.as_ref().unwrap().join(place(digest).as_ref());
+        let then = SystemTime::now() - Duration::from_mins(minutes);
+        fs::File::options().write(true).open(&path).unwrap().set_modified(then).unwrap();
+        fs::metadata(path).unwrap().modified().unwrap()
+    }
+
+    fn stored_at(blobs: &Blobs, digest: Digest) -> SystemTime {
+        let path = blobs.folder.as_ref().unwrap().join(place(digest).as_ref());
+        fs::metadata(path).unwrap().modified().unwrap()
+    }
+
+    #[tokio::test]
+    async fn a_young_blob_of_a_shared_store_is_not_deleted() {
+        let blobs = blobs("young");
+        let shared = shared(&blobs);
+        assert!(shared.is_shared() && !blobs.is_shared());
+        let bytes = Bytes::from_static(b"for a job to come");
+        let digest = Digest::of(&bytes);
+        shared.put(&shared.hold().await, digest, bytes.clone()).await.unwrap();
+        for (minutes, is_gone) in [(0, false), (59, false), (61, true), (0, true)] {
+            if !blobs.all().unwrap().is_empty() {
+                grow_old(&blobs, digest, minutes);
+            }
+            assert_eq!(shared.clear().await.delete(digest).await.unwrap(), is_gone, "{minutes}");
+            assert_eq!(blobs.all().unwrap().is_empty(), is_gone);
+        }
+        blobs.put(&blobs.hold().await, digest, bytes).await.unwrap();
+        assert!(blobs.clear().await.delete(digest).await.unwrap(), "one's own are never too young");
+        assert!(blobs.all().unwrap().is_empty());
+    }
+
+    #[tokio::test]
+    async fn a_blob_stored_again_is_written_again_only_where_it_must_be_young() {
+        let blobs = blobs("again");
+        let shared = shared(&blobs);
+        let bytes = Bytes::from_static(b"twice");
+        let digest = Digest::of(&bytes);
+        blobs.put(&blobs.hold().await, digest, bytes.clone()).await.unwrap();
+        for (store, minutes, is_written) in
+            [(&blobs, 50, false), (&shared, 20, false), (&shared, 40, true)]
+        {
+            let before = grow_old(&blobs, digest, minutes);
+            store.put(&store.hold().await, digest, bytes.clone()).await.unwrap();
+            assert_eq!(stored_at(&blobs, digest) != before, is_written, "{minutes}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_blob_that_another_node_stores_this_moment_is_waited_for() {
+        let blobs = blobs("late");
+        let bytes = Bytes::from_static(b"late");
+        let digest = Digest::of(&bytes);
+        let began = std::time::Instant::now();
+        assert!(blobs.get(digest).await.is_err());
+        assert!(began.elapsed() < PAUSE, "nobody else stores anything here");
+        let shared = shared(&blobs);
+        let getting = tokio::spawn(async move { shared.get(digest).await });
+        tokio::time::sleep(PAUSE / 2).await;
+        blobs.put(&blobs.hold().await, digest, bytes.clone()).await.unwrap();
+        assert_eq!(getting.await.unwrap().unwrap(), bytes);
+        assert_eq!(blobs.get_part(digest, 1..3).await.unwrap(), b"at"[..]);
+    }
+
+    #[tokio::test]
+    async fn failures_are_told_by_their_cause_and_by_whose_store_it_is() {
+        let blobs = blobs("failures");
+        let told = |blobs: &Blobs, kind: ErrorKind| {
+            let source = Box::new(io::Error::from(kind));
+            blobs.failure(&object_store::Error::Generic { store: "test", source })
+        };
+        for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::FileTooLarge] {
+            assert!(matches!(told(&blobs, kind), QueueError::StorageFull(_)), "{kind}");
+            assert!(matches!(told(&shared(&blobs), kind), QueueError::StorageFull(_)), "{kind}");
+        }
+        let kind = ErrorKind::PermissionDenied;
+        assert!(matches!(told(&blobs, kind), QueueError::Storage(_)));
+        assert!(matches!(told(&shared(&blobs), kind), QueueError::Blobs(_)));
+    }
+
     #[tokio::test]
     async fn nothing_is_cleared_while_somebody_holds_blobs() {
         let blobs = blobs("holds");

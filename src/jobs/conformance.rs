@@ -43,6 +43,7 @@ macro_rules! conforms {
             a_job_whose_worker_falls_silent_is_given_to_another
             a_job_is_tried_three_times_and_then_failed_as_such
             the_last_attempt_is_made_alone
+            a_last_attempt_waits_for_what_runs_and_what_is_new_waits_for_it
             an_attempt_that_was_handed_back_does_not_count
             what_may_succeed_another_time_is_tried_again
             a_waiting_job_is_cancelled_at_once_and_then_deleted
@@ -260,6 +261,30 @@ pub(super) async fn the_last_attempt_is_made_alone<E: Engine>(engine: &E) {
     assert_eq!(lease.job, innocent);
     queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
     assert_eq!(found(&queue, &owner, innocent).await.state, State::Completed);
+}
+
+pub(super) async fn a_last_attempt_waits_for_what_runs_and_what_is_new_waits_for_it<E: Engine>(
+    engine: &E,
+) {
+    let queue = engine.open(terms()).await;
+    let (poisoner, other) = (Owner::named("a"), Owner::named("b"));
+    let poison = submit(&queue, &poisoner, "poison").await;
+    for _ in 1..MAX_ATTEMPTS {
+        let lease = claim(&queue).await.lease;
+        queue.finish(lease, Outcome::Retry(problem())).await.unwrap();
+    }
+    // An owner who had no turn comes first.
+    let before = submit(&queue, &other, "before").await;
+    let runs = claim(&queue).await.lease;
+    assert_eq!(runs.job, before);
+    assert_eq!(queue.claim().await.unwrap(), None, "something runs");
+    queue.finish(runs, Outcome::Completed(figures("mesh"))).await.unwrap();
+    let last = claim(&queue).await;
+    assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
+    let new = submit(&queue, &other, "new").await;
+    assert_eq!(queue.claim().await.unwrap(), None, "a last attempt runs");
+    queue.finish(last.lease, Outcome::Retry(problem())).await.unwrap();
+    assert_eq!(claim(&queue).await.lease.job, new);
 }
 
 pub(super) async fn an_attempt_that_was_handed_back_does_not_count<E: Engine>(engine: &E) {

@@ -43,3 +43,36 @@ impl Blobs {
         self.health.note(length, was_taken);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::place;
+    use super::*;
+    use crate::digest::Digest;
+    use bytes::Bytes;
+    use std::fs;
+
+    #[tokio::test]
+    async fn a_store_that_took_no_blob_is_ready_when_it_takes_a_probe() {
+        for content in [&b"a picture"[..], b""] {
+            let folder = crate::jobs::folder_for_test("health");
+            let blobs = Blobs::in_folder(&folder).unwrap();
+            assert!(blobs.is_healthy());
+            let bytes = Bytes::from_static(content);
+            let digest = Digest::of(&bytes);
+            // A folder in its place is one that no file can be renamed to.
+            fs::create_dir_all(folder.join(place(digest).as_ref())).unwrap();
+            let hold = blobs.hold().await;
+            assert!(blobs.put(&hold, digest, bytes).await.is_err());
+            assert!(!blobs.is_healthy());
+            let in_the_way = folder.join(PROBE);
+            fs::create_dir(&in_the_way).unwrap();
+            blobs.probe().await;
+            assert!(!blobs.is_healthy());
+            fs::remove_dir(&in_the_way).unwrap();
+            blobs.probe().await;
+            assert!(blobs.is_healthy());
+            assert!(!in_the_way.exists(), "the probe is not kept");
+        }
+    }
+}

@@ -4,6 +4,7 @@ use super::*;
 use crate::jobs::conformance::{Engine, conforms};
 use crate::jobs::fairness::Caps;
 use crate::jobs::folder_for_test;
+use crate::jobs::queue::MAX_ATTEMPTS;
 use crate::jobs::record::Picture;
 use rusqlite::Connection;
 use std::path::PathBuf;
@@ -85,8 +86,23 @@ async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
     let request = PageRequest { state: None, before: None, limit: 10 };
     let page = queue.list(&Owner::anonymous(), request).await.unwrap();
     assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [whole.id]);
+    let Stats { queued, running, .. } = queue.stats().await.unwrap();
+    assert_eq!((queued, running), (0, 1), "the damaged one has come to its end");
     drop(queue);
     assert!(open(&engine.0, terms()).claim().await.unwrap().is_some());
+}
+
+#[tokio::test]
+async fn a_sweep_counts_the_jobs_that_wait_again_and_those_that_failed_for_good() {
+    let engine = engine("swept");
+    let queue = open(&engine.0, Terms { lease: Duration::ZERO, ..terms() });
+    queue.submit(job("silent")).await.unwrap();
+    for attempt in 1..=MAX_ATTEMPTS {
+        assert_eq!(queue.claim().await.unwrap().unwrap().attempt, attempt);
+        let Swept { requeued, exhausted, .. } = queue.sweep().await.unwrap();
+        let is_last = attempt == MAX_ATTEMPTS;
+        assert_eq!((requeued, exhausted), if is_last { (0, 1) } else { (1, 0) });
+    }
 }
 
 #[test]

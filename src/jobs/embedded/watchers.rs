@@ -81,6 +81,8 @@ impl Drop for Subscription {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
+    use tokio::time::timeout;
 
     #[tokio::test]
     async fn changes_are_heard_of_and_nothing_is_left_behind() {
@@ -90,6 +92,12 @@ mod tests {
         watchers.tell(&Changes { jobs: vec![job, JobId::new()], work: true });
         first.changed().await;
         watchers.work().await;
+        // Each is heard of once.
+        let moment = Duration::from_millis(10);
+        assert!(timeout(moment, first.changed()).await.is_err());
+        assert!(timeout(moment, watchers.work()).await.is_err());
+        watchers.tell(&Changes { jobs: vec![job], work: false });
+        assert!(timeout(moment, watchers.work()).await.is_err());
         drop(first);
         assert_eq!(watchers.jobs().len(), 1);
         drop(second);

@@ -1,4 +1,4 @@
-//! A kernel that panics takes its own job down, and nothing else.
+//! A worker does its jobs to whatever end, stops when it is told, and outlives kernels that panic.
 
 use super::*;
 use crate::admission::Limits as WorkLimits;
@@ -8,10 +8,11 @@ use crate::jobs::embedded::Embedded;
 use crate::jobs::fairness::Caps;
 use crate::jobs::folder::DataFolder;
 use crate::jobs::queue::{Lookup, Submitted, Terms};
-use crate::jobs::record::{JobId, NewJob, Picture, Record};
+use crate::jobs::record::{JobId, KeptWeights, NewJob, Picture, Record, State};
 use crate::jobs::{blobs::Blobs, folder_for_test};
 use crate::pipeline;
 use pixmesh_codec::probe;
+use pixmesh_meshing::{Control, Stage};
 
 const PICTURE: &[u8] = b"P2\n4 3\n9\n0 1 2 3 4 5 6 7 8 9 0 1\n";
 
@@ -27,12 +28,36 @@ fn panicking(
     pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
 }
 
+/// Works on meshes of five vertices until it is stopped, half of one stage done.
+fn endless(
+    source: Weighed<Bytes>,
+    order: &Order,
+    keeps_progression: bool,
+    limits: &Limits,
+    watch: &Watch,
+) -> Result<(Answer, Option<Vec<u8>>), Problem> {
+    let is_endless = order.query().contains("size=5");
+    if is_endless {
+        watch.begin(Stage::Simplify.name());
+    }
+    while is_endless {
+        if watch.poll(Stage::Simplify, 1, 2).is_err() {
+            return Err(Problem::new(Kind::DeadlineExceeded, "stopped"));
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+}
+
 fn jobs() -> Jobs {
-    let folder = Arc::new(DataFolder::take(&folder_for_test("panics")).unwrap());
-    let hour = Duration::from_secs(3600);
+    jobs_with_leases_of(Duration::from_hours(1))
+}
+
+fn jobs_with_leases_of(lease: Duration) -> Jobs {
+    let folder = Arc::new(DataFolder::take(&folder_for_test("worker")).unwrap());
+    let hour = Duration::from_hours(1);
     let caps = Caps { queued: 100, queued_per_owner: 100, running_per_owner: 100 };
-    let terms =
-        Terms { caps, lease: hour, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour };
+    let terms = Terms { caps, lease, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour };
     let blobs = Blobs::in_folder(&folder.path().join("blobs")).unwrap();
     let queue = Arc::new(Embedded::open(folder, terms).unwrap());
     Jobs { queue, blobs, durations: Arc::default() }
@@ -66,9 +91,8 @@ async fn end(jobs: &Jobs, id: JobId) -> Record {
     }
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
-    let jobs = jobs();
+/// A worker with one slot, some of whose jobs are endless.
+fn worker(jobs: &Jobs) -> Worker {
     let admission = Admission::new(&WorkLimits {
         workers: 1,
         memory_bytes: 64 << 20,
@@ -76,14 +100,186 @@ async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
         running_per_key: 1,
         queued_per_key: 10,
     });
-    let worker = Worker {
+    Worker {
         jobs: jobs.clone(),
         admission,
         pictures: Limits::default(),
-        deadline: Duration::from_secs(60),
-        lease: Duration::from_secs(60),
-        make: panicking,
+        deadline: Duration::from_mins(1),
+        lease: Duration::from_mins(1),
+        make: endless,
+    }
+}
+
+/// The job as soon as it is like that.
+async fn once(jobs: &Jobs, id: JobId, is_so: impl Fn(&Record) -> bool) -> Record {
+    let found = async {
+        loop {
+            match jobs.queue.get(&Owner::anonymous(), id).await.unwrap() {
+                Lookup::Found(record) if is_so(&record) => return *record,
+                Lookup::Found(_) => tokio::time::sleep(Duration::from_millis(5)).await,
+                other => panic!("{other:?}"),
+            }
+        }
     };
+    timeout(Duration::from_mins(1), found).await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_leaves_its_mesh_and_what_is_known_of_it() {
+    let jobs = jobs();
+    let id = submit(&jobs, 6).await;
+    assert_eq!(jobs.durations.mean_s(), None);
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_secs(5)));
+    let record = once(&jobs, id, |record| record.state.is_final()).await;
+    let mesh = record.mesh.unwrap();
+    assert_eq!(record.state, State::Completed);
+    assert!((4..=12).contains(&mesh.vertices) && mesh.faces >= 2, "{mesh:?}");
+    assert!(mesh.psnr_db.is_some_and(|psnr| psnr > 0.0) && mesh.mse > 0.0);
+    assert!(mesh.timings_ms.iter().any(|(stage, ms)| stage == "triangulate" && *ms >= 0.0));
+    let blob = jobs.blobs.get(mesh.digest.parse().unwrap()).await.unwrap();
+    let behind = mesh.progression.as_ref().map_or(0, |progression| progression.bytes);
+    assert_eq!(blob.len() as u64, mesh.bytes + behind);
+    assert!(blob.starts_with(b"4 3"), "the MODEL of a picture of 4 columns and 3 rows");
+    assert!(jobs.durations.mean_s().is_some_and(|mean_s| mean_s > 0.0));
+    stop.cancel();
+    working.await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_cancelled_job_stops_and_makes_room_for_the_next() {
+    let jobs = jobs();
+    let (unwanted, next) = (submit(&jobs, 5).await, submit(&jobs, 4).await);
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_secs(5)));
+    let record = once(&jobs, unwanted, |record| record.progress.is_some()).await;
+    assert_eq!(record.state, State::Running);
+    let progress = record.progress.unwrap();
+    assert_eq!((progress.stage.as_str(), progress.fraction), ("simplify", 0.5));
+    jobs.queue.cancel(&Owner::anonymous(), unwanted).await.unwrap();
+    let record = once(&jobs, unwanted, |record| record.state.is_final()).await;
+    assert_eq!(record.state, State::Cancelled);
+    let record = once(&jobs, next, |record| record.state.is_final()).await;
+    assert_eq!(record.state, State::Completed);
+    stop.cancel();
+    working.await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_that_does_not_end_in_time_is_handed_back_when_the_worker_stops() {
+    let jobs = jobs();
+    let id = submit(&jobs, 5).await;
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_millis(50)));
+    once(&jobs, id, |record| record.state == State::Running).await;
+    stop.cancel();
+    timeout(Duration::from_secs(20), working).await.unwrap().unwrap();
+    let record = once(&jobs, id, |_| true).await;
+    assert_eq!((record.state, record.attempt), (State::Queued, 0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_has_nothing_to_do_stops_at_once_and_so_does_one_at_work_that_ends() {
+    fn slow(
+        source: Weighed<Bytes>,
+        order: &Order,
+        keeps_progression: bool,
+        limits: &Limits,
+        watch: &Watch,
+    ) -> Result<(Answer, Option<Vec<u8>>), Problem> {
+        std::thread::sleep(Duration::from_millis(300));
+        pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+    }
+    let jobs = jobs();
+    let stop = CancellationToken::new();
+    let run = |make| Worker { make, ..worker(&jobs) }.run(stop.clone(), Duration::from_mins(1));
+    let idle = tokio::spawn(run(endless));
+    let at_work = tokio::spawn(run(slow));
+    let id = submit(&jobs, 4).await;
+    once(&jobs, id, |record| record.state != State::Queued).await;
+    stop.cancel();
+    for working in [idle, at_work] {
+        timeout(Duration::from_secs(20), working).await.unwrap().unwrap();
+    }
+    assert_eq!(once(&jobs, id, |_| true).await.state, State::Completed);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_past_its_deadline_fails_and_names_the_setting_of_jobs() {
+    let jobs = jobs();
+    let id = submit(&jobs, 5).await;
+    let worker = Worker { deadline: Duration::from_millis(200), ..worker(&jobs) };
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    let record = once(&jobs, id, |record| record.state.is_final()).await;
+    assert_eq!((record.state, record.attempt), (State::Failed, 1));
+    let problem = record.problem.unwrap().to_string();
+    assert!(
+        problem.contains("--job-deadline") && problem.contains("deadline-exceeded"),
+        "{problem}"
+    );
+    assert!(jobs.durations.mean_s().is_some_and(|mean_s| mean_s >= 0.2));
+    stop.cancel();
+    working.await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_lease_of_a_job_is_renewed_while_it_runs() {
+    let lease = Duration::from_millis(1500);
+    let jobs = jobs_with_leases_of(lease);
+    let id = submit(&jobs, 5).await;
+    let stop = CancellationToken::new();
+    let worker = Worker { lease, ..worker(&jobs) };
+    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_millis(1)));
+    once(&jobs, id, |record| record.state == State::Running).await;
+    for _ in 0..40 {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        assert_eq!(jobs.queue.sweep().await.unwrap().requeued, 0);
+    }
+    assert_eq!(once(&jobs, id, |_| true).await.attempt, 1);
+    stop.cancel();
+    working.await.unwrap();
+}
+
+#[test]
+fn what_the_storage_or_the_machine_had_no_room_for_is_tried_again() {
+    for &kind in Kind::ALL {
+        let again = [Kind::StorageFull, Kind::StorageUnavailable, Kind::Overloaded].contains(&kind);
+        match outcome_of(&Problem::new(kind, "why")) {
+            Outcome::Retry(problem) if again => assert!(problem.to_string().contains("why")),
+            Outcome::Failed(problem) if !again => assert!(problem.to_string().contains("why")),
+            other => panic!("{kind:?}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn weights_lie_behind_the_picture_and_nothing_behind_them() {
+    let header = probe(PICTURE, &Limits::default()).unwrap();
+    let file = Bytes::from([PICTURE, b"weights".as_slice()].concat());
+    let digest = Digest::of(&file);
+    let mut picture = Picture::new(digest, PICTURE.len(), &header);
+    let whole = parted(&file, &picture).ok().unwrap();
+    assert!(whole.image == file && whole.weights.is_none());
+    for bytes in [6, 7, 8] {
+        picture.shape.weights = Some(KeptWeights { bytes, digest, picture_digest: digest });
+        match parted(&file, &picture) {
+            Ok(parts) if bytes == 7 => {
+                assert_eq!(
+                    (&parts.image[..], parts.weights.as_deref()),
+                    (PICTURE, Some(&b"weights"[..]))
+                );
+            }
+            Err(problem) if bytes != 7 => assert_eq!(problem.kind(), Kind::StorageUnavailable),
+            _ => panic!("{bytes}"),
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
+    let jobs = jobs();
+    let worker = Worker { make: panicking, ..worker(&jobs) };
     let mut submitted = Vec::new();
     for size in [4, 5, 6, 5, 5, 7] {
         submitted.push((size, submit(&jobs, size).await));
