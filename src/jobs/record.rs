@@ -311,6 +311,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_mesh_with_a_progression_behind_it_has_two_digests() {
+        let alone = MeshFigures {
+            digest: "of all".into(),
+            bytes: 5,
+            vertices: 4,
+            faces: 2,
+            mse: 0.0,
+            psnr_db: None,
+            timings_ms: Vec::new(),
+            progression: None,
+        };
+        assert_eq!(alone.model_digest(), "of all");
+        let kept = KeptProgression { bytes: 3, model_digest: "of the model".into() };
+        let both = MeshFigures { progression: Some(kept), ..alone };
+        assert_eq!(both.model_digest(), "of the model");
+    }
+
+    #[test]
     fn only_the_one_way_of_writing_a_name_is_a_name() {
         let id = JobId::new();
         assert_eq!(JobId::parse(&id.to_string()), Some(id));

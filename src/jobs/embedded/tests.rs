@@ -93,6 +93,19 @@ async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
 }
 
 #[tokio::test]
+async fn a_queue_without_work_is_waited_for_and_tells_a_node_its_own_mean() {
+    let engine = engine("idle");
+    let queue = open(&engine.0, terms());
+    let moment = Duration::from_millis(20);
+    assert!(tokio::time::timeout(moment, queue.work()).await.is_err());
+    queue.submit(job("work")).await.unwrap();
+    queue.work().await;
+    for own in [None, Some(2.5)] {
+        assert_eq!(queue.mean_duration_s(own).await.unwrap(), own);
+    }
+}
+
+#[tokio::test]
 async fn a_sweep_counts_the_jobs_that_wait_again_and_those_that_failed_for_good() {
     let engine = engine("swept");
     let queue = open(&engine.0, Terms { lease: Duration::ZERO, ..terms() });

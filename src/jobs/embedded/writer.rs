@@ -156,3 +156,95 @@ pub(super) fn failure(error: &rusqlite::Error) -> QueueError {
 fn gone() -> QueueError {
     QueueError::Storage("the thread that writes has ended".into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::folder_for_test;
+    use rusqlite::{Error, ffi};
+
+    /// A writer of a database with parents and children, and another connection to it.
+    fn writer(name: &str) -> (Writer, Connection) {
+        let path = folder_for_test(name).join("database");
+        let open = || {
+            let connection = Connection::open(&path).unwrap();
+            connection.busy_timeout(Duration::ZERO).unwrap();
+            connection.pragma_update(None, "foreign_keys", true).unwrap();
+            connection
+        };
+        let connection = open();
+        let tables = "CREATE TABLE parents (id INTEGER PRIMARY KEY);
+             CREATE TABLE children (
+                 parent INTEGER REFERENCES parents (id) DEFERRABLE INITIALLY DEFERRED
+             )";
+        connection.execute_batch(tables).unwrap();
+        (Writer::start(connection, Arc::default()).unwrap(), open())
+    }
+
+    async fn execute(writer: &Writer, sql: &'static str) -> Result<(), QueueError> {
+        writer.write(move |write| write.connection.execute_batch(sql)).await
+    }
+
+    /// Health is known when the next write has begun: the thread takes it down behind the
+    /// acknowledgement.
+    async fn is_soon_healthy(writer: &Writer, expected: bool) -> bool {
+        for _ in 0..1000 {
+            if writer.is_healthy() == expected {
+                return true;
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        false
+    }
+
+    fn parents(connection: &Connection) -> u32 {
+        connection.query_row("SELECT COUNT(*) FROM parents", [], |row| row.get(0)).unwrap()
+    }
+
+    #[tokio::test]
+    async fn a_storage_that_takes_no_writes_is_known_until_it_takes_one() {
+        let (writer, other) = writer("locked");
+        let insert = "INSERT INTO parents DEFAULT VALUES";
+        assert!(writer.is_healthy());
+        other.execute_batch("BEGIN IMMEDIATE").unwrap();
+        assert!(matches!(execute(&writer, insert).await, Err(QueueError::Storage(_))));
+        assert!(is_soon_healthy(&writer, false).await);
+        other.execute_batch("COMMIT").unwrap();
+        execute(&writer, insert).await.unwrap();
+        assert!(is_soon_healthy(&writer, true).await);
+        assert_eq!(parents(&other), 1);
+    }
+
+    #[tokio::test]
+    async fn a_command_that_fails_leaves_nothing_and_harms_no_other() {
+        let (writer, other) = writer("commands");
+        let failing = execute(&writer, "INSERT INTO parents DEFAULT VALUES; INSERT INTO nowhere");
+        let whole = execute(&writer, "INSERT INTO parents DEFAULT VALUES");
+        let (failed, done) = tokio::join!(failing, whole);
+        assert!(failed.is_err());
+        done.unwrap();
+        assert_eq!(parents(&other), 1);
+        assert!(is_soon_healthy(&writer, true).await);
+    }
+
+    #[tokio::test]
+    async fn what_could_not_be_committed_is_told_and_does_not_stay_open() {
+        let (writer, other) = writer("commits");
+        let orphan = "INSERT INTO parents DEFAULT VALUES; INSERT INTO children VALUES (77)";
+        assert!(execute(&writer, orphan).await.is_err());
+        assert!(is_soon_healthy(&writer, false).await);
+        assert_eq!(parents(&other), 0);
+        execute(&writer, "INSERT INTO parents DEFAULT VALUES").await.unwrap();
+        assert_eq!(parents(&other), 1);
+    }
+
+    #[test]
+    fn failures_of_the_database_are_told_by_their_causes() {
+        let of_code = |code| failure(&Error::SqliteFailure(ffi::Error::new(code), None));
+        assert!(matches!(of_code(ffi::SQLITE_FULL), QueueError::StorageFull(_)));
+        assert!(matches!(of_code(ffi::SQLITE_CORRUPT), QueueError::Damaged(_)));
+        assert!(matches!(of_code(ffi::SQLITE_IOERR), QueueError::Storage(_)));
+        assert!(matches!(failure(&Error::IntegralValueOutOfRange(0, -1)), QueueError::Damaged(_)));
+        assert!(matches!(failure(&Error::QueryReturnedNoRows), QueueError::Storage(_)));
+    }
+}
