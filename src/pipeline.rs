@@ -19,8 +19,8 @@ use crate::extract::upload::Weighed;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
-use encode::{Writing, encode};
-use pixmesh_codec::{Limits, Texture, read_weights, write_progression};
+use encode::{Writing, encode, encoded};
+use pixmesh_codec::{Limits, Texture, read_weights_while, write_progression};
 use pixmesh_meshing::{Image, Progression, generate};
 use std::time::Duration;
 
@@ -73,10 +73,8 @@ pub fn mesh_of_job(
 ) -> Result<(Answer, Option<Vec<u8>>), Problem> {
     let (answer, progression) =
         make(source, order, Format::Model, keeps_progression, limits, watch)?;
-    let kept = progression.map(|progression| {
-        let mut bytes = Vec::new();
-        write_progression(&progression, &mut bytes).map(|()| bytes)
-    });
+    let kept = progression
+        .map(|progression| encoded(0, watch, |bytes| write_progression(&progression, bytes)));
     Ok((answer, kept.transpose()?))
 }
 
@@ -91,11 +89,12 @@ fn make(
     watch.check()?;
     watch.begin("decode");
     let Weighed { image: file, weights } = source;
-    let image = order.output.reading(limits).decode(file.as_ref())?;
+    let image = order.output.reading(limits).decode_while(file.as_ref(), &|| watch.check())?;
     let shown = order.output.shows_image(format);
-    let texture = shown.then(|| Texture::of_file(file.as_ref(), &image)).transpose()?;
+    let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| watch.check()));
+    let texture = texture.transpose()?;
     drop(file);
-    let image = weigh(image, weights, limits)?;
+    let image = weigh(image, weights, limits, watch)?;
     let pixels = image.pixel_count();
     watch.check()?;
     let model = generate(&image, &order.parameters, watch)?;
@@ -131,9 +130,11 @@ fn weigh(
     image: Image,
     weights: Option<impl AsRef<[u8]>>,
     limits: &Limits,
+    watch: &Watch,
 ) -> Result<Image, Problem> {
     let Some(file) = weights else { return Ok(image) };
-    let weights = read_weights(file.as_ref(), (image.width(), image.height()), limits)?;
+    let size = (image.width(), image.height());
+    let weights = read_weights_while(file.as_ref(), size, limits, &|| watch.check())?;
     Ok(image.with_weights(weights)?)
 }
 

@@ -3,10 +3,13 @@
 //! The threads are a pool of their own, which yields to the threads that answer requests and write
 //! jobs: these have little to do and must not wait for it, while work takes every core. How many
 //! work at a time, the tickets of [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
-//! future is dropped, and with it a guard that raises the work's flag; the kernels poll the flag
-//! through [`Watch`] and stop within milliseconds, and so does encoding. Only then is the ticket
-//! given back. Decoding does not poll: work that is stopped meanwhile stops at its end, which for the
-//! largest pictures may take a second more.
+//! future is dropped, and with it a guard that raises the work's flag; kernels, decoders and encoders
+//! look at it through [`Watch`] and stop within milliseconds. Only then is the ticket given back.
+//!
+//! Three decoders, which are others' code, do not read while they work, and cannot be stopped there:
+//! of a picture of 40 megapixels the last part of a progressive JPEG takes up to 0.23 s more, that of
+//! a lossless WebP 0.33 s, and a lossy WebP as a whole 0.6 s; smaller ones in proportion to their
+//! pixels, less than 0.1 s below 17, 12 and 6 megapixels.
 
 mod threads;
 mod watch;

@@ -2,7 +2,7 @@
 
 use crate::pool::Watch;
 use crate::problem::{Kind, Problem};
-use pixmesh_codec::{Limits, decode, read_model};
+use pixmesh_codec::{DecodeOptions, Limits, read_model};
 use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
 
 /// What is compared.
@@ -40,14 +40,15 @@ pub fn compare<B: AsRef<[u8]>>(
     let Pair { picture, approximation, is_model } = pair;
     watch.check()?;
     watch.begin("decode");
-    let first = decode(picture.as_ref(), limits)?;
+    let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
+    let first = reading.decode_while(picture.as_ref(), &|| watch.check())?;
     drop(picture);
     let second = if is_model {
         let mesh = read_model(approximation.as_ref(), limits)?;
         drop(approximation);
         rasterize(&mesh, watch)?
     } else {
-        decode(approximation.as_ref(), limits)?
+        reading.decode_while(approximation.as_ref(), &|| watch.check())?
     };
     measure(&first, &second, watch)
 }

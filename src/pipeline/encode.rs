@@ -6,7 +6,7 @@ use crate::pool::Watch;
 use crate::problem::Problem;
 use pixmesh_codec::{
     EncodeError, GltfOptions, Shading, Texture, write_glb, write_gltf, write_json,
-    write_model_with_comments, write_obj, write_ply, write_pmesh, write_png_with, write_pnm,
+    write_model_with_comments, write_obj, write_ply, write_pmesh, write_png_while, write_pnm,
     write_progression, write_stl, write_svg,
 };
 use pixmesh_meshing::{Fidelity, Image, Mesh, Model, Progression, Shape, rasterize};
@@ -20,7 +20,7 @@ const FRAME: usize = 4096;
 const POLL_BYTES: usize = 1 << 16;
 
 /// The bytes of an answer that fail to be written as soon as nobody waits for them.
-struct Watched<'a> {
+pub(super) struct Watched<'a> {
     bytes: Vec<u8>,
     /// How many there were at the last look at the watch.
     polled_at: usize,
@@ -86,7 +86,9 @@ pub(super) fn encode(
         }
         Format::Png => {
             let picture = picture(mesh, model, watch)?;
-            encoded(room, watch, |bytes| write_png_with(&picture, png_compression, bytes))
+            encoded(room, watch, |bytes| {
+                write_png_while(&picture, png_compression, bytes, &|| watch.check())
+            })
         }
         Format::Pnm => {
             let picture = picture(mesh, model, watch)?;
@@ -132,7 +134,7 @@ fn room(mesh: &Mesh, writing: &Writing<'_>) -> usize {
 }
 
 /// The bytes of an answer; it gives back the room that it did not need.
-fn encoded<E: Into<EncodeError>>(
+pub(super) fn encoded<E: Into<EncodeError>>(
     room: usize,
     watch: &Watch,
     write: impl FnOnce(&mut Watched<'_>) -> Result<(), E>,

@@ -24,6 +24,7 @@ impl From<DecodeError> for Problem {
                 Self::new(Kind::MetadataTooLarge, detail).member("limit", limit)
             }
             DecodeError::Image(error) => error.into(),
+            DecodeError::Cancelled(cancelled) => cancelled.into(),
             _ => Self::new(Kind::ImageDecodeFailed, detail),
         }
     }
@@ -33,6 +34,7 @@ impl From<WeightsError> for Problem {
     fn from(error: WeightsError) -> Self {
         let detail = error.to_string();
         let problem = match error {
+            WeightsError::Picture(DecodeError::Cancelled(cancelled)) => return cancelled.into(),
             WeightsError::Picture(error) => Self { detail, ..error.into() },
             WeightsError::ComponentCount(_) => Self::new(Kind::ComponentCount, detail),
             _ => Self::new(Kind::ShapeMismatch, detail),
@@ -136,6 +138,7 @@ impl From<EncodeError> for Problem {
             EncodeError::NoSuchComponent { .. } => {
                 Self::new(Kind::FormatNotPossible, error.to_string()).param("relief")
             }
+            EncodeError::Cancelled(cancelled) => cancelled.into(),
             _ => internal("encoding failed", &error),
         }
     }

@@ -1,7 +1,7 @@
 //! More work than there are workers: what waits, what is turned away, and who frees what.
 
 use crate::client::{Answer, connect};
-use crate::pictures::{disc, flat, noise};
+use crate::pictures::{colour_noise, disc, flat, noise};
 use crate::server::Server;
 use std::io::Write;
 use std::net::TcpStream;
@@ -54,12 +54,31 @@ fn a_client_that_leaves_frees_its_worker_its_memory_and_its_place() {
 fn work_whose_client_has_left_stops_within_a_tenth_of_a_second() {
     let server = Server::start(&["--workers", "1"]);
     // At any moment of the work: in the filters, the triangulation, the removal.
-    let image = noise(1024);
-    let mut stopped_after: Vec<Duration> = [5, 30, 60, 100, 200, 300, 400]
-        .map(|delay_ms| {
-            let client = begin_work(&server, "density=4", &image);
-            wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
-            thread::sleep(Duration::from_millis(delay_ms));
+    let delays = [5, 30, 60, 100, 200, 300, 400].map(Duration::from_millis);
+    assert_stops_soon(&server, "density=4", &noise(1024), delays);
+}
+
+#[test]
+fn decoding_whose_client_has_left_stops_within_a_tenth_of_a_second() {
+    // It takes far longer than that.
+    let server = Server::start(&["--workers", "1"]);
+    let image = colour_noise(2800, 2500);
+    let answer = server.mesh("method=med&size=4", &[], &image);
+    let timing = answer.header("server-timing");
+    let decoding = timing.split(", ").find_map(|stage| stage.strip_prefix("decode;dur=")).unwrap();
+    let decoding = Duration::from_secs_f64(decoding.parse::<f64>().unwrap() / 1e3);
+    assert!(decoding > Duration::from_millis(200), "{decoding:?}");
+    let delays = [1, 2, 3, 4, 5, 6, 7].map(|eighths| eighths * decoding / 8);
+    assert_stops_soon(&server, "method=med&size=4", &image, delays);
+}
+
+/// Begins work and leaves it, after each of the delays, and checks how soon its worker is free.
+fn assert_stops_soon(server: &Server, query: &str, image: &[u8], delays: [Duration; 7]) {
+    let mut stopped_after: Vec<Duration> = delays
+        .map(|delay| {
+            let client = begin_work(server, query, image);
+            wait_for_metric(server, "pixmesh_jobs_in_progress", 1.0);
+            thread::sleep(delay);
             drop(client);
             let left = Instant::now();
             while server.metric("pixmesh_jobs_in_progress") > 0.0 {
@@ -69,9 +88,18 @@ fn work_whose_client_has_left_stops_within_a_tenth_of_a_second() {
         })
         .into();
     stopped_after.sort();
-    // Other tests take the machine for moments; the kernels ask far more often than that.
+    // Other tests take the machine for moments; work asks far more often than that.
     assert!(stopped_after[4] < Duration::from_millis(100), "{stopped_after:?}");
     assert!(stopped_after[6] < Duration::from_millis(1000), "{stopped_after:?}");
+}
+
+#[test]
+fn decoding_past_its_deadline_is_stopped_and_is_no_broken_picture() {
+    let server = Server::start(&["--workers", "1", "--sync-deadline", "100ms"]);
+    let answer = server.mesh("method=med&size=4", &[], &colour_noise(2800, 2500));
+    answer.problem(503, "deadline-exceeded");
+    server.wait_until_idle();
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
 }
 
 #[test]

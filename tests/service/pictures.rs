@@ -28,6 +28,17 @@ pub(crate) fn noise(side: usize) -> Vec<u8> {
     bytes
 }
 
+/// Noise, 8 bits, three components, as PNG: it takes long to decode.
+pub(crate) fn colour_noise(width: usize, height: usize) -> Vec<u8> {
+    let mut state = 1_u32;
+    let sample = |_, _, _| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // Of four bits, so that there is something to inflate.
+        (state >> 24 & 0xF0) as u16
+    };
+    png(&image(width, height, 3, sample))
+}
+
 /// A picture of one colour, 8 bits, three components, as PPM: quick to mesh whatever its size.
 pub(crate) fn flat(width: usize, height: usize) -> Vec<u8> {
     let mut bytes = format!("P6\n{width} {height}\n255\n").into_bytes();
@@ -60,10 +71,11 @@ fn image(
     width: usize,
     height: usize,
     components: usize,
-    sample: impl Fn(usize, usize, usize) -> u16,
+    mut sample: impl FnMut(usize, usize, usize) -> u16,
 ) -> Image {
-    let plane = |c: usize| (0..width * height).map(|i| sample(c, i % width, i / width)).collect();
-    Image::from_top_down(width, height, 8, (0..components).map(plane).collect()).unwrap()
+    let mut plane =
+        |c: usize| (0..width * height).map(|i| sample(c, i % width, i / width)).collect();
+    Image::from_top_down(width, height, 8, (0..components).map(&mut plane).collect()).unwrap()
 }
 
 /// The checksum of a PNG's chunk.

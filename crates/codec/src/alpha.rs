@@ -1,9 +1,13 @@
 //! What becomes of a picture's alpha: kept as a component, dropped, or composed over a colour.
 
 use crate::header::Header;
-use pixmesh_meshing::ParameterError;
+use crate::wanted::Wanted;
+use pixmesh_meshing::{Cancelled, ParameterError};
 use std::fmt;
 use std::str::FromStr;
+
+/// Samples composed from one question to the next whether they are wanted.
+const POLL_SAMPLES: usize = 1 << 16;
 
 /// What becomes of alpha, the last component of a picture of two or four.
 ///
@@ -49,13 +53,18 @@ impl Alpha {
         Header { component_count, ..header }
     }
 
-    /// Applies the choice to planes of samples of `precision` bits.
-    pub(crate) fn apply(self, planes: &mut Vec<Vec<u16>>, precision: u8) {
+    /// Applies the choice to planes of samples of `precision` bits, for as long as they are wanted.
+    pub(crate) fn apply(
+        self,
+        planes: &mut Vec<Vec<u16>>,
+        precision: u8,
+        wanted: &Wanted<'_>,
+    ) -> Result<(), Cancelled> {
         if !matches!(planes.len(), 2 | 4) || self == Self::Keep {
-            return;
+            return Ok(());
         }
         let alphas = planes.pop().unwrap_or_default();
-        let Self::Over(colour) = self else { return };
+        let Self::Over(colour) = self else { return Ok(()) };
         let [red, green, blue] = colour;
         if planes.len() == 1 && !(red == green && green == blue) {
             planes.resize_with(3, Vec::new);
@@ -66,10 +75,15 @@ impl Alpha {
         let largest = u32::from(u16::MAX >> (16 - precision));
         for (plane, backdrop) in planes.iter_mut().zip(colour) {
             let backdrop = (2 * u32::from(backdrop) * largest + 255) / 510;
-            for (sample, &alpha) in plane.iter_mut().zip(&alphas) {
-                *sample = composed(*sample, alpha, backdrop, largest);
+            for (samples, alphas) in plane.chunks_mut(POLL_SAMPLES).zip(alphas.chunks(POLL_SAMPLES))
+            {
+                wanted()?;
+                for (sample, &alpha) in samples.iter_mut().zip(alphas) {
+                    *sample = composed(*sample, alpha, backdrop, largest);
+                }
             }
         }
+        Ok(())
     }
 }
 
@@ -122,10 +136,11 @@ impl FromStr for Alpha {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wanted::always;
 
     fn applied(alpha: &str, planes: &[u16], precision: u8) -> Vec<u16> {
         let mut planes: Vec<Vec<u16>> = planes.iter().map(|&sample| vec![sample]).collect();
-        alpha.parse::<Alpha>().unwrap().apply(&mut planes, precision);
+        alpha.parse::<Alpha>().unwrap().apply(&mut planes, precision, &always).unwrap();
         planes.concat()
     }
 

@@ -6,7 +6,7 @@
 //!
 //! Literature: Microsoft, "Bitmap Storage" and "BITMAPV5HEADER structure", Windows GDI reference.
 
-use crate::canvas::{Canvas, Row};
+use crate::canvas::Canvas;
 use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
@@ -14,38 +14,44 @@ use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
+use crate::wanted::{Wanted, WantedBytes, always};
 use image::codecs::bmp::BmpDecoder;
 use image::error::ImageError as DecoderError;
 use image::{ColorType, ImageDecoder};
-use std::io::Cursor;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Bmp, || Ok(open(bytes, limits)?.0))
+    guarded(PictureFormat::Bmp, || Ok(open(bytes, limits, &always)?.0))
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
     let limits = options.limits;
     let (header, pixels) = guarded(PictureFormat::Bmp, || {
-        let (header, decoder) = open(bytes, &limits)?;
+        let (header, decoder) = open(bytes, &limits, wanted)?;
         let mut pixels = vec![0; header.width * header.height * header.component_count];
         decoder.read_image(&mut pixels).map_err(refusal)?;
         Ok((header, pixels))
     })?;
     let mut canvas = Canvas::new(header, Orientation::default());
-    for (y, row) in pixels.chunks_exact(header.width * header.component_count).enumerate() {
-        canvas.put_row(Row::whole(y), row);
-    }
+    canvas.put_rows(&pixels, wanted)?;
     Ok(canvas)
 }
 
 /// A file that is open up to its pixels.
-type Source<'a> = (Header, BmpDecoder<Cursor<&'a [u8]>>);
+type Source<'a> = (Header, BmpDecoder<WantedBytes<'a>>);
 
 /// Reads headers and palette.
-fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<Source<'a>, DecodeError> {
-    let decoder = BmpDecoder::new(Cursor::new(bytes)).map_err(refusal)?;
+fn open<'a>(
+    bytes: &'a [u8],
+    limits: &Limits,
+    wanted: &'a Wanted<'a>,
+) -> Result<Source<'a>, DecodeError> {
+    let decoder = BmpDecoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = limits.check(width.into(), height.into())?;
     let component_count = if decoder.color_type() == ColorType::Rgba8 { 4 } else { 3 };

@@ -4,14 +4,16 @@
 //! pixels go straight to where its orientation wants them.
 
 use crate::alpha::Alpha;
+use crate::error::DecodeError;
 use crate::header::Header;
 use crate::orientation::Orientation;
-use pixmesh_meshing::{Image, ImageError};
+use crate::wanted::Wanted;
+use pixmesh_meshing::Image;
 
 /// An image that is being filled, rows from the top.
 pub(crate) struct Canvas {
     header: Header,
-    /// Component by component, the upright picture from its top row.
+    /// Component by component, the upright picture from its bottom row.
     planes: Vec<Vec<u16>>,
     /// How the file's columns lie on the planes.
     columns: Axis,
@@ -62,11 +64,14 @@ impl Canvas {
         let (width, height) = orientation.upright(header.width, header.height);
         let (column_stride, row_stride) =
             if orientation.transpose { (upright_width, 1) } else { (1, upright_width) };
-        let mirrored = orientation.mirror_columns;
+        // Rows of an image begin at the bottom: whatever runs along the upright picture's columns is
+        // mirrored once more.
+        let mirrored = orientation.mirror_columns != orientation.transpose;
         let columns = Axis { count: width, stride: column_stride, mirrored };
-        let mirrored = orientation.mirror_rows;
+        let mirrored = orientation.mirror_rows == orientation.transpose;
         let rows = Axis { count: height, stride: row_stride, mirrored };
-        let planes = vec![vec![0; width * height]; header.component_count];
+        // Each by itself: a copy of zeros would touch all of its memory before there is anything in it.
+        let planes = (0..header.component_count).map(|_| vec![0; width * height]).collect();
         Self { header, planes, columns, rows }
     }
 
@@ -96,11 +101,36 @@ impl Canvas {
         }
     }
 
-    /// The finished image, without what is not wanted of its alpha.
-    pub(crate) fn into_image(mut self, alpha: Alpha) -> Result<Image, ImageError> {
+    /// Puts all rows of the file, from the top, their components side by side.
+    ///
+    /// # Errors
+    /// When the picture is no longer wanted.
+    pub(crate) fn put_rows<S: Copy + Into<u16>>(
+        &mut self,
+        pixels: &[S],
+        wanted: &Wanted<'_>,
+    ) -> Result<(), DecodeError> {
+        let row_samples = self.columns.count * self.planes.len();
+        for (y, row) in pixels.chunks_exact(row_samples).enumerate() {
+            wanted()?;
+            self.put_row(Row::whole(y), row);
+        }
+        Ok(())
+    }
+
+    /// The finished image, without what is left out of its alpha.
+    ///
+    /// # Errors
+    /// When a sample is out of range, or the picture is no longer wanted.
+    pub(crate) fn into_image(
+        mut self,
+        alpha: Alpha,
+        wanted: &Wanted<'_>,
+    ) -> Result<Image, DecodeError> {
         let Header { width, height, precision, .. } = self.header;
-        alpha.apply(&mut self.planes, precision);
-        Image::from_top_down(width, height, precision, self.planes)
+        alpha.apply(&mut self.planes, precision, wanted)?;
+        wanted()?;
+        Ok(Image::new(width, height, precision, self.planes)?)
     }
 }
 
@@ -108,6 +138,7 @@ impl Canvas {
 mod tests {
     use super::*;
     use crate::format::PictureFormat;
+    use crate::wanted::always;
 
     /// The upright picture, from its top, of a file of three columns and two rows
     /// `1 2 3 / 4 5 6` with a value of the orientation tag.
@@ -120,7 +151,7 @@ mod tests {
         canvas.put_row(Row::whole(0), &[1_u8, 2, 3]);
         canvas.put_row(Row { y: 1, first: 0, step: 2 }, &[4_u8, 6]);
         canvas.put_row(Row { y: 1, first: 1, step: 2 }, &[5_u8]);
-        let image = canvas.into_image(Alpha::Keep).unwrap();
+        let image = canvas.into_image(Alpha::Keep, &always).unwrap();
         let rows = (0..height).rev().flat_map(|y| image.row(0, y).to_vec()).collect();
         (width, rows)
     }
@@ -145,7 +176,7 @@ mod tests {
         canvas.put_row(Row::whole(0), &[1_u16, 2, 3, 4, 5, 6]);
         canvas.put_row(Row::whole(2), &[9_u16; 4]);
         canvas.put_row(Row { y: 1, first: 2, step: 1 }, &[9_u16; 4]);
-        let image = canvas.into_image(Alpha::Keep).unwrap();
+        let image = canvas.into_image(Alpha::Keep, &always).unwrap();
         assert_eq!(image.components(), [[0, 0, 1, 3], [0, 0, 2, 4]]);
     }
 }

@@ -5,6 +5,7 @@ use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
+use crate::wanted::{Wanted, always};
 use crate::{bmp, gif, jpeg, png, pnm, tiff, webp};
 use pixmesh_meshing::Image;
 
@@ -57,16 +58,29 @@ impl DecodeOptions {
     /// # Errors
     /// As [`decode`].
     pub fn decode(&self, bytes: &[u8]) -> Result<Image, DecodeError> {
+        self.decode_while(bytes, &always)
+    }
+
+    /// Decodes a picture, see [`decode`], for as long as it is wanted.
+    ///
+    /// Of most files little more is read once it is not. What does not read cannot be stopped, which
+    /// is the second half of a progressive JPEG, a lossy WebP as a whole and the last steps of a
+    /// lossless one.
+    ///
+    /// # Errors
+    /// [`DecodeError::Cancelled`] when it is no longer wanted, else as [`decode`].
+    pub fn decode_while(&self, bytes: &[u8], wanted: &Wanted<'_>) -> Result<Image, DecodeError> {
+        wanted()?;
         let canvas = match PictureFormat::sniff(bytes)? {
-            PictureFormat::Png => png::decode(bytes, self),
-            PictureFormat::Jpeg => jpeg::decode(bytes, self),
-            PictureFormat::Pnm => pnm::decode(bytes, self),
-            PictureFormat::WebP => webp::decode(bytes, self),
-            PictureFormat::Gif => gif::decode(bytes, self),
-            PictureFormat::Tiff => tiff::decode(bytes, self),
-            PictureFormat::Bmp => bmp::decode(bytes, self),
+            PictureFormat::Png => png::decode(bytes, self, wanted),
+            PictureFormat::Jpeg => jpeg::decode(bytes, self, wanted),
+            PictureFormat::Pnm => pnm::decode(bytes, self, wanted),
+            PictureFormat::WebP => webp::decode(bytes, self, wanted),
+            PictureFormat::Gif => gif::decode(bytes, self, wanted),
+            PictureFormat::Tiff => tiff::decode(bytes, self, wanted),
+            PictureFormat::Bmp => bmp::decode(bytes, self, wanted),
         };
-        Ok(canvas?.into_image(self.alpha)?)
+        canvas?.into_image(self.alpha, wanted)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Why bytes do not make a picture, and why a picture or mesh does not make bytes.
 
 use crate::format::PictureFormat;
-use pixmesh_meshing::ImageError;
+use pixmesh_meshing::{Cancelled, ImageError};
 use std::io;
 use thiserror::Error;
 
@@ -64,6 +64,9 @@ pub enum DecodeError {
     /// The picture is none that can be meshed.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// Nobody wants the picture any more.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// Why a picture or mesh was not written.
@@ -112,6 +115,9 @@ pub enum EncodeError {
         /// The most bytes of such a file.
         limit: u64,
     },
+    /// Nobody wants the file any more.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// Writing failed.
     #[error(transparent)]
     Io(#[from] io::Error),

@@ -13,6 +13,7 @@ use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
+use crate::wanted::{Wanted, WantedBytes, always};
 use gif::{ColorOutput, Decoder, DecodingError, Frame, MemoryLimit};
 use std::num::NonZeroU64;
 
@@ -21,28 +22,31 @@ const SIZE_END: usize = 10;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Gif, || Ok(Animation::open(bytes, limits)?.header))
+    guarded(PictureFormat::Gif, || Ok(Animation::open(bytes, limits, &always)?.header))
 }
 
 /// Decodes the first frame, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
-    let options = *options;
-    guarded(PictureFormat::Gif, move || {
-        let mut animation = Animation::open(bytes, &options.limits)?;
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
+    guarded(PictureFormat::Gif, || {
+        let mut animation = Animation::open(bytes, &options.limits, wanted)?;
         let indices = animation.read_frame(options.lenient)?;
-        animation.paint(&indices)
+        animation.paint(&indices, wanted)
     })
 }
 
 /// A file that is open up to the pixels of its first frame.
 struct Animation<'a> {
-    decoder: Decoder<&'a [u8]>,
+    decoder: Decoder<WantedBytes<'a>>,
     frame: Frame<'static>,
     header: Header,
 }
 
 impl<'a> Animation<'a> {
-    fn open(bytes: &'a [u8], limits: &Limits) -> Result<Self, DecodeError> {
+    fn open(bytes: &'a [u8], limits: &Limits, wanted: &'a Wanted<'a>) -> Result<Self, DecodeError> {
         let &[.., w0, w1, h0, h1] =
             bytes.get(..SIZE_END).ok_or_else(|| malformed("it ends early"))?
         else {
@@ -58,7 +62,7 @@ impl<'a> Animation<'a> {
         options.set_memory_limit(MemoryLimit::Bytes(
             NonZeroU64::new(METADATA_BYTES as u64).unwrap_or(NonZeroU64::MIN),
         ));
-        let mut decoder = options.read_info(bytes).map_err(refusal)?;
+        let mut decoder = options.read_info(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
         let frame = decoder.next_frame_info().map_err(refusal)?;
         let frame = frame.ok_or_else(|| malformed("it has no frame"))?.clone();
         let covers = usize::from(frame.width) == width && usize::from(frame.height) == height;
@@ -80,12 +84,13 @@ impl<'a> Animation<'a> {
     }
 
     /// Puts the frame's colours onto the screen.
-    fn paint(&self, indices: &[u8]) -> Result<Canvas, DecodeError> {
+    fn paint(&self, indices: &[u8], wanted: &Wanted<'_>) -> Result<Canvas, DecodeError> {
         let palette = self.decoder.palette().map_err(refusal)?;
         let frame = &self.frame;
         let mut canvas = Canvas::new(self.header, Orientation::default());
         let mut samples = Vec::new();
         for (y, row) in indices.chunks_exact(usize::from(frame.width).max(1)).enumerate() {
+            wanted()?;
             samples.clear();
             for &index in row {
                 let first = 3 * usize::from(index);

@@ -2,15 +2,22 @@
 
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
-use std::panic::{UnwindSafe, catch_unwind};
+use pixmesh_meshing::Cancelled;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs a decoder that belongs to others, and makes a panic of its own a refusal.
+/// Runs a decoder that belongs to others, makes a panic of its own a refusal, and ends what
+/// [`WantedBytes`](crate::wanted::WantedBytes) has unwound.
 ///
 /// Some decoders are known to panic on some contradictory files; those that are not refused before
-/// must not take their caller down.
+/// must not take their caller down. Whatever the decoder was about to make is dropped with it.
 pub(crate) fn guarded<T>(
     format: PictureFormat,
-    decode: impl FnOnce() -> Result<T, DecodeError> + UnwindSafe,
+    decode: impl FnOnce() -> Result<T, DecodeError>,
 ) -> Result<T, DecodeError> {
-    catch_unwind(decode).unwrap_or_else(|_| Err(format.malformed("its decoder gave up")))
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|payload| {
+        Err(match payload.downcast_ref::<Cancelled>() {
+            Some(&cancelled) => cancelled.into(),
+            None => format.malformed("its decoder gave up"),
+        })
+    })
 }

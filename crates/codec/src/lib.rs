@@ -6,7 +6,7 @@
 //!
 //! | format | in | out |
 //! |---|---|---|
-//! | PNG | [`decode`] | [`write_png`], [`write_png_with`] |
+//! | PNG | [`decode`] | [`write_png`], [`write_png_with`], [`write_png_while`] |
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
 //! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
@@ -18,6 +18,8 @@
 //!
 //! [`DecodeOptions`] say what becomes of alpha and of files that end early, [`Geometry`] how a mesh
 //! lies in space: flat, as a relief of its luma or of a component, or as a solid on a base.
+//! [`DecodeOptions::decode_while`] and the other functions of that ending stop when their result is
+//! no longer [`Wanted`].
 //! [`read_weights`] reads how much each point of a picture matters, which is a picture itself.
 //!
 //! Rows of a file come from the top, those of an [`Image`](pixmesh_meshing::Image) from the bottom:
@@ -70,6 +72,7 @@ mod stl;
 mod surface;
 mod svg;
 mod tiff;
+mod wanted;
 mod webp;
 mod weights;
 
@@ -90,9 +93,10 @@ pub use ply::write_ply;
 pub use pmesh::{
     PmeshError, is_pmesh, read_pmesh, read_progression, write_pmesh, write_progression,
 };
-pub use png::{write_png, write_png_with};
+pub use png::{write_png, write_png_while, write_png_with};
 pub use pnm::write_pnm;
 pub use stl::write_stl;
 pub use surface::{Geometry, Relief, ReliefHeight};
 pub use svg::write_svg;
-pub use weights::{WeightsError, probe_weights, read_weights};
+pub use wanted::Wanted;
+pub use weights::{WeightsError, probe_weights, read_weights, read_weights_while};

@@ -8,4 +8,4 @@ mod read;
 mod write;
 
 pub(crate) use read::{decode, probe};
-pub use write::{write_png, write_png_with};
+pub use write::{write_png, write_png_while, write_png_with};

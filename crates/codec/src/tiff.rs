@@ -21,10 +21,9 @@ use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
-use directory::{Directory, Meaning};
+use crate::wanted::{Wanted, WantedBytes};
+use directory::Directory;
 use samples::Samples;
-use std::borrow::Cow;
-use std::io::Cursor;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::{TiffError, TiffUnsupportedError};
 
@@ -34,14 +33,19 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the first page, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
     let directory = Directory::read(bytes)?;
     let header = header(&directory, &options.limits)?;
     directory.check_chunks()?;
-    let stored = guarded(PictureFormat::Tiff, || read_stored(bytes, &directory))?;
+    let stored = guarded(PictureFormat::Tiff, || read_stored(bytes, &directory, wanted))?;
     let mut canvas = Canvas::new(header, directory.orientation);
     let mut samples = Samples::new(&directory, &stored)?;
     for y in 0..directory.height as usize {
+        wanted()?;
         canvas.put_row(Row::whole(y), samples.row(y)?);
     }
     Ok(canvas)
@@ -56,17 +60,18 @@ fn header(directory: &Directory<'_>, limits: &Limits) -> Result<Header, DecodeEr
 }
 
 /// The samples as stored, several to a byte where they have less than 8 bits.
-fn read_stored(bytes: &[u8], directory: &Directory<'_>) -> Result<DecodingResult, DecodeError> {
+fn read_stored(
+    bytes: &[u8],
+    directory: &Directory<'_>,
+    wanted: &Wanted<'_>,
+) -> Result<DecodingResult, DecodeError> {
     let mut limits = tiff::decoder::Limits::default();
     limits.decoding_buffer_size = directory.stored_bytes();
     limits.ifd_value_size = METADATA_BYTES;
     limits.intermediate_buffer_size = bytes.len();
-    let source = match directory.meaning {
-        // The decoder knows no palettes: it gets told that the indices are gray.
-        Meaning::Indexed => Cow::Owned(directory.as_gray(bytes)),
-        _ => Cow::Borrowed(bytes),
-    };
-    let mut decoder = Decoder::new(Cursor::new(source)).map_err(refusal)?.with_limits(limits);
+    let source = directory.retold();
+    let mut decoder =
+        Decoder::new(WantedBytes::new(&source, wanted)).map_err(refusal)?.with_limits(limits);
     let mut stored = DecodingResult::U8(Vec::new());
     decoder.read_image_to_buffer(&mut stored).map_err(refusal)?;
     Ok(stored)

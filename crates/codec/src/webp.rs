@@ -10,18 +10,18 @@
 mod container;
 mod lossless;
 
-use crate::canvas::{Canvas, Row};
+use crate::canvas::Canvas;
 use crate::decode::{DecodeOptions, METADATA_BYTES};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
+use crate::wanted::{Wanted, WantedBytes};
 pub(crate) use container::CODE_BYTES;
 
 use container::Container;
 use image_webp::{DecodingError, WebPDecoder};
-use std::io::Cursor;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
@@ -30,23 +30,26 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
     let container = Container::read(bytes)?;
     let header = header(&container, &options.limits)?;
-    container.check_picture()?;
+    container.check_picture(wanted)?;
     let stored_width = container.width as usize;
     let row_samples = stored_width * header.component_count;
     let pixels = guarded(PictureFormat::WebP, || {
-        let mut decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(|e| refusal(&e))?;
+        let mut decoder =
+            WebPDecoder::new(WantedBytes::new(bytes, wanted)).map_err(|e| refusal(&e))?;
         decoder.set_memory_limit(METADATA_BYTES);
         let mut pixels = vec![0; row_samples * container.height as usize];
         decoder.read_image(&mut pixels).map_err(|e| refusal(&e))?;
         Ok(pixels)
     })?;
     let mut canvas = Canvas::new(header, container.orientation);
-    for (y, row) in pixels.chunks_exact(row_samples).enumerate() {
-        canvas.put_row(Row::whole(y), row);
-    }
+    canvas.put_rows(&pixels, wanted)?;
     Ok(canvas)
 }
 

@@ -8,7 +8,8 @@ use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::header::Header;
 use crate::limits::Limits;
-use pixmesh_meshing::Image;
+use crate::wanted::{Wanted, always};
+use pixmesh_meshing::{Cancelled, Image};
 use thiserror::Error;
 
 /// Why a picture gives no weights.
@@ -58,10 +59,23 @@ pub fn read_weights(
     expected: (usize, usize),
     limits: &Limits,
 ) -> Result<Vec<u8>, WeightsError> {
-    let picture = reading(limits).decode(bytes)?;
+    read_weights_while(bytes, expected, limits, &always)
+}
+
+/// Reads weights as [`read_weights`] does, for as long as they are wanted.
+///
+/// # Errors
+/// As [`read_weights`], and [`DecodeError::Cancelled`] when they are no longer wanted.
+pub fn read_weights_while(
+    bytes: &[u8],
+    expected: (usize, usize),
+    limits: &Limits,
+    wanted: &Wanted<'_>,
+) -> Result<Vec<u8>, WeightsError> {
+    let picture = reading(limits).decode_while(bytes, wanted)?;
     let size = (picture.width(), picture.height());
     check(size, picture.component_count(), expected)?;
-    Ok(weights_of(&picture))
+    Ok(weights_of(&picture, wanted).map_err(DecodeError::from)?)
 }
 
 fn reading(limits: &Limits) -> DecodeOptions {
@@ -83,21 +97,23 @@ fn check(
 }
 
 /// The luma of each point in thousandths of its samples' sum of weights, as 8 bits, to the nearest.
-fn weights_of(picture: &Image) -> Vec<u8> {
-    let largest = u64::from(picture.max_sample());
-    let scaled = |thousandths: u64| {
-        let most = 1000 * largest;
-        ((255 * thousandths + most / 2) / most) as u8
-    };
-    match picture.components() {
-        [red, green, blue] => {
-            let colours = red.iter().zip(green).zip(blue);
-            let luma =
-                |((&r, &g), &b)| 299 * u64::from(r) + 587 * u64::from(g) + 114 * u64::from(b);
-            colours.map(luma).map(scaled).collect()
+fn weights_of(picture: &Image, wanted: &Wanted<'_>) -> Result<Vec<u8>, Cancelled> {
+    let most = 1000 * u64::from(picture.max_sample());
+    let scaled = |thousandths: u64| ((255 * thousandths + most / 2) / most) as u8;
+    let luma =
+        |r: u16, g: u16, b: u16| 299 * u64::from(r) + 587 * u64::from(g) + 114 * u64::from(b);
+    let mut weights = Vec::with_capacity(picture.pixel_count());
+    for y in 0..picture.height() {
+        wanted()?;
+        let first = picture.row(0, y);
+        if picture.component_count() == 3 {
+            let colours = first.iter().zip(picture.row(1, y)).zip(picture.row(2, y));
+            weights.extend(colours.map(|((&r, &g), &b)| scaled(luma(r, g, b))));
+        } else {
+            weights.extend(first.iter().map(|&gray| scaled(1000 * u64::from(gray))));
         }
-        components => components[0].iter().map(|&gray| scaled(1000 * u64::from(gray))).collect(),
     }
+    Ok(weights)
 }
 
 #[cfg(test)]

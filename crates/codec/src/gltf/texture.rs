@@ -3,8 +3,9 @@
 use crate::choices::PngCompression;
 use crate::error::EncodeError;
 use crate::jpeg;
-use crate::png::write_png_with;
-use pixmesh_meshing::{Image, ImageError};
+use crate::png::write_png_while;
+use crate::wanted::{Wanted, always};
+use pixmesh_meshing::Image;
 
 /// A picture that a glTF file carries: a PNG of 8 bits, or the JPEG that it was.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,9 +23,21 @@ impl Texture {
     /// # Errors
     /// As [`Self::of_image`].
     pub fn of_file(bytes: &[u8], image: &Image) -> Result<Self, EncodeError> {
+        Self::of_file_while(bytes, image, &always)
+    }
+
+    /// As [`Self::of_file`], for as long as the picture is wanted.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] when it is no longer wanted.
+    pub fn of_file_while(
+        bytes: &[u8],
+        image: &Image,
+        wanted: &Wanted<'_>,
+    ) -> Result<Self, EncodeError> {
         match jpeg::plain_copy(bytes) {
             Some(bytes) => Ok(Self { bytes, media_type: "image/jpeg" }),
-            None => Self::of_image(image),
+            None => Self::of_image_while(image, wanted),
         }
     }
 
@@ -33,9 +46,13 @@ impl Texture {
     /// # Errors
     /// Never in practice: the file is made in memory.
     pub fn of_image(image: &Image) -> Result<Self, EncodeError> {
+        Self::of_image_while(image, &always)
+    }
+
+    fn of_image_while(image: &Image, wanted: &Wanted<'_>) -> Result<Self, EncodeError> {
         let mut bytes = Vec::new();
-        let image = of_8_bits(image).map_err(std::io::Error::other)?;
-        write_png_with(&image, PngCompression::Small, &mut bytes)?;
+        let image = of_8_bits(image, wanted)?;
+        write_png_while(&image, PngCompression::Small, &mut bytes, wanted)?;
         Ok(Self { bytes, media_type: "image/png" })
     }
 
@@ -53,13 +70,21 @@ impl Texture {
 }
 
 /// The image with samples of 8 bits, rounded to the nearest, and at most four components.
-fn of_8_bits(image: &Image) -> Result<Image, ImageError> {
+fn of_8_bits(image: &Image, wanted: &Wanted<'_>) -> Result<Image, EncodeError> {
     let largest = u32::from(image.max_sample());
     let table: Vec<u16> =
         (0..=largest).map(|sample| ((510 * sample + largest) / (2 * largest)) as u16).collect();
     let scaled = |&sample: &u16| table.get(usize::from(sample)).copied().unwrap_or(255);
     let count = if image.component_count() > 4 { 3 } else { image.component_count() };
-    let planes = image.components().iter().take(count);
-    let planes = planes.map(|plane| plane.iter().map(scaled).collect()).collect();
-    Image::new(image.width(), image.height(), 8, planes)
+    let (width, height) = (image.width(), image.height());
+    let mut planes = Vec::with_capacity(count);
+    for component in 0..count {
+        let mut plane = Vec::with_capacity(width * height);
+        for y in 0..height {
+            wanted()?;
+            plane.extend(image.row(component, y).iter().map(scaled));
+        }
+        planes.push(plane);
+    }
+    Ok(Image::new(width, height, 8, planes).map_err(std::io::Error::other)?)
 }

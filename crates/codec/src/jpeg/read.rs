@@ -1,7 +1,7 @@
 //! The JPEG reader: gray stays gray, all else becomes RGB, the EXIF orientation is applied.
 
 use super::frame::Frame;
-use crate::canvas::{Canvas, Row};
+use crate::canvas::Canvas;
 use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
@@ -9,10 +9,11 @@ use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
-use image::codecs::jpeg::JpegDecoder;
-use image::error::ImageError as DecoderError;
-use image::{ColorType, ImageDecoder};
-use std::io::Cursor;
+use crate::wanted::{Wanted, WantedBytes};
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
@@ -20,15 +21,19 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
     let (frame, essence) = Frame::read_all(bytes, options)?;
     let header = header(&frame);
-    let pixels =
-        guarded(PictureFormat::Jpeg, || decode_stored(&frame, header.component_count, essence))?;
+    let pixels = guarded(PictureFormat::Jpeg, || {
+        decode_stored(&frame, header.component_count, WantedBytes::new(&essence, wanted))
+    })?;
+    drop(essence);
     let mut canvas = Canvas::new(header, frame.orientation);
-    for (y, row) in pixels.chunks_exact(frame.width * header.component_count).enumerate() {
-        canvas.put_row(Row::whole(y), row);
-    }
+    canvas.put_rows(&pixels, wanted)?;
     Ok(canvas)
 }
 
@@ -60,27 +65,32 @@ fn header(frame: &Frame) -> Header {
 fn decode_stored(
     frame: &Frame,
     component_count: usize,
-    essence: Vec<u8>,
+    essence: WantedBytes<'_>,
 ) -> Result<Vec<u8>, DecodeError> {
-    let mut decoder = JpegDecoder::new(Cursor::new(essence)).map_err(refusal)?;
-    let (width, height) = (frame.width as u32, frame.height as u32);
-    let color_type = if component_count == 1 { ColorType::L8 } else { ColorType::Rgb8 };
-    if decoder.dimensions() != (width, height) || decoder.color_type() != color_type {
+    let color = if component_count == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
+    let options = DecoderOptions::default()
+        .jpeg_set_out_colorspace(color)
+        .set_strict_mode(false)
+        .set_max_width(frame.width)
+        .set_max_height(frame.height);
+    let mut decoder = JpegDecoder::new_with_options(essence, options);
+    decoder.decode_headers().map_err(refusal)?;
+    let is_gray = decoder.input_colorspace() == Some(ColorSpace::Luma);
+    if decoder.dimensions() != Some((frame.width, frame.height))
+        || is_gray != (component_count == 1)
+    {
         return Err(PictureFormat::Jpeg.malformed("its headers contradict each other"));
     }
-    let mut limits = image::Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(width), Some(height));
-    decoder.set_limits(limits).map_err(refusal)?;
     let mut pixels = vec![0; frame.width * frame.height * component_count];
-    decoder.read_image(&mut pixels).map_err(refusal)?;
+    decoder.decode_into(&mut pixels).map_err(refusal)?;
     Ok(pixels)
 }
 
 /// The decoder's error in the terms of this crate.
-fn refusal(error: DecoderError) -> DecodeError {
+fn refusal(error: DecodeErrors) -> DecodeError {
     let format = PictureFormat::Jpeg;
     match error {
-        DecoderError::Unsupported(error) => format.unsupported(error.to_string()),
+        DecodeErrors::Unsupported(scheme) => format.unsupported(format!("{scheme:?}")),
         other => format.malformed(other.to_string()),
     }
 }

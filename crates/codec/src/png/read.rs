@@ -14,11 +14,13 @@ use crate::canvas::Canvas;
 use crate::decode::{DecodeOptions, METADATA_BYTES};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
+use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
+use crate::wanted::{Wanted, WantedBytes, always};
 use png::{Decoder, DecodingError, Reader};
-use std::io::{Cursor, ErrorKind};
+use std::io::ErrorKind;
 
 /// Bytes before the first chunk.
 const SIGNATURE_BYTES: usize = 8;
@@ -31,23 +33,36 @@ const MAX_PIXEL_BYTES: usize = 8;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    Ok(Source::open(bytes, limits, 0)?.header)
+    Ok(Source::open(bytes, limits, 0, &always)?.header)
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
-    let limits = &options.limits;
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
     if !options.lenient {
         check_chunks(bytes)?;
     }
+    guarded(PictureFormat::Png, || read_picture(bytes, options, wanted))
+}
+
+fn read_picture(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
+    let limits = &options.limits;
     let row_bytes = limits.max_side.saturating_mul(MAX_PIXEL_BYTES);
     let Source { mut reader, mut pixels, header, orientation } =
-        Source::open(bytes, limits, row_bytes)?;
+        Source::open(bytes, limits, row_bytes, wanted)?;
     let (width, height) = orientation.upright(header.width, header.height);
     let interlaced = reader.info().interlaced;
     let mut canvas = Canvas::new(header, orientation);
     let mut samples = Vec::new();
     for row in stored_rows(width, height, interlaced) {
+        wanted()?;
         let stored = match reader.next_row() {
             Err(error) if options.lenient && is_end(&error) => return Ok(canvas),
             stored => stored.map_err(refusal)?,
@@ -82,7 +97,7 @@ fn check_chunks(bytes: &[u8]) -> Result<(), DecodeError> {
 
 /// A PNG that is open up to its first pixel.
 struct Source<'a> {
-    reader: Reader<Cursor<&'a [u8]>>,
+    reader: Reader<WantedBytes<'a>>,
     pixels: Pixels,
     header: Header,
     orientation: Orientation,
@@ -91,9 +106,14 @@ struct Source<'a> {
 impl<'a> Source<'a> {
     /// Opens a file: its size is checked before anything else is read, and what stands before the
     /// pixels may take [`METADATA_BYTES`] and `row_bytes` more.
-    fn open(bytes: &'a [u8], limits: &Limits, row_bytes: usize) -> Result<Self, DecodeError> {
+    fn open(
+        bytes: &'a [u8],
+        limits: &Limits,
+        row_bytes: usize,
+        wanted: &'a Wanted<'a>,
+    ) -> Result<Self, DecodeError> {
         let budget = png::Limits { bytes: METADATA_BYTES.saturating_add(row_bytes) };
-        let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), budget);
+        let mut decoder = Decoder::new_with_limits(WantedBytes::new(bytes, wanted), budget);
         decoder.set_ignore_text_chunk(true);
         decoder.set_ignore_iccp_chunk(true);
         let (width, height) = decoder.read_header_info().map_err(refusal)?.size();
@@ -111,7 +131,7 @@ impl<'a> Source<'a> {
 }
 
 /// Reads the rest of the pixels' chunks, so that their checksums are verified.
-fn check_end(reader: &mut Reader<Cursor<&[u8]>>) -> Result<(), DecodeError> {
+fn check_end(reader: &mut Reader<WantedBytes<'_>>) -> Result<(), DecodeError> {
     match reader.next_row().map_err(refusal)? {
         None => Ok(()),
         Some(_) => Err(PictureFormat::Png.malformed("it has more rows than its header says")),

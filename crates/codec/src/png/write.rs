@@ -8,6 +8,7 @@
 use crate::choices::PngCompression;
 use crate::error::EncodeError;
 use crate::interleave::interleave_row;
+use crate::wanted::{Wanted, always};
 use pixmesh_meshing::Image;
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, chunk};
 use std::io::{self, Write};
@@ -34,6 +35,19 @@ pub fn write_png_with(
     compression: PngCompression,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
+    write_png_while(image, compression, out, &always)
+}
+
+/// Writes an image as PNG, as [`write_png_with`] does, for as long as it is wanted.
+///
+/// # Errors
+/// As [`write_png_with`], and [`EncodeError::Cancelled`] when it is no longer wanted.
+pub fn write_png_while(
+    image: &Image,
+    compression: PngCompression,
+    out: &mut impl Write,
+    wanted: &Wanted<'_>,
+) -> Result<(), EncodeError> {
     let component_count = image.component_count();
     let color = color_type(component_count)?;
     let depth = bit_depth(component_count, image.precision());
@@ -53,6 +67,7 @@ pub fn write_png_with(
     let mut rows = writer.stream_writer_with_size(CHUNK_BYTES).map_err(io_error)?;
     let mut packed = Vec::new();
     for y in (0..image.height()).rev() {
+        wanted()?;
         pack_row(image, y, &scale, &mut packed);
         rows.write_all(&packed)?;
     }

@@ -13,6 +13,7 @@ use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
+use crate::wanted::Wanted;
 
 /// The largest maxval.
 const MAX_MAXVAL: u64 = 65_535;
@@ -23,12 +24,16 @@ pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Canvas, DecodeError> {
+pub(crate) fn decode(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
     let anymap = Anymap::read_header(bytes, &options.limits)?;
     if !options.lenient {
         anymap.check_length()?;
     }
-    anymap.read_raster(options.lenient)
+    anymap.read_raster(options.lenient, wanted)
 }
 
 /// How the samples are written.
@@ -156,21 +161,24 @@ impl<'a> Anymap<'a> {
     }
 
     /// Reads the pixels, of a file that ends early as far as it goes.
-    fn read_raster(mut self, lenient: bool) -> Result<Canvas, DecodeError> {
+    fn read_raster(mut self, lenient: bool, wanted: &Wanted<'_>) -> Result<Canvas, DecodeError> {
         let mut canvas = Canvas::new(self.header, Orientation::default());
         match self.coding {
-            Coding::PlainBits | Coding::PlainNumbers => match self.read_plain(&mut canvas) {
-                Err(_) if lenient && self.raster.rest().is_empty() => {}
-                result => result?,
-            },
-            Coding::RawBits | Coding::RawNumbers => self.read_raw(&mut canvas)?,
+            Coding::PlainBits | Coding::PlainNumbers => {
+                match self.read_plain(&mut canvas, wanted) {
+                    Err(_) if lenient && self.raster.rest().is_empty() => {}
+                    result => result?,
+                }
+            }
+            Coding::RawBits | Coding::RawNumbers => self.read_raw(&mut canvas, wanted)?,
         }
         Ok(canvas)
     }
 
-    fn read_plain(&mut self, canvas: &mut Canvas) -> Result<(), DecodeError> {
+    fn read_plain(&mut self, canvas: &mut Canvas, wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         let mut row = vec![0; self.row_samples()];
         for y in 0..self.header.height {
+            wanted()?;
             for sample in &mut row {
                 let value = match self.coding {
                     Coding::PlainBits => 1 - self.raster.bit()?,
@@ -186,10 +194,11 @@ impl<'a> Anymap<'a> {
         Ok(())
     }
 
-    fn read_raw(&self, canvas: &mut Canvas) -> Result<(), DecodeError> {
+    fn read_raw(&self, canvas: &mut Canvas, wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         let mut row = Vec::with_capacity(self.row_samples());
         let rows = self.raster.rest().chunks_exact(self.row_bytes());
         for (y, bytes) in rows.take(self.header.height).enumerate() {
+            wanted()?;
             row.clear();
             match self.coding {
                 Coding::RawBits => {

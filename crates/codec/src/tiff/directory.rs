@@ -3,6 +3,7 @@
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::orientation::Orientation;
+use std::borrow::Cow;
 
 /// Bytes of one field.
 const FIELD_BYTES: usize = 12;
@@ -20,6 +21,7 @@ const PHOTOMETRIC: u16 = 262;
 const ORIENTATION: u16 = 274;
 const SAMPLES_PER_PIXEL: u16 = 277;
 const PLANAR: u16 = 284;
+const PREDICTOR: u16 = 317;
 const COLOUR_MAP: u16 = 320;
 const TILE_WIDTH: u16 = 322;
 const TILE_HEIGHT: u16 = 323;
@@ -54,6 +56,9 @@ pub(super) struct Directory<'a> {
     pub(super) planar: bool,
     pub(super) meaning: Meaning,
     pub(super) orientation: Orientation,
+    /// Samples are stored as differences to those of the pixel on their left, from the left end of
+    /// each row on; not known of what is stored in tiles.
+    pub(super) differences: bool,
 }
 
 impl<'a> Directory<'a> {
@@ -75,6 +80,7 @@ impl<'a> Directory<'a> {
             planar: false,
             meaning: Meaning::Plain(1),
             orientation: Orientation::default(),
+            differences: false,
         };
         let at = directory.long(4).ok_or_else(ends_early)? as usize;
         directory.field_count = directory.short(at).ok_or_else(ends_early)?.into();
@@ -113,6 +119,8 @@ impl<'a> Directory<'a> {
             }
         };
         self.meaning = self.read_meaning()?;
+        self.differences =
+            self.depth >= 8 && self.value(PREDICTOR) == Some(2) && self.field(TILE_WIDTH).is_none();
         Ok(())
     }
 
@@ -177,15 +185,36 @@ impl<'a> Directory<'a> {
         row_bits.div_ceil(8).max(self.width as usize) * self.height as usize
     }
 
-    /// A copy of the file that says that its samples are gray.
-    pub(super) fn as_gray(&self, bytes: &[u8]) -> Vec<u8> {
-        let mut copy = bytes.to_vec();
-        let place = self.field(PHOTOMETRIC).and_then(|field| copy.get_mut(field + 8..field + 10));
-        if let Some(place) = place {
-            let one = if self.little_endian { [1, 0] } else { [0, 1] };
-            place.copy_from_slice(&one);
+    /// The file as its decoder shall take it, a copy where it has to be told something else.
+    ///
+    /// It knows no palettes: it gets told that the indices are gray. Differences it would add up in
+    /// one go for a strip, which may be the whole picture, and could not be stopped: it gets told that
+    /// they are samples.
+    pub(super) fn retold(&self) -> Cow<'a, [u8]> {
+        let mut file = Cow::Borrowed(self.bytes);
+        if self.meaning == Meaning::Indexed {
+            self.set_to_one(PHOTOMETRIC, file.to_mut());
         }
-        copy
+        if self.differences {
+            self.set_to_one(PREDICTOR, file.to_mut());
+        }
+        file
+    }
+
+    /// Changes the value of a field to 1.
+    fn set_to_one(&self, tag: u16, copy: &mut [u8]) {
+        let Some(field) = self.field(tag) else { return };
+        let length = match self.short(field + 2) {
+            Some(1) => 1,
+            Some(3) => 2,
+            _ => 4,
+        };
+        let Some(value) = copy.get_mut(field + 8..field + 8 + length) else { return };
+        value.fill(0);
+        let least = if self.little_endian { value.first_mut() } else { value.last_mut() };
+        if let Some(least) = least {
+            *least = 1;
+        }
     }
 
     /// Offset of a field.
@@ -231,4 +260,45 @@ fn malformed(reason: &str) -> DecodeError {
 
 fn unsupported(reason: &str) -> DecodeError {
     PictureFormat::Tiff.unsupported(reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A gray picture of two by two pixels, of 16 bits, stored as differences, without its pixels.
+    fn file(little_endian: bool, predictor_type: u16) -> Vec<u8> {
+        let short = |v: u16| if little_endian { v.to_le_bytes() } else { v.to_be_bytes() };
+        let long = |v: u32| if little_endian { v.to_le_bytes() } else { v.to_be_bytes() };
+        let mut bytes = if little_endian { b"II*\0".to_vec() } else { b"MM\0*".to_vec() };
+        bytes.extend(long(8));
+        bytes.extend(short(5));
+        let fields = [(WIDTH, 2), (HEIGHT, 2), (BITS_PER_SAMPLE, 16), (PHOTOMETRIC, 1)];
+        for (tag, value) in fields {
+            bytes.extend([short(tag), short(3)].concat());
+            bytes.extend([&long(1)[..], &short(value), &[0; 2]].concat());
+        }
+        bytes.extend([short(PREDICTOR), short(predictor_type)].concat());
+        bytes.extend(long(1));
+        bytes.extend(if predictor_type == 4 {
+            long(2).to_vec()
+        } else {
+            [short(2), [0; 2]].concat()
+        });
+        bytes
+    }
+
+    #[test]
+    fn the_decoder_is_told_of_no_differences_in_either_byte_order() {
+        for (little_endian, predictor_type) in [(true, 3), (false, 3), (true, 4), (false, 4)] {
+            let bytes = file(little_endian, predictor_type);
+            let directory = Directory::read(&bytes).unwrap();
+            assert!(directory.differences);
+            let retold = directory.retold();
+            let retold = Directory::read(&retold).unwrap();
+            assert_eq!(retold.value(PREDICTOR), Some(1), "{little_endian} {predictor_type}");
+            assert!(!retold.differences);
+            assert!(matches!(retold.retold(), Cow::Borrowed(_)));
+        }
+    }
 }

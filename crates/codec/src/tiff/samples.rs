@@ -5,6 +5,9 @@ use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use tiff::decoder::DecodingResult;
 
+/// The most samples of a pixel that the decoder keeps.
+const MAX_STORED: usize = 5;
+
 /// The rows of a decoded page.
 pub(super) struct Samples<'a> {
     stored: &'a DecodingResult,
@@ -14,6 +17,8 @@ pub(super) struct Samples<'a> {
     /// Samples of a pixel that the decoder has kept.
     stored_count: usize,
     planar: bool,
+    /// They are differences to those of the pixel on the left.
+    differences: bool,
     meaning: Meaning,
     /// All reds, all greens, all blues.
     palette: Vec<u16>,
@@ -27,7 +32,7 @@ impl<'a> Samples<'a> {
         directory: &Directory<'_>,
         stored: &'a DecodingResult,
     ) -> Result<Self, DecodeError> {
-        let Directory { width, height, depth, planar, meaning, .. } = *directory;
+        let Directory { width, height, depth, planar, differences, meaning, .. } = *directory;
         let (width, height) = (width as usize, height as usize);
         let stored_count = match meaning {
             Meaning::Plain(count) => count,
@@ -46,7 +51,18 @@ impl<'a> Samples<'a> {
         }
         let palette = if meaning == Meaning::Indexed { directory.palette()? } else { Vec::new() };
         let row = Vec::with_capacity(width * stored_count);
-        Ok(Self { stored, width, height, depth, stored_count, planar, meaning, palette, row })
+        Ok(Self {
+            stored,
+            width,
+            height,
+            depth,
+            stored_count,
+            planar,
+            differences,
+            meaning,
+            palette,
+            row,
+        })
     }
 
     /// The samples of row `y` from the top, the components side by side.
@@ -56,6 +72,7 @@ impl<'a> Samples<'a> {
             self.read_planes(y);
         } else {
             self.read_row(y, self.width * self.stored_count);
+            self.add_up(0, self.stored_count);
         }
         match self.meaning {
             Meaning::Plain(_) => {}
@@ -88,11 +105,28 @@ impl<'a> Samples<'a> {
         }
     }
 
+    /// Adds up the differences from the sample at `start` on, pixels being `step` samples apart.
+    fn add_up(&mut self, start: usize, step: usize) {
+        if !self.differences {
+            return;
+        }
+        let largest = u16::MAX >> (16 - self.depth);
+        let samples = self.row.get_mut(start..).unwrap_or_default();
+        let mut left = [0; MAX_STORED];
+        for pixel in samples.chunks_exact_mut(step) {
+            for (sample, left) in pixel.iter_mut().zip(&mut left) {
+                *left = sample.wrapping_add(*left) & largest;
+                *sample = *left;
+            }
+        }
+    }
+
     /// Puts the rows of all components side by side.
     fn read_planes(&mut self, y: usize) {
         let (width, count) = (self.width, self.stored_count);
         for component in 0..count {
             self.read_row(component * self.height + y, width);
+            self.add_up(component * width, 1);
         }
         let planes = self.row.clone();
         for (x, pixel) in self.row.chunks_exact_mut(count).enumerate() {

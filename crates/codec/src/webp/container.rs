@@ -1,9 +1,10 @@
 //! The chunks of a WebP file, and the picture's size in each place that tells it.
 
-use super::lossless;
+use super::lossless::{self, Bits};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::orientation::Orientation;
+use crate::wanted::Wanted;
 
 /// Bytes before the first chunk: `RIFF`, the length of what follows, `WEBP`.
 const FILE_HEADER_BYTES: usize = 12;
@@ -112,19 +113,19 @@ impl<'a> Container<'a> {
 
     /// Checks that the picture has the size that the container claims for it, and that its codes do
     /// not take much more memory than its pixels.
-    pub(super) fn check_picture(&self) -> Result<(), DecodeError> {
+    pub(super) fn check_picture(&self, wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         match self.picture {
             Picture::Still(chunk) => {
                 let size = [self.width, self.height];
-                self.alpha.map_or(Ok(()), |alpha| alpha.check_codes(size))?;
-                chunk.check(size)
+                self.alpha.map_or(Ok(()), |alpha| alpha.check_codes(size, wanted))?;
+                chunk.check(size, wanted)
             }
-            Picture::Frame(data) => self.check_frame(data),
+            Picture::Frame(data) => self.check_frame(data, wanted),
         }
     }
 
     /// Checks the first frame of an animation.
-    fn check_frame(&self, data: &[u8]) -> Result<(), DecodeError> {
+    fn check_frame(&self, data: &[u8], wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         let (header, mut rest) =
             data.split_at_checked(FRAME_HEADER_BYTES).ok_or_else(ends_early)?;
         let &[x0, x1, x2, y0, y1, y2, w0, w1, w2, h0, h1, h2, ..] = header else {
@@ -138,8 +139,8 @@ impl<'a> Container<'a> {
         }
         while let Some(chunk) = next_chunk(&mut rest)? {
             match chunk.kind {
-                b"ALPH" => chunk.check_codes(size)?,
-                b"VP8 " | b"VP8L" => return chunk.check(size),
+                b"ALPH" => chunk.check_codes(size, wanted)?,
+                b"VP8 " | b"VP8L" => return chunk.check(size, wanted),
                 _ => {}
             }
         }
@@ -172,10 +173,10 @@ impl Chunk<'_> {
     }
 
     /// Checks that the picture has a size.
-    fn check(&self, expected: [u32; 2]) -> Result<(), DecodeError> {
+    fn check(&self, expected: [u32; 2], wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         let size = self.size()?;
         if size == expected {
-            return self.check_codes(size);
+            return self.check_codes(size, wanted);
         }
         let ([w, h], [width, height]) = (size, expected);
         Err(malformed(&format!("a picture of {w}x{h} stands where one of {width}x{height} should")))
@@ -184,13 +185,15 @@ impl Chunk<'_> {
 
 impl Chunk<'_> {
     /// Checks the codes of a picture without loss, or of alpha compressed like one.
-    fn check_codes(&self, size: [u32; 2]) -> Result<(), DecodeError> {
+    fn check_codes(&self, size: [u32; 2], wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         let start = match (self.kind, self.data) {
             (b"VP8L", _) => LOSSLESS_HEADER_BITS,
             (b"ALPH", &[method, ..]) if method & 3 == 1 => 8,
             _ => return Ok(()),
         };
-        if lossless::table_bytes(self.data, start, size, CODE_BYTES)? <= CODE_BYTES {
+        if lossless::table_bytes(Bits::new(self.data, start, wanted), size, CODE_BYTES)?
+            <= CODE_BYTES
+        {
             return Ok(());
         }
         let (format, limit) = (PictureFormat::WebP, CODE_BYTES);

@@ -8,6 +8,7 @@
 
 use super::container::{ends_early, malformed};
 use crate::error::DecodeError;
+use crate::wanted::Wanted;
 
 /// Bits of a code that a table resolves at once.
 const TABLE_BITS: usize = 10;
@@ -26,19 +27,20 @@ const GREEN_SYMBOLS: usize = 256 + 24;
 /// Symbols of distances.
 const DISTANCE_SYMBOLS: usize = 40;
 
+/// Symbols read from one question to the next whether the picture is wanted.
+const POLL_SYMBOLS: usize = 4096;
+
 /// The bytes that the tables of a picture's codes take, counted up to `limit`.
 ///
-/// The stream begins at a bit of `data`: after the header of a picture, or the first byte of alpha.
+/// The stream begins after the header of a picture, or the first byte of alpha.
 ///
 /// # Errors
-/// When the stream is broken before its pixels.
+/// When the stream is broken before its pixels, or no longer wanted.
 pub(super) fn table_bytes(
-    data: &[u8],
-    start: usize,
+    mut bits: Bits<'_>,
     [width, height]: [u32; 2],
     limit: usize,
 ) -> Result<usize, DecodeError> {
-    let mut bits = Bits { data, position: start };
     let mut width = width as usize;
     let height = height as usize;
     let mut seen = [false; 4];
@@ -76,6 +78,7 @@ pub(super) fn table_bytes(
     };
     let mut bytes = 0;
     for _ in 0..groups {
+        (bits.wanted)()?;
         bytes += read_group(&mut bits, cache)?.iter().map(Code::table_bytes).sum::<usize>();
         if bytes > limit {
             break;
@@ -90,12 +93,18 @@ fn scaled(side: usize, shift: usize) -> usize {
 }
 
 /// The least significant bits first.
-struct Bits<'a> {
+pub(super) struct Bits<'a> {
     data: &'a [u8],
     position: usize,
+    wanted: &'a Wanted<'a>,
 }
 
-impl Bits<'_> {
+impl<'a> Bits<'a> {
+    /// The bits of `data` from that at `position` on.
+    pub(super) fn new(data: &'a [u8], position: usize, wanted: &'a Wanted<'a>) -> Self {
+        Self { data, position, wanted }
+    }
+
     fn read(&mut self, count: usize) -> Result<usize, DecodeError> {
         let mut value = 0;
         for i in 0..count {
@@ -251,7 +260,13 @@ fn read_image(bits: &mut Bits<'_>, width: usize, height: usize) -> Result<Vec<u3
         |pixel: u32| (0x1E35_A7BD_u32.wrapping_mul(pixel) >> (32 - cache_bits.max(1))) as usize;
     let [green, red, blue, alpha, distance] = read_group(bits, cache_bits)?;
     let mut pixels: Vec<u32> = Vec::with_capacity(width * height);
-    while pixels.len() < width * height {
+    for symbol_count in 0_usize.. {
+        if pixels.len() >= width * height {
+            break;
+        }
+        if symbol_count.is_multiple_of(POLL_SYMBOLS) {
+            (bits.wanted)()?;
+        }
         let symbol = green.read(bits)?;
         let start = pixels.len();
         if symbol < 256 {
