@@ -23,10 +23,10 @@ use rustix::process::{getpriority_process, setpriority_process};
 use std::io;
 use std::sync::Arc;
 use std::thread::Builder;
-use std::time::Instant;
-use threads::Threads;
-use tokio::sync::oneshot;
-use tokio::time::timeout_at;
+use std::time::{Duration, Instant};
+use threads::{Threads, Work};
+use tokio::sync::oneshot::{self, Receiver};
+use tokio::time::{sleep, timeout_at};
 use tracing::Span;
 
 /// Runs `work` and waits for it until `deadline`; the work may keep memory of its ticket.
@@ -39,20 +39,43 @@ pub async fn run<T: Send + 'static>(
     deadline: Instant,
     work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
-    run_watched(ticket, Arc::new(Watch::new(deadline)), deadline, work).await
+    let watch = Arc::new(Watch::new(deadline));
+    let _guard = CancelOnDrop(Arc::clone(&watch));
+    let (work, heard) = reporting(ticket, watch, work);
+    THREADS.run(work).map_err(|refusal| no_thread(&refusal.error))?;
+    result(heard, deadline).await
 }
 
-/// The same under a watch that others look at too.
+/// The same under a watch that others look at too, of work that nobody waits for at the moment: while
+/// the system has no thread for it, it is tried again and again until the deadline, ticket in hand.
 ///
 /// # Errors
 /// As [`run`].
-pub async fn run_watched<T: Send + 'static>(
-    mut ticket: Ticket,
+pub async fn run_patiently<T: Send + 'static>(
+    ticket: Ticket,
     watch: Arc<Watch>,
     deadline: Instant,
     work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
     let _guard = CancelOnDrop(Arc::clone(&watch));
+    let (mut work, heard) = reporting(ticket, watch, work);
+    while let Err(refusal) = THREADS.run(work) {
+        let problem = no_thread(&refusal.error);
+        if Instant::now() + PAUSE_WITHOUT_THREAD >= deadline {
+            return Err(problem);
+        }
+        sleep(PAUSE_WITHOUT_THREAD).await;
+        work = refusal.work;
+    }
+    result(heard, deadline).await
+}
+
+/// The work as a thread does it, and where its result is heard of.
+fn reporting<T: Send + 'static>(
+    mut ticket: Ticket,
+    watch: Arc<Watch>,
+    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
+) -> (Work, Receiver<Result<T, Problem>>) {
     let span = Span::current();
     let (said, heard) = oneshot::channel();
     let work = move || {
@@ -69,7 +92,11 @@ pub async fn run_watched<T: Send + 'static>(
         // Whoever waited for it may have gone away.
         let _ = said.send(result);
     };
-    THREADS.run(Box::new(work)).map_err(|error| no_thread(&error))?;
+    (Box::new(work), heard)
+}
+
+/// What comes of work that has begun, or of its deadline.
+async fn result<T>(heard: Receiver<Result<T, Problem>>, deadline: Instant) -> Result<T, Problem> {
     match timeout_at(deadline.into(), heard).await {
         Ok(Ok(Err(problem))) if problem.kind() == Kind::DeadlineExceeded => Err(too_slow()),
         Ok(heard) => heard.unwrap_or_else(|_| Err(panicked())),
@@ -79,6 +106,9 @@ pub async fn run_watched<T: Send + 'static>(
 
 /// When a client should try again whose work found no thread, in seconds.
 const RETRY_AFTER_S: u64 = 5;
+
+/// The pause before work that found no thread is tried again.
+const PAUSE_WITHOUT_THREAD: Duration = Duration::from_secs(1);
 
 /// How much nicer than the process the threads that work are.
 const NICENESS: i32 = 5;
@@ -128,7 +158,6 @@ mod tests {
     use crate::extract::owner::Owner;
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Method, Target};
-    use std::time::Duration;
 
     const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
 

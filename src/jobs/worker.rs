@@ -214,7 +214,7 @@ impl Worker {
         drop(file);
         let ticket = self.admission.admit_to(slot, cost, deadline).await?;
         let (limits, make) = (self.pictures, self.make);
-        let answer = pool::run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
+        let answer = pool::run_patiently(ticket, Arc::clone(watch), deadline, move |watch, _| {
             let made = make(source, &order, keeps_progression, &limits, watch)?;
             Ok(Product::new(made))
         });
@@ -301,8 +301,8 @@ fn stored_order(query: &str) -> Result<Order, Problem> {
     ParameterSet::of_query(Some(query))?.finish()
 }
 
-/// How a problem ends an attempt: what the storage refused, or the machine had no room for, may
-/// succeed another time; all else would fail the same way again.
+/// How a problem ends an attempt: what the storage refused, or the machine had no room for until the
+/// deadline, may succeed another time; all else would fail the same way again.
 fn outcome_of(problem: &Problem) -> Outcome {
     match problem.kind() {
         Kind::StorageFull | Kind::StorageUnavailable | Kind::Overloaded => {

@@ -2,10 +2,11 @@
 //! has been none for a while.
 //!
 //! Unlike a runtime's pool for blocking calls, this one tells when the system has no thread to give,
-//! and then keeps nothing of the work: neither its memory nor its ticket.
+//! and then gives the work back, with its memory and its ticket.
 
 use std::collections::VecDeque;
 use std::io;
+use std::sync::mpsc::sync_channel;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::Builder;
 use std::time::Duration;
@@ -14,7 +15,13 @@ use std::time::Duration;
 const KEPT_FOR: Duration = Duration::from_secs(10);
 
 /// What a thread does.
-type Work = Box<dyn FnOnce() + Send>;
+pub(super) type Work = Box<dyn FnOnce() + Send>;
+
+/// Work that the system had no thread for.
+pub(super) struct NoThread {
+    pub(super) error: io::Error,
+    pub(super) work: Work,
+}
 
 /// A pool of threads.
 pub(super) struct Threads {
@@ -43,8 +50,8 @@ impl Threads {
     /// nothing else.
     ///
     /// # Errors
-    /// The system's, when it starts no thread; the work is dropped by then.
-    pub(super) fn run(&'static self, work: Work) -> io::Result<()> {
+    /// The work itself, when the system starts no thread.
+    pub(super) fn run(&'static self, work: Work) -> Result<(), NoThread> {
         let mut state = self.state();
         if state.idle > state.given.len() {
             state.given.push_back(work);
@@ -52,14 +59,25 @@ impl Threads {
             return Ok(());
         }
         drop(state);
+        // Only a thread that has started gets the work.
+        let (give, take) = sync_channel::<Work>(1);
         let serve = move || {
             (self.on_start)();
-            work();
+            if let Ok(work) = take.recv() {
+                work();
+            }
             while let Some(work) = self.next() {
                 work();
             }
         };
-        (self.new_thread)().spawn(serve).map(drop)
+        match (self.new_thread)().spawn(serve) {
+            Ok(_) => {
+                // It takes what it is given, whatever comes of it.
+                let _ = give.send(work);
+                Ok(())
+            }
+            Err(error) => Err(NoThread { error, work }),
+        }
     }
 
     /// The next work, or `None` when there is none for so long.
@@ -81,7 +99,7 @@ impl Threads {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::mpsc::{RecvError, channel};
+    use std::sync::mpsc::{RecvError, TryRecvError, channel};
     use std::thread;
 
     #[test]
@@ -91,7 +109,9 @@ mod tests {
         let mut last = None;
         for _ in 0..5 {
             let said = said.clone();
-            THREADS.run(Box::new(move || said.send(thread::current().id()).unwrap())).unwrap();
+            assert!(
+                THREADS.run(Box::new(move || said.send(thread::current().id()).unwrap())).is_ok()
+            );
             let worked = hear.recv().unwrap();
             assert!(last.is_none_or(|last| last == worked));
             last = Some(worked);
@@ -113,7 +133,7 @@ mod tests {
                     said.send(n).unwrap();
                     let _ = released.recv();
                 };
-                THREADS.run(Box::new(work)).unwrap();
+                assert!(THREADS.run(Box::new(work)).is_ok());
                 release
             })
             .collect();
@@ -124,12 +144,15 @@ mod tests {
     }
 
     #[test]
-    fn where_no_thread_starts_that_is_said_and_the_work_is_dropped() {
+    fn where_no_thread_starts_that_is_said_and_the_work_is_given_back() {
         // No system has the memory for such a stack.
         static THREADS: Threads = Threads::new(|| Builder::new().stack_size(1 << 60), || {});
-        let (said, hear) = channel::<()>();
-        assert!(THREADS.run(Box::new(move || drop(said))).is_err());
-        assert_eq!(hear.recv(), Err(RecvError));
+        let (said, hear) = channel();
+        let NoThread { work, .. } =
+            THREADS.run(Box::new(move || said.send(7).unwrap())).err().unwrap();
+        assert_eq!(hear.try_recv(), Err(TryRecvError::Empty));
+        work();
+        assert_eq!(hear.recv(), Ok(7));
     }
 
     #[test]
@@ -141,11 +164,11 @@ mod tests {
                 let _said = said;
                 panic!("on purpose");
             };
-            THREADS.run(Box::new(work)).unwrap();
+            assert!(THREADS.run(Box::new(work)).is_ok());
             assert_eq!(hear.recv(), Err(RecvError));
         }
         let (said, hear) = channel();
-        THREADS.run(Box::new(move || said.send(()).unwrap())).unwrap();
+        assert!(THREADS.run(Box::new(move || said.send(()).unwrap())).is_ok());
         assert_eq!(hear.recv(), Ok(()));
     }
 }
