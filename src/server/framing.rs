@@ -15,6 +15,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// The longest head that is looked at; the library refuses longer ones itself.
 const MAX_HEAD: usize = 128 * 1024;
 
+/// The longest body that the library can count; the next two numbers mean other things to it.
+const MAX_LENGTH: u64 = u64::MAX - 2;
+
 /// What was seen of the requests on one connection.
 #[derive(Clone, Debug)]
 pub struct Framing(Arc<Mutex<State>>);
@@ -25,6 +28,8 @@ enum State {
     Head(Vec<u8>),
     /// So many bytes of a body are to come.
     Body(u64),
+    /// A body is to come that is longer than the library can count.
+    Countless,
     /// Nothing more will be looked at.
     Done,
     /// A request had this defect.
@@ -56,6 +61,11 @@ impl Framing {
         }
     }
 
+    /// Whether a request announced a body of more bytes than the library can count.
+    pub(super) fn is_countless(&self) -> bool {
+        matches!(*self.state(), State::Countless)
+    }
+
     /// Sees the next bytes of the connection.
     pub(super) fn see(&self, mut bytes: &[u8]) {
         let mut state = self.state();
@@ -73,7 +83,7 @@ impl State {
     /// Sees some of the bytes and returns the rest.
     fn see<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
         match self {
-            Self::Done | Self::Defective(_) => &[],
+            Self::Countless | Self::Done | Self::Defective(_) => &[],
             Self::Body(left) => {
                 let skipped = usize::try_from(*left).unwrap_or(usize::MAX).min(bytes.len());
                 *left -= skipped as u64;
@@ -124,9 +134,12 @@ fn after(head: &[u8]) -> State {
         _ if needs_host && hosts != 1 => State::Defective(HeadDefect::Host),
         _ if is_encoded => State::Done,
         None => State::Head(Vec::new()),
+        Some("") => State::Done,
         Some(text) => match text.parse() {
             Ok(0) => State::Head(Vec::new()),
-            Ok(length) => State::Body(length),
+            Ok(length) if length <= MAX_LENGTH => State::Body(length),
+            Ok(_) => State::Countless,
+            Err(_) if text.bytes().all(|byte| byte.is_ascii_digit()) => State::Countless,
             Err(_) => State::Done,
         },
     }
@@ -184,6 +197,22 @@ mod tests {
         assert_eq!(defect(twice), Some(HeadDefect::Host));
         assert_eq!(defect("GET / HTTP/1.1\r\nhost:\r\n\r\n"), None, "it may be empty");
         assert_eq!(defect("GET / HTTP/1.0\r\n\r\n"), None);
+    }
+
+    #[test]
+    fn a_body_too_long_to_count_is_told_from_a_length_that_is_no_number() {
+        let is_countless = |length: &str| {
+            let framing = Framing::default();
+            let head = format!("POST / HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
+            framing.see(head.as_bytes());
+            framing.is_countless()
+        };
+        for length in ["18446744073709551614", "18446744073709551616", &"9".repeat(100)] {
+            assert!(is_countless(length), "{length}");
+        }
+        for length in ["18446744073709551613", "0", "", "-1", "9x", "1844674407370955161x"] {
+            assert!(!is_countless(length), "{length}");
+        }
     }
 
     #[test]

@@ -79,7 +79,11 @@ impl Stream {
     ) -> Option<Poll<io::Result<usize>>> {
         let mut replaced = self.replaced.take().or_else(|| {
             let original = bytes.len();
-            unreadable::in_place_of(bytes).map(|bytes| Replaced { bytes, sent: 0, original })
+            unreadable::in_place_of(bytes, self.framing.is_countless()).map(|bytes| Replaced {
+                bytes,
+                sent: 0,
+                original,
+            })
         })?;
         while replaced.sent < replaced.bytes.len() {
             let socket = match self.socket() {

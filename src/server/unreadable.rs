@@ -20,9 +20,15 @@ const REFUSALS: [(&[u8], Kind, &str); 3] = [
     (b"HTTP/1.1 431 ", Kind::HeadersTooLarge, "the request's header is too large"),
 ];
 
-/// What is sent in place of these bytes, if they are a refusal of the library's own.
-pub(super) fn in_place_of(bytes: &[u8]) -> Option<Vec<u8>> {
+/// What a body is called that is longer than can be counted.
+const COUNTLESS: (Kind, &str) =
+    (Kind::BodyTooLarge, "the body is announced to be longer than any that is accepted");
+
+/// What is sent in place of these bytes, if they are a refusal of the library's own. To it a body that it
+/// cannot count is a defect of the header.
+pub(super) fn in_place_of(bytes: &[u8], is_countless: bool) -> Option<Vec<u8>> {
     let (_, kind, detail) = REFUSALS.into_iter().find(|(start, ..)| bytes.starts_with(start))?;
+    let (kind, detail) = if is_countless { COUNTLESS } else { (kind, detail) };
     is_bare(bytes).then(|| {
         let id = RequestId::random();
         tracing::info!(id = id.as_str(), code = kind.status().as_u16(), "unreadable");
@@ -61,9 +67,12 @@ mod tests {
     #[test]
     fn only_a_bare_refusal_is_replaced() {
         let bare = "HTTP/1.1 431 Request Header Fields Too Large\r\ncontent-length: 0\r\n\r\n";
-        let answer = String::from_utf8(in_place_of(bare.as_bytes()).unwrap()).unwrap();
+        let answer = String::from_utf8(in_place_of(bare.as_bytes(), false).unwrap()).unwrap();
         assert!(answer.starts_with("HTTP/1.1 431 Request Header Fields Too Large\r\n"));
         assert!(answer.contains("/problems/headers-too-large"));
+        let answer = String::from_utf8(in_place_of(bare.as_bytes(), true).unwrap()).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 413 "));
+        assert!(answer.contains("/problems/body-too-large"));
         for other in [
             "HTTP/1.1 200 OK\r\ncontent-length: 0\r\n\r\n",
             "HTTP/1.1 400 Bad Request\r\ncontent-length: 0\r\n\r\nHTTP",
@@ -72,7 +81,7 @@ mod tests {
             "HTTP/1.1 400 Bad Request\r\ncontent-type: a\r\ncontent-length: 0\r\n\r\n",
             "HTTP/1.1 400 ",
         ] {
-            assert_eq!(in_place_of(other.as_bytes()), None, "{other}");
+            assert_eq!(in_place_of(other.as_bytes(), true), None, "{other}");
         }
     }
 }

@@ -115,6 +115,20 @@ fn of_png() -> Vec<Row> {
         Row::picture("C07", "PNG of no columns", BROKEN, move || {
             png(&[header(0, 0), pixels(&rows), END])
         }),
+        Row::new(
+            "C07b",
+            "BMP, GIF and PGM of no columns and no rows",
+            Expected::Refused(422, "degenerate-image"),
+            || {
+                let mut old =
+                    b"BM\0\0\0\0\0\0\0\0\x1A\0\0\0\x0C\0\0\0\0\0\0\0\x01\0\x18\0".to_vec();
+                old.extend([0; 12]);
+                let mut new = bmp(&gradient(24, 18, 3));
+                new[18..26].fill(0);
+                let gif = b"GIF89a\0\0\0\0\0\0\0;".to_vec();
+                [old, new, gif, b"P5\n0 0\n255\n".to_vec()].map(|picture| mesh("", picture)).into()
+            },
+        ),
         Row::picture("C08", "PNG without pixels", BROKEN, || png(&[header(4, 0), END])),
         Row::picture("C09", "PNG of two headers", BROKEN, move || {
             png(&[header(4, 0), header(4, 0), pixels(&rows), END])

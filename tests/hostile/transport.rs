@@ -84,6 +84,19 @@ fn of_lengths() -> Vec<Row> {
             || raw(chunked(100)),
         ),
         Row::new(
+            "T01b",
+            "Content-Length of 2^64-1, of 2^64, of a hundred digits",
+            Expected::Refused(413, "body-too-large"),
+            || {
+                ["18446744073709551615", "18446744073709551616", &"9".repeat(100)]
+                    .map(|length| {
+                        let head = format!("{HEAD}Content-Length: {length}\r\n\r\n");
+                        Request::Raw(head.into_bytes())
+                    })
+                    .into()
+            },
+        ),
+        Row::new(
             "T02b",
             "announced body over the limit, sent in whole",
             Expected::Refused(413, "body-too-large"),
@@ -340,7 +353,6 @@ fn of_heads() -> Vec<Row> {
                     "Content-Length: 1, 2\r\n",
                     "Content-Length: +5\r\n",
                     "Content-Length: -1\r\n",
-                    "Content-Length: 99999999999999999999\r\n",
                 ]
                 .map(|lengths| Request::Raw(format!("{HEAD}{lengths}\r\nabcde").into_bytes()))
                 .into()

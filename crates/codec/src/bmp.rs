@@ -19,6 +19,15 @@ use image::codecs::bmp::BmpDecoder;
 use image::error::ImageError as DecoderError;
 use image::{ColorType, ImageDecoder};
 
+/// Where the length of the second header stands.
+const HEADER_LENGTH_AT: usize = 14;
+
+/// Where columns and rows stand, in numbers of 16 bits after a core header's length, else of 32.
+const SIZE_AT: usize = 18;
+
+/// Bytes of the oldest header.
+const CORE_HEADER_BYTES: i32 = 12;
+
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
     guarded(PictureFormat::Bmp, || Ok(open(bytes, limits, &always)?.0))
@@ -45,12 +54,28 @@ pub(crate) fn decode(
 /// A file that is open up to its pixels.
 type Source<'a> = (Header, BmpDecoder<WantedBytes<'a>>);
 
-/// Reads headers and palette.
+/// The columns and rows that the header claims, if the file is long enough to claim any.
+fn claimed_size(bytes: &[u8]) -> Option<(u64, u64)> {
+    let number = |at: usize| bytes.get(at..)?.first_chunk().map(|&four| i32::from_le_bytes(four));
+    let short = |at: usize| bytes.get(at..)?.first_chunk().map(|&two| u16::from_le_bytes(two));
+    if number(HEADER_LENGTH_AT)? == CORE_HEADER_BYTES {
+        return Some((short(SIZE_AT)?.into(), short(SIZE_AT + 2)?.into()));
+    }
+    // Rows from the top are told by a height below zero; no width is.
+    let width = u64::try_from(number(SIZE_AT)?).ok()?;
+    Some((width, number(SIZE_AT + 4)?.unsigned_abs().into()))
+}
+
+/// Reads headers and palette, the size first: the decoder takes one that is nothing for one that it
+/// does not support.
 fn open<'a>(
     bytes: &'a [u8],
     limits: &Limits,
     wanted: &'a Wanted<'a>,
 ) -> Result<Source<'a>, DecodeError> {
+    if let Some((width, height)) = claimed_size(bytes) {
+        limits.check(width, height)?;
+    }
     let decoder = BmpDecoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = limits.check(width.into(), height.into())?;
