@@ -18,13 +18,16 @@ use crate::parallel::in_parallel;
 use crate::parameters::ErrorBound;
 use crate::removal::{Neighbour, Net, Remover};
 use crate::removal_queue::{Entry, RemovalQueue};
-use crate::star::{ROOM, StarSource, Stars};
+use crate::star::{ROOM, StarParts, StarSource, Stars};
 use crate::tile_order::tile_order;
 use crate::tiled_removal::{self, remove_by_tiles};
 use crate::triangulation::Triangulation;
 
 /// Faces measured, and vertices evaluated for the first time, between two polls of the control.
 const VERTICES_PER_ROUND: usize = 8192;
+
+/// The binary digits of a vertex's number, where all vertices are one part.
+const ALL_DIGITS: u32 = u32::BITS;
 
 /// Stands for a vertex that is gone.
 const GONE: u32 = u32::MAX;
@@ -73,44 +76,54 @@ pub(crate) fn simplify(
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
     let measure = Measure::new(image, rule.metric);
-    let (vertices, stars, entries, tally) = prepare(image, triangulation, rule, &measure, control)?;
-    if parallel == Parallel::Tiles && tiled_removal::is_worth_while(&tally) {
-        return remove_by_tiles(&vertices, stars, entries, &measure, tally, control);
+    let count = triangulation.points.len();
+    if parallel == Parallel::Tiles
+        && let Some(digits) = tiled_removal::tile_digits(count, rule)
+    {
+        let prepared = prepare(image, triangulation, rule, &measure, digits, control)?;
+        return remove_by_tiles(prepared, &measure, digits, control);
     }
-    remove_in_order(&vertices, stars, entries, &measure, tally, control)
+    let prepared = prepare(image, triangulation, rule, &measure, ALL_DIGITS, control)?;
+    remove_in_order(prepared, &measure, control)
 }
 
-/// The vertices of a triangulation, their stars, an entry for each that may leave, and the tally
-/// before any has left.
+/// What removal begins with.
+pub(crate) struct Prepared<'a> {
+    pub(crate) vertices: Vertices,
+    pub(crate) stars: StarParts,
+    /// An entry for each vertex that may leave, by number.
+    pub(crate) entries: Vec<Entry>,
+    pub(crate) tally: Tally<'a>,
+}
+
+/// Evaluates the vertices of a triangulation, in parts of `1 << digits`.
 pub(crate) fn prepare<'a>(
     image: &'a Image,
     triangulation: Triangulation,
     rule: StopRule,
     measure: &Measure<'_>,
+    digits: u32,
     control: &dyn Control,
-) -> Result<(Vertices, Stars, Vec<Entry>, Tally<'a>), Cancelled> {
+) -> Result<Prepared<'a>, Cancelled> {
     let count = triangulation.points.len();
     let surplus = count.saturating_sub(rule.size);
     let errors = errors_of(&triangulation, measure, surplus, control)?;
     let tally = Tally::new(image, rule, count, errors.iter().sum());
-    let (vertices, mut stars) = Vertices::new(image, &triangulation, &errors);
+    let (vertices, mut stars) = Vertices::new(image, &triangulation, &errors, digits);
     drop((triangulation, errors));
     let entries = vertices.evaluate_all(&mut stars, measure, &tally, control)?;
-    Ok((vertices, stars, entries, tally))
+    Ok(Prepared { vertices, stars, entries, tally })
 }
 
 /// Removes vertices one by one, always the one whose removal raises the error least.
 fn remove_in_order(
-    vertices: &Vertices,
-    stars: Stars,
-    entries: Vec<Entry>,
+    prepared: Prepared<'_>,
     measure: &Measure<'_>,
-    mut tally: Tally<'_>,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
-    let count = vertices.points.len();
-    let mut simplification = Simplification::new(vertices, stars, entries, measure);
-    let mut foresight = Foresight::new(measure, count, control.threads());
+    let Prepared { vertices, stars, entries, mut tally } = prepared;
+    let mut simplification = Simplification::new(&vertices, stars.into_one(), entries, measure);
+    let mut foresight = Foresight::new(measure, vertices.points.len(), control.threads());
     while let Some(first) = simplification.queue.first() {
         tally.poll(control)?;
         if tally.must_stop(first.change) {
@@ -121,9 +134,9 @@ fn remove_in_order(
             foresight.look_ahead(&net, &simplification.queue, tally.remaining);
         }
         simplification.remove_first(foresight.as_mut());
-        tally.note(vertices, first);
+        tally.note(&vertices, first);
     }
-    Ok(tally.finish(vertices, &simplification.stars))
+    Ok(tally.finish(&vertices, &simplification.stars))
 }
 
 /// How far removal has come, and when it ends.
@@ -200,14 +213,19 @@ pub(crate) struct Vertices {
 }
 
 impl Vertices {
-    /// The vertices and their stars, with the errors of all triangles.
-    fn new(image: &Image, triangulation: &Triangulation, errors: &[u64]) -> (Self, Stars) {
+    /// The vertices and their stars, in parts of `1 << digits`, with the errors of all triangles.
+    fn new(
+        image: &Image,
+        triangulation: &Triangulation,
+        errors: &[u64],
+        digits: u32,
+    ) -> (Self, StarParts) {
         let ranks = tile_order(&triangulation.points, image.width(), image.height());
         let mut numbers = vec![0; ranks.len()];
         for (number, &rank) in (0..).zip(&ranks) {
             numbers[rank as usize] = number;
         }
-        let stars = Stars::new(triangulation, &numbers, errors);
+        let stars = StarParts::new(triangulation, &numbers, errors, digits);
         let points = ranks.iter().map(|&rank| triangulation.points[rank as usize]).collect();
         let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
         (Self { points, ranks, right, top }, stars)
@@ -223,7 +241,7 @@ impl Vertices {
     /// of their holes.
     fn evaluate_all(
         &self,
-        stars: &mut Stars,
+        stars: &mut StarParts,
         measure: &Measure<'_>,
         tally: &Tally<'_>,
         control: &dyn Control,
@@ -248,7 +266,7 @@ impl Vertices {
             });
             for (vertex, &(change, memory)) in vertices.into_iter().zip(&evaluated) {
                 if !self.net(stars).is_corner(vertex) {
-                    stars.remember(vertex, memory);
+                    stars.part_of(vertex).remember(vertex, memory);
                     entries.push(Entry { change, rank: self.ranks[vertex as usize], vertex });
                 }
             }
@@ -462,9 +480,10 @@ mod tests {
             let metric = ErrorMetric::MeanCompSe;
             let measure = Measure::new(&image, metric);
             let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
-            let (vertices, stars, entries, mut tally) =
-                prepare(&image, triangulation, rule, &measure, &Unattended).unwrap();
-            let mut simplification = Simplification::new(&vertices, stars, entries, &measure);
+            let Prepared { vertices, stars, entries, mut tally } =
+                prepare(&image, triangulation, rule, &measure, ALL_DIGITS, &Unattended).unwrap();
+            let mut simplification =
+                Simplification::new(&vertices, stars.into_one(), entries, &measure);
             while let Some(first) = simplification.queue.first() {
                 simplification.remove_first(None);
                 tally.note(&vertices, first);

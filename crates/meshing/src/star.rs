@@ -58,6 +58,13 @@ pub(crate) struct Stars {
     unused: Vec<u32>,
 }
 
+/// All stars, in parts of vertices whose numbers follow each other.
+pub(crate) struct StarParts {
+    pub(crate) parts: Vec<Stars>,
+    /// Binary digits of a vertex's number that do not count in that of its part.
+    digits: u32,
+}
+
 /// Where the stars of vertices are found.
 pub(crate) trait StarSource: Sync {
     /// The stars among which that of a vertex is.
@@ -227,56 +234,10 @@ impl Gap<'_> {
 }
 
 impl Stars {
-    /// The stars of a triangulation's vertices, which are renumbered, with the errors of its
-    /// triangles; `numbers[v]` is the new number of vertex `v`.
-    pub(crate) fn new(triangulation: &Triangulation, numbers: &[u32], errors: &[u64]) -> Self {
-        let Triangulation { origins, twins, .. } = triangulation;
-        let mut stars = Self {
-            first: 0,
-            records: vec![Record::GONE; numbers.len()],
-            lists: Vec::new(),
-            unused: Vec::new(),
-        };
-        let mut star = Star::default();
-        for (v, &first) in outgoing_half_edges(triangulation).iter().enumerate() {
-            star.clear();
-            let mut spoke = first;
-            loop {
-                star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
-                star.errors.push(errors[spoke as usize / 3]);
-                let incoming = previous(spoke);
-                spoke = twins[incoming as usize];
-                if spoke == NONE {
-                    star.neighbours.push(numbers[origins[incoming as usize] as usize]);
-                    star.errors.push(0);
-                }
-                if spoke == NONE || spoke == first {
-                    break;
-                }
-            }
-            stars.write(numbers[v], star.pack(HoleMemory::NOTHING));
-        }
-        stars
-    }
-
-    /// The same in parts of so many vertices each, but for the last.
-    pub(crate) fn split(mut self, size: usize) -> Vec<Self> {
-        let mut parts = Vec::with_capacity(self.records.len().div_ceil(size));
-        for first in (0..self.records.len()).step_by(size).rev() {
-            let records = self.records.split_off(first);
-            // Or all records would be in memory twice.
-            self.records.shrink_to_fit();
-            let mut part =
-                Self { first: first as u32, records, lists: Vec::new(), unused: Vec::new() };
-            for record in part.records.iter_mut().filter(|record| record.degree == LISTED) {
-                let list = &mut self.lists[record.neighbours[0] as usize];
-                record.neighbours[0] = part.lists.len() as u32;
-                part.lists.push(std::mem::take(list));
-            }
-            parts.push(part);
-        }
-        parts.reverse();
-        parts
+    /// Room for the stars of so many vertices from the first one on.
+    fn with_room(first: u32, count: usize) -> Self {
+        let records = vec![Record::GONE; count];
+        Self { first, records, lists: Vec::new(), unused: Vec::new() }
     }
 
     /// The numbers of the vertices.
@@ -414,6 +375,61 @@ impl Stars {
             self.lists[number as usize] = Star::default();
             self.unused.push(number);
         }
+    }
+}
+
+impl StarParts {
+    /// The stars of a triangulation's vertices, which are renumbered, with the errors of its
+    /// triangles; `numbers[v]` is the new number of vertex `v`. The number of a vertex's part is that
+    /// of the vertex without its last `digits` binary digits.
+    pub(crate) fn new(
+        triangulation: &Triangulation,
+        numbers: &[u32],
+        errors: &[u64],
+        digits: u32,
+    ) -> Self {
+        let Triangulation { origins, twins, .. } = triangulation;
+        let size = 1_usize << digits;
+        let firsts = (0..numbers.len()).step_by(size);
+        let part = |first| Stars::with_room(first as u32, size.min(numbers.len() - first));
+        let mut stars = Self { parts: firsts.map(part).collect(), digits };
+        let mut star = Star::default();
+        for (v, &first) in outgoing_half_edges(triangulation).iter().enumerate() {
+            star.clear();
+            let mut spoke = first;
+            loop {
+                star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
+                star.errors.push(errors[spoke as usize / 3]);
+                let incoming = previous(spoke);
+                spoke = twins[incoming as usize];
+                if spoke == NONE {
+                    star.neighbours.push(numbers[origins[incoming as usize] as usize]);
+                    star.errors.push(0);
+                }
+                if spoke == NONE || spoke == first {
+                    break;
+                }
+            }
+            stars.part_of(numbers[v]).write(numbers[v], star.pack(HoleMemory::NOTHING));
+        }
+        stars
+    }
+
+    /// The only part.
+    pub(crate) fn into_one(mut self) -> Stars {
+        self.parts.pop().unwrap_or_else(|| Stars::with_room(0, 0))
+    }
+
+    /// The part of a vertex.
+    pub(crate) fn part_of(&mut self, vertex: u32) -> &mut Stars {
+        &mut self.parts[(u64::from(vertex) >> self.digits) as usize]
+    }
+}
+
+impl StarSource for StarParts {
+    #[inline]
+    fn stars_of(&self, vertex: u32) -> &Stars {
+        &self.parts[(u64::from(vertex) >> self.digits) as usize]
     }
 }
 

@@ -17,8 +17,8 @@ use crate::face_error::Measure;
 use crate::parallel::share_out;
 use crate::removal::{Neighbour, Remover};
 use crate::removal_queue::{Entry, RemovalQueue};
-use crate::simplify::{Simplified, Tally, Vertices};
-use crate::star::{ROOM, StarSource, Stars};
+use crate::simplify::{Prepared, Simplified, StopRule, Tally, Vertices};
+use crate::star::{ROOM, StarParts, StarSource, Stars};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
@@ -48,52 +48,36 @@ const PART_OF_LAST: usize = 128;
 /// size, at most.
 const PART_OF_TILE_AT_LEAST: usize = 512;
 
-/// No round begins with fewer vertices to go than this part of the size of all tiles: so the quotas
-/// of a round are less than what must still go.
-const LEAST_PART_OF_TILES: usize = 128;
+/// No round begins with fewer vertices to go than this part of all: so the quotas of a round are less
+/// than what must still go.
+const LEAST_PART: usize = 128;
 
 /// Stands for the change of a vertex that waits for a larger group.
 const WAITS: i64 = i64::MAX;
 
-/// Tells whether there are vertices enough, and a number of them to remove that is known.
-pub(crate) fn is_worth_while(tally: &Tally<'_>) -> bool {
-    let size = 1 << tile_digits(tally.remaining);
-    let least = tally.remaining.next_multiple_of(size) / LEAST_PART_OF_TILES;
-    let is_large = tally.remaining > LEAST_TILES * size;
-    tally.rule.bound.is_none() && is_large && tally.surplus_left() >= least
-}
-
-/// The number of a vertex's tile is that of the vertex without so many of its last binary digits.
-fn tile_digits(vertex_count: usize) -> u32 {
+/// The number of a vertex's tile is that of the vertex without so many of its last binary digits;
+/// `None` where there are not vertices enough, or no number of them to remove is known.
+pub(crate) fn tile_digits(vertex_count: usize, rule: StopRule) -> Option<u32> {
     let least = vertex_count.div_ceil(MOST_TILES).next_power_of_two();
-    least.trailing_zeros().max(LEAST_TILE)
+    let digits = least.trailing_zeros().max(LEAST_TILE);
+    let surplus = vertex_count.saturating_sub(rule.size);
+    let is_large = vertex_count > LEAST_TILES << digits;
+    (rule.bound.is_none() && is_large && surplus > vertex_count / LEAST_PART).then_some(digits)
 }
 
-/// Removes vertices tile by tile until the rule of the tally says stop.
+/// Removes vertices, prepared in tiles of `1 << digits`, until the rule says stop.
 pub(crate) fn remove_by_tiles(
-    vertices: &Vertices,
-    stars: Stars,
-    entries: Vec<Entry>,
+    prepared: Prepared<'_>,
     measure: &Measure<'_>,
-    tally: Tally<'_>,
+    digits: u32,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
-    let digits = tile_digits(vertices.points.len());
-    remove_in_rounds(Frame { vertices, measure, digits }, stars, entries, tally, control)
-}
-
-/// The same by tiles of any size.
-fn remove_in_rounds(
-    frame: Frame<'_>,
-    stars: Stars,
-    entries: Vec<Entry>,
-    mut tally: Tally<'_>,
-    control: &dyn Control,
-) -> Result<Simplified, Cancelled> {
-    let size = 1 << frame.digits;
-    let mut tiles = part(stars, entries, size);
+    let Prepared { vertices, stars, entries, mut tally } = prepared;
+    let frame = Frame { vertices: &vertices, measure, digits };
+    let size = 1 << digits;
+    let mut tiles = tiles(stars, entries);
     let count = tiles.len();
-    let least = count * size / LEAST_PART_OF_TILES;
+    let least = count * size / LEAST_PART;
     // A limit needs a vertex below it.
     let least = least.max(tally.surplus_left() / PART_OF_LAST).max(PART_OF_ROUND);
     while tally.surplus_left() >= least {
@@ -105,7 +89,7 @@ fn remove_in_rounds(
         }
     }
     remove_in_order(frame.group(&mut tiles, 0), &mut tally, control)?;
-    Ok(tally.finish(frame.vertices, &frame.stars(&tiles, 0)))
+    Ok(tally.finish(&vertices, &frame.stars(&tiles, 0)))
 }
 
 /// Some vertices whose numbers follow each other.
@@ -116,8 +100,8 @@ struct Tile {
     quota: usize,
 }
 
-/// Parts vertices, with an entry for each that may leave, into tiles of this size.
-fn part(stars: Stars, entries: Vec<Entry>, size: usize) -> Vec<Tile> {
+/// The tiles of vertices with an entry for each that may leave, by number.
+fn tiles(stars: StarParts, entries: Vec<Entry>) -> Vec<Tile> {
     let mut entries = entries.into_iter().peekable();
     let tile = |stars: Stars| {
         let Range { start, end } = stars.numbers();
@@ -125,7 +109,7 @@ fn part(stars: Stars, entries: Vec<Entry>, size: usize) -> Vec<Tile> {
         let queue = RemovalQueue::of_vertices_from(start, (end - start) as usize, own);
         Tile { stars, queue, quota: 0 }
     };
-    stars.split(size).into_iter().map(tile).collect()
+    stars.parts.into_iter().map(tile).collect()
 }
 
 /// Sets the quotas of a round whose limit has so many vertices below it, for tiles of this size, and
@@ -354,7 +338,7 @@ mod tests {
     use crate::image::Image;
     use crate::mesh::Point;
     use crate::refine::measured_mesh::MeasuredMesh;
-    use crate::simplify::{StopRule, prepare, simplify};
+    use crate::simplify::{prepare, simplify};
     use crate::triangulation::{Triangulation, triangulate};
     use proptest::prelude::*;
     use std::num::NonZeroUsize;
@@ -370,10 +354,8 @@ mod tests {
         let triangulation = Triangulation::new(points, &Unattended).unwrap();
         let measure = Measure::new(image, rule.metric);
         let control = OnThreads(Unattended, NonZeroUsize::new(threads).unwrap());
-        let (vertices, stars, entries, tally) =
-            prepare(image, triangulation, rule, &measure, &control).unwrap();
-        let frame = Frame { vertices: &vertices, measure: &measure, digits };
-        remove_in_rounds(frame, stars, entries, tally, &control).unwrap()
+        let prepared = prepare(image, triangulation, rule, &measure, digits, &control).unwrap();
+        remove_by_tiles(prepared, &measure, digits, &control).unwrap()
     }
 
     fn rule(size: usize) -> StopRule {
