@@ -329,8 +329,8 @@ impl<'a> Simplification<'a> {
         let foreseen = foresight.as_mut().and_then(|foresight| foresight.take(vertex, &net));
         match foreseen {
             Some(prepared) => std::mem::swap(&mut self.neighbours, &mut prepared.neighbours),
-            None => _ = self.remover.prepare(vertex, &net, &mut self.neighbours),
-        };
+            None => self.remover.prepare(vertex, &net, &mut self.neighbours),
+        }
         for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
             self.stars.write(vertex, star);
             if let Some(foresight) = &mut foresight {

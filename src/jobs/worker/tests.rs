@@ -36,17 +36,14 @@ fn endless(
     limits: &Limits,
     watch: &Watch,
 ) -> Result<(Answer, Option<Vec<u8>>), Problem> {
-    let is_endless = order.query().contains("size=5");
-    if is_endless {
-        watch.begin(Stage::Simplify.name());
+    if !order.query().contains("size=5") {
+        return pipeline::mesh_of_job(source, order, keeps_progression, limits, watch);
     }
-    while is_endless {
-        if watch.poll(Stage::Simplify, 1, 2).is_err() {
-            return Err(Problem::new(Kind::DeadlineExceeded, "stopped"));
-        }
+    watch.begin(Stage::Simplify.name());
+    while watch.poll(Stage::Simplify, 1, 2).is_ok() {
         std::thread::sleep(Duration::from_millis(1));
     }
-    pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+    Err(Problem::new(Kind::DeadlineExceeded, "stopped"))
 }
 
 fn jobs() -> Jobs {

@@ -158,7 +158,7 @@ fn a_cancelled_run_on_several_threads_ends_promptly() {
     let picture = picture(3);
     let parameters = Method::Mgpr.parameters(Target::Density(10.0));
     let diffused = Method::Mgprfs.parameters(Target::Density(18.0));
-    let tiles = Parameters { parallel: Parallel::Tiles, ..parameters.clone() };
+    let tiles = Parameters { parallel: Parallel::Tiles, ..parameters };
     // 5000 removals later there are still enough vertices for threads.
     let moments = [
         (&diffused, Stage::Density, 150),
