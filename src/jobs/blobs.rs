@@ -318,6 +318,19 @@ fn failure(error: &object_store::Error) -> QueueError {
 }
 
 #[cfg(test)]
+impl Blobs {
+    /// The same blobs as if other nodes had them, too.
+    pub(crate) fn as_if_shared(&self) -> Self {
+        Self { folder: None, ..self.clone() }
+    }
+
+    /// Where this process alone keeps them.
+    pub(crate) fn folder_for_test(&self) -> &Path {
+        self.folder.as_deref().unwrap()
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -345,11 +358,6 @@ mod tests {
         assert!(blobs.get(digest).await.is_err() && blobs.all().unwrap().is_empty());
     }
 
-    /// The same blobs as if other nodes had them, too.
-    fn shared(blobs: &Blobs) -> Blobs {
-        Blobs { folder: None, ..blobs.clone() }
-    }
-
     /// Makes a blob one that was stored so long ago.
     fn grow_old(blobs: &Blobs, digest: Digest, minutes: u64) -> SystemTime {
         let path = blobs.folder.as_ref().unwrap().join(place(digest).as_ref());
@@ -366,7 +374,7 @@ mod tests {
     #[tokio::test]
     async fn a_young_blob_of_a_shared_store_is_not_deleted() {
         let blobs = blobs("young");
-        let shared = shared(&blobs);
+        let shared = blobs.as_if_shared();
         assert!(shared.is_shared() && !blobs.is_shared());
         let bytes = Bytes::from_static(b"for a job to come");
         let digest = Digest::of(&bytes);
@@ -386,7 +394,7 @@ mod tests {
     #[tokio::test]
     async fn a_blob_stored_again_is_written_again_only_where_it_must_be_young() {
         let blobs = blobs("again");
-        let shared = shared(&blobs);
+        let shared = blobs.as_if_shared();
         let bytes = Bytes::from_static(b"twice");
         let digest = Digest::of(&bytes);
         blobs.put(&blobs.hold().await, digest, bytes.clone()).await.unwrap();
@@ -407,7 +415,7 @@ mod tests {
         let began = std::time::Instant::now();
         assert!(blobs.get(digest).await.is_err());
         assert!(began.elapsed() < PAUSE, "nobody else stores anything here");
-        let shared = shared(&blobs);
+        let shared = blobs.as_if_shared();
         let getting = tokio::spawn(async move { shared.get(digest).await });
         tokio::time::sleep(PAUSE / 2).await;
         blobs.put(&blobs.hold().await, digest, bytes.clone()).await.unwrap();
@@ -424,11 +432,14 @@ mod tests {
         };
         for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::FileTooLarge] {
             assert!(matches!(told(&blobs, kind), QueueError::StorageFull(_)), "{kind}");
-            assert!(matches!(told(&shared(&blobs), kind), QueueError::StorageFull(_)), "{kind}");
+            assert!(
+                matches!(told(&blobs.as_if_shared(), kind), QueueError::StorageFull(_)),
+                "{kind}"
+            );
         }
         let kind = ErrorKind::PermissionDenied;
         assert!(matches!(told(&blobs, kind), QueueError::Storage(_)));
-        assert!(matches!(told(&shared(&blobs), kind), QueueError::Blobs(_)));
+        assert!(matches!(told(&blobs.as_if_shared(), kind), QueueError::Blobs(_)));
     }
 
     #[tokio::test]

@@ -13,6 +13,7 @@ use crate::jobs::{blobs::Blobs, folder_for_test};
 use crate::pipeline;
 use pixmesh_codec::probe;
 use pixmesh_meshing::{Control, Stage};
+use std::path::{Path, PathBuf};
 
 const PICTURE: &[u8] = b"P2\n4 3\n9\n0 1 2 3 4 5 6 7 8 9 0 1\n";
 
@@ -121,19 +122,36 @@ async fn once(jobs: &Jobs, id: JobId, is_so: impl Fn(&Record) -> bool) -> Record
     timeout(Duration::from_mins(1), found).await.unwrap()
 }
 
+/// Searches for 50 ms before it begins.
+fn searching(
+    source: Weighed<Bytes>,
+    order: &Order,
+    keeps_progression: bool,
+    limits: &Limits,
+    watch: &Watch,
+) -> Result<(Answer, Option<Vec<u8>>), Problem> {
+    watch.begin(Stage::Search.name());
+    std::thread::sleep(Duration::from_millis(50));
+    pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_job_leaves_its_mesh_and_what_is_known_of_it() {
     let jobs = jobs();
     let id = submit(&jobs, 6).await;
     assert_eq!(jobs.durations.mean_s(), None);
     let stop = CancellationToken::new();
-    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_secs(5)));
+    let began = Instant::now();
+    let worker = Worker { make: searching, ..worker(&jobs) };
+    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     let mesh = record.mesh.unwrap();
     assert_eq!(record.state, State::Completed);
     assert!((4..=12).contains(&mesh.vertices) && mesh.faces >= 2, "{mesh:?}");
     assert!(mesh.psnr_db.is_some_and(|psnr| psnr > 0.0) && mesh.mse > 0.0);
-    assert!(mesh.timings_ms.iter().any(|(stage, ms)| stage == "triangulate" && *ms >= 0.0));
+    let took_ms = began.elapsed().as_secs_f64() * 1e3;
+    let search = mesh.timings_ms.iter().find(|(stage, _)| stage == "search").unwrap();
+    assert!((50.0..took_ms).contains(&search.1), "{search:?} of {took_ms} ms");
     let blob = jobs.blobs.get(mesh.digest.parse().unwrap()).await.unwrap();
     let behind = mesh.progression.as_ref().map_or(0, |progression| progression.bytes);
     assert_eq!(blob.len() as u64, mesh.bytes + behind);
@@ -141,6 +159,76 @@ async fn a_job_leaves_its_mesh_and_what_is_known_of_it() {
     assert!(jobs.durations.mean_s().is_some_and(|mean_s| mean_s > 0.0));
     stop.cancel();
     working.await.unwrap();
+}
+
+/// Puts files in the way of all blobs but those whose shelves are there, and returns them.
+fn block(folder: &Path) -> Vec<PathBuf> {
+    let shelves = (0..=255).map(|shelf| folder.join(format!("{shelf:02x}")));
+    let free: Vec<PathBuf> = shelves.filter(|shelf| !shelf.exists()).collect();
+    free.iter().for_each(|shelf| std::fs::write(shelf, b"").unwrap());
+    free
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_mesh_that_the_store_does_not_take_is_stored_as_soon_as_it_does() {
+    let jobs = jobs();
+    let id = submit(&jobs, 4).await;
+    let in_the_way = block(jobs.blobs.folder_for_test());
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_secs(5)));
+    once(&jobs, id, |record| record.state == State::Running).await;
+    // Far longer than the mesh takes.
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    assert_eq!(once(&jobs, id, |_| true).await.state, State::Running);
+    in_the_way.iter().for_each(|file| std::fs::remove_file(file).unwrap());
+    let record = once(&jobs, id, |record| record.state.is_final()).await;
+    assert_eq!((record.state, record.attempt), (State::Completed, 1));
+    stop.cancel();
+    working.await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_mesh_that_the_store_never_takes_uses_up_the_attempts_of_its_job() {
+    let jobs = jobs();
+    let id = submit(&jobs, 4).await;
+    block(jobs.blobs.folder_for_test());
+    let worker = Worker { deadline: Duration::from_millis(300), ..worker(&jobs) };
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    let record = once(&jobs, id, |record| record.state.is_final()).await;
+    assert_eq!((record.state, record.attempt), (State::Failed, 3));
+    assert!(record.problem.unwrap().to_string().contains("storage-unavailable"));
+    stop.cancel();
+    working.await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_picture_that_a_shared_store_does_not_give_is_waited_for_until_the_deadline() {
+    let own = jobs();
+    let jobs = Jobs { blobs: own.blobs.as_if_shared(), ..own.clone() };
+    let id = submit(&jobs, 4).await;
+    let shelf = own.blobs.folder_for_test().join(&Digest::of(PICTURE).to_string()[..2]);
+    let aside = shelf.with_extension("aside");
+    for (deadline, state, attempt) in [
+        (Duration::from_mins(1), State::Completed, 1),
+        (Duration::from_millis(50), State::Failed, 3),
+    ] {
+        let id = if attempt == 1 { id } else { submit(&jobs, 6).await };
+        std::fs::rename(&shelf, &aside).unwrap();
+        let stop = CancellationToken::new();
+        let worker = Worker { deadline, ..worker(&jobs) };
+        let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+        once(&jobs, id, |record| record.state == State::Running).await;
+        if attempt == 1 {
+            // Longer than all looks of one attempt to read it.
+            tokio::time::sleep(Duration::from_millis(1500)).await;
+            std::fs::rename(&aside, &shelf).unwrap();
+        }
+        let record = once(&jobs, id, |record| record.state.is_final()).await;
+        assert_eq!((record.state, record.attempt), (state, attempt));
+        stop.cancel();
+        working.await.unwrap();
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -222,14 +310,14 @@ async fn a_job_past_its_deadline_fails_and_names_the_setting_of_jobs() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_lease_of_a_job_is_renewed_while_it_runs() {
-    let lease = Duration::from_millis(1500);
-    let jobs = jobs_with_leases_of(lease);
+    let jobs = jobs_with_leases_of(Duration::from_secs(3));
     let id = submit(&jobs, 5).await;
     let stop = CancellationToken::new();
-    let worker = Worker { lease, ..worker(&jobs) };
+    // Renewed whenever progress is looked at, though there is none.
+    let worker = Worker { lease: Duration::from_secs(1), ..worker(&jobs) };
     let working = tokio::spawn(worker.run(stop.clone(), Duration::from_millis(1)));
     once(&jobs, id, |record| record.state == State::Running).await;
-    for _ in 0..40 {
+    for _ in 0..45 {
         tokio::time::sleep(Duration::from_millis(100)).await;
         assert_eq!(jobs.queue.sweep().await.unwrap().requeued, 0);
     }
