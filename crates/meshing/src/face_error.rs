@@ -234,9 +234,12 @@ mod tests {
         let samples = |white: &dyn Fn(usize) -> bool| {
             (0..side * side).map(|i| if white(i) { 255 } else { 0 }).collect::<Vec<u16>>()
         };
-        let corners = [side + 1, side + side - 1, side * side - 1];
-        let places = corners.map(|i| Point::new((i % side) as i32, (i / side) as i32));
-        for pattern in 0..8 {
+        // Inside, and at the borders where rows are walked one by one.
+        for (pattern, (x, y)) in
+            (0..8).flat_map(|pattern| [(1, 1), (0, 1), (1, 0), (0, 0)].map(|at| (pattern, at)))
+        {
+            let corners = [(x, y), (x + 63, y), (x + 63, y + 63)].map(|(x, y)| y * side + x);
+            let places = corners.map(|i| Point::new((i % side) as i32, (i / side) as i32));
             let at_corner = |i: usize| corners.iter().position(|&corner| corner == i);
             let white = |i: usize| {
                 at_corner(i).map_or(pattern % 2 == 0, |corner| pattern >> corner & 1 == 1)

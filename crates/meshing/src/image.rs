@@ -285,6 +285,23 @@ mod tests {
     }
 
     #[test]
+    fn the_longest_sides_are_taken() {
+        assert_eq!(check_shape(MAX_SIDE, 2, 16), Ok(()));
+        assert_eq!(check_shape(2, MAX_SIDE, 1), Ok(()));
+        assert!(check_shape(2, MAX_SIDE + 1, 1).is_err());
+    }
+
+    #[test]
+    fn an_image_is_flat_when_each_component_has_one_value() {
+        let image = |first: [u16; 4], second: [u16; 4]| {
+            Image::new(2, 2, 8, vec![first.to_vec(), second.to_vec()]).unwrap()
+        };
+        assert!(image([3; 4], [9; 4]).is_flat());
+        assert!(!image([3; 4], [9, 9, 9, 8]).is_flat());
+        assert!(!image([3, 4, 3, 3], [9; 4]).is_flat());
+    }
+
+    #[test]
     fn what_is_no_image_is_refused_with_the_numbers_in_the_message() {
         let message = |result: Result<Image, ImageError>| result.unwrap_err().to_string();
         assert!(message(Image::new(1, 5, 8, vec![vec![0; 5]])).contains("1x5"));

@@ -164,6 +164,19 @@ mod tests {
     }
 
     #[test]
+    fn a_run_of_points_has_the_value_of_each() {
+        let samples = [65_535, 3, 40_000];
+        for side in [12, 70_000, 1_000_000] {
+            let corners = [(0, 0), (side, 0), (2, side)].map(|(x, y)| Point::new(x, y));
+            let mut run = [0; 7];
+            Interpolant::new(corners, samples).fill(1, 1, &mut run);
+            let expected =
+                [1, 2, 3, 4, 5, 6, 7].map(|x| rounded(corners, samples, Point::new(x, 1)));
+            assert_eq!(run.map(i128::from), expected, "{side}");
+        }
+    }
+
+    #[test]
     fn halves_are_rounded_up() {
         let face = [Point::new(0, 0), Point::new(2, 0), Point::new(0, 2)];
         let interpolant = Interpolant::new(face, [0, 1, 2]);

@@ -453,6 +453,31 @@ mod tests {
     }
 
     #[test]
+    fn a_square_is_cut_by_its_rising_diagonal() {
+        let shape = Shape { width: 2, height: 2, ..SHAPE };
+        let points: Vec<Point> =
+            [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
+        let mesh = |faces| Mesh::new(shape, points.clone(), vec![0; 4], faces).unwrap();
+        assert!(mesh(vec![[0, 1, 2], [0, 2, 3]]).is_preferred_delaunay());
+        assert!(mesh(vec![[2, 3, 0], [1, 2, 0]]).is_preferred_delaunay());
+        assert!(!mesh(vec![[0, 1, 3], [1, 2, 3]]).is_preferred_delaunay());
+        assert!(!mesh(vec![[2, 3, 1], [3, 0, 1]]).is_preferred_delaunay());
+    }
+
+    #[test]
+    fn a_sample_out_of_range_is_that_of_its_vertex() {
+        let shape = Shape { component_count: 2, ..SHAPE };
+        let mut samples = vec![0; 10];
+        assert_eq!(
+            Mesh::new(shape, points(), samples.clone(), faces()).unwrap().samples(),
+            samples
+        );
+        samples[7] = 256;
+        let error = Mesh::new(shape, points(), samples, faces()).unwrap_err();
+        assert!(matches!(error, MeshError::SampleRange { vertex: 3, sample: 256, maximum: 255 }));
+    }
+
+    #[test]
     fn every_defect_is_found_and_named() {
         use MeshError as E;
         let with_point = |v: usize, x, y| {
@@ -504,9 +529,13 @@ mod tests {
         ));
         assert!(matches!(
             defect(points(), s(), with_face(1, [0, 1, 4])),
-            E::FacesOverlap { from: 0, to: 1, .. }
+            E::FacesOverlap { face: 1, from: 0, to: 1 }
         ));
         assert!(matches!(defect(points(), s(), faces()[..3].to_vec()), E::Gap { .. }));
+        assert!(matches!(
+            defect(points(), s(), faces()[1..].to_vec()),
+            E::Gap { face: 2, from: 0, to: 4 }
+        ));
         assert!(matches!(
             defect(points(), s(), vec![[0, 1, 2], [2, 3, 0]]),
             E::VertexUnused { vertex: 4 }

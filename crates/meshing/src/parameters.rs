@@ -494,6 +494,44 @@ mod tests {
     }
 
     #[test]
+    fn what_is_done_follows_from_each_choice_alone() {
+        let size = |size| Parameters {
+            effort: 0,
+            connectivity: Connectivity::Delaunay,
+            values: Values::Sampled,
+            reconstruction: Reconstruction::Linear,
+            bad_point_removal: false,
+            initial_size: InitialSize::Target,
+            ..Parameters::new(size)
+        };
+        let plain = size(Target::Size(9));
+        let effort = Parameters { effort: 1, ..plain };
+        let free = Parameters { connectivity: Connectivity::Free, ..plain };
+        let fitted = Parameters { values: Values::Fitted, ..plain };
+        let flat = Parameters { reconstruction: Reconstruction::Flat, ..plain };
+        let bad = Parameters { bad_point_removal: true, ..plain };
+        let all = [&plain, &effort, &free, &fitted, &flat, &bad];
+        assert_eq!(all.map(Parameters::refines), [false, true, true, true, false, false]);
+        assert_eq!(
+            all.map(Parameters::is_of_points_alone),
+            [true, true, false, false, false, true]
+        );
+        assert_eq!(all.map(Parameters::is_flat), [false, false, false, false, true, false]);
+        let even = Plan { size: 9, initial_size: 9, bound: None };
+        assert_eq!(all.map(|p| p.simplifies(&even)), [false, true, false, false, false, true]);
+        assert!(plain.simplifies(&Plan { initial_size: 10, ..even }));
+        assert!(!plain.searches() && !effort.searches() && !flat.searches());
+        let gamma = |parameters: Parameters| Parameters {
+            initial_size: InitialSize::Gamma(4.0),
+            target: Target::Psnr(30.0),
+            ..parameters
+        };
+        assert!(size(Target::Psnr(30.0)).searches());
+        let searches = all.map(|parameters| gamma(parameters.clone()).searches());
+        assert_eq!(searches, [false, true, true, true, true, false]);
+    }
+
+    #[test]
     fn a_smoothing_order_is_odd_and_within_its_bounds() {
         let own = Method::Med.parameters(Target::Size(50));
         for smoothing_order in 0..=MAX_SMOOTHING_ORDER + 2 {
