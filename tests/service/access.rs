@@ -30,7 +30,8 @@ fn with_keys_everything_below_v1_needs_one() {
     assert_eq!(server.operate("/metrics").status, 200);
     let bearer = format!("Bearer {key}");
     assert_eq!(server.mesh("", &[("Authorization", &bearer)], &image).status, 200);
-    let wrong = format!("{}0", &key[..key.len() - 1]);
+    let last = if key.ends_with('0') { '1' } else { '0' };
+    let wrong = format!("{}{last}", &key[..key.len() - 1]);
     for (sent, error) in [
         (format!("Bearer {wrong}"), "invalid_token"),
         ("Bearer ".into(), "invalid_request"),

@@ -324,7 +324,7 @@ impl<'a> Simplification<'a> {
     fn remove_first(&mut self, mut foresight: Option<&mut Foresight<'_>>) {
         let Some(Entry { vertex, .. }) = self.queue.first() else { return };
         self.queue.remove_first();
-        self.touch_next();
+        touch_next(&self.stars, &self.queue);
         let net = self.vertices.net(&self.stars);
         let foreseen = foresight.as_mut().and_then(|foresight| foresight.take(vertex, &net));
         match foreseen {
@@ -342,19 +342,18 @@ impl<'a> Simplification<'a> {
         }
         self.stars.remove(vertex);
     }
+}
 
-    /// Asks memory for what the removals after this one will probably need: for the next one the
-    /// stars around it, for the one after that its own, which tells where those around it are.
-    #[inline]
-    fn touch_next(&self) {
-        let Self { stars, queue, .. } = self;
-        if let Some(next) = queue.first() {
-            let around = stars.neighbours(next.vertex);
-            stars.touch(&around[..around.len().min(ROOM)]);
-        }
-        if let Some(second) = queue.second() {
-            stars.touch(&[second.vertex]);
-        }
+/// Asks memory for what the removals after this one will probably need: for the next one the stars
+/// around it, for the one after that its own, which tells where those around it are.
+#[inline]
+pub(crate) fn touch_next(stars: &Stars, queue: &RemovalQueue) {
+    if let Some(next) = queue.first() {
+        let around = stars.neighbours(next.vertex);
+        stars.touch(&around[..around.len().min(ROOM)]);
+    }
+    if let Some(second) = queue.second() {
+        stars.touch(&[second.vertex]);
     }
 }
 

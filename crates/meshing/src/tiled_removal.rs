@@ -17,8 +17,8 @@ use crate::face_error::Measure;
 use crate::parallel::share_out;
 use crate::removal::{Neighbour, Remover};
 use crate::removal_queue::{Entry, RemovalQueue};
-use crate::simplify::{Prepared, Simplified, StopRule, Tally, Vertices};
-use crate::star::{ROOM, StarParts, StarSource, Stars};
+use crate::simplify::{Prepared, Simplified, StopRule, Tally, Vertices, touch_next};
+use crate::star::{StarParts, StarSource, Stars};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
@@ -296,7 +296,7 @@ impl Group<'_, '_> {
     fn remove_first_of(&mut self, tile: usize, mut hear: impl FnMut(usize, &RemovalQueue)) {
         let Some(gone) = self.tiles[tile].queue.first() else { return };
         self.tiles[tile].queue.remove_first();
-        self.tiles[tile].touch_next();
+        touch_next(&self.tiles[tile].stars, &self.tiles[tile].queue);
         let stars = self.frame.stars(self.tiles, self.first);
         let net = self.frame.vertices.net(&stars);
         self.remover.prepare(gone.vertex, &net, &mut self.neighbours);
@@ -311,21 +311,6 @@ impl Group<'_, '_> {
         }
         self.tiles[tile].stars.remove(gone.vertex);
         hear(tile, &self.tiles[tile].queue);
-    }
-}
-
-impl Tile {
-    /// Asks memory for what the removals after this one will probably need.
-    #[inline]
-    fn touch_next(&self) {
-        let Self { stars, queue, .. } = self;
-        if let Some(next) = queue.first() {
-            let around = stars.neighbours(next.vertex);
-            stars.touch(&around[..around.len().min(ROOM)]);
-        }
-        if let Some(second) = queue.second() {
-            stars.touch(&[second.vertex]);
-        }
     }
 }
 

@@ -14,6 +14,7 @@ use crate::pipeline;
 use pixmesh_codec::probe;
 use pixmesh_meshing::{Control, Stage};
 use std::path::{Path, PathBuf};
+use tokio::task::JoinHandle;
 
 const PICTURE: &[u8] = b"P2\n4 3\n9\n0 1 2 3 4 5 6 7 8 9 0 1\n";
 
@@ -45,6 +46,13 @@ fn endless(
         std::thread::sleep(Duration::from_millis(1));
     }
     Err(Problem::new(Kind::DeadlineExceeded, "stopped"))
+}
+
+/// Lets a worker work, with time enough to end when it is told to.
+fn start(worker: Worker) -> (CancellationToken, JoinHandle<()>) {
+    let stop = CancellationToken::new();
+    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    (stop, working)
 }
 
 fn jobs() -> Jobs {
@@ -140,10 +148,9 @@ async fn a_job_leaves_its_mesh_and_what_is_known_of_it() {
     let jobs = jobs();
     let id = submit(&jobs, 6).await;
     assert_eq!(jobs.durations.mean_s(), None);
-    let stop = CancellationToken::new();
     let began = Instant::now();
     let worker = Worker { make: searching, ..worker(&jobs) };
-    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    let (stop, working) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     let mesh = record.mesh.unwrap();
     assert_eq!(record.state, State::Completed);
@@ -174,8 +181,7 @@ async fn a_mesh_that_the_store_does_not_take_is_stored_as_soon_as_it_does() {
     let jobs = jobs();
     let id = submit(&jobs, 4).await;
     let in_the_way = block(jobs.blobs.folder_for_test());
-    let stop = CancellationToken::new();
-    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_secs(5)));
+    let (stop, working) = start(worker(&jobs));
     once(&jobs, id, |record| record.state == State::Running).await;
     // Far longer than the mesh takes.
     tokio::time::sleep(Duration::from_millis(500)).await;
@@ -193,8 +199,7 @@ async fn a_mesh_that_the_store_never_takes_uses_up_the_attempts_of_its_job() {
     let id = submit(&jobs, 4).await;
     block(jobs.blobs.folder_for_test());
     let worker = Worker { deadline: Duration::from_millis(300), ..worker(&jobs) };
-    let stop = CancellationToken::new();
-    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    let (stop, working) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 3));
     assert!(record.problem.unwrap().to_string().contains("storage-unavailable"));
@@ -215,9 +220,8 @@ async fn a_picture_that_a_shared_store_does_not_give_is_waited_for_until_the_dea
     ] {
         let id = if attempt == 1 { id } else { submit(&jobs, 6).await };
         std::fs::rename(&shelf, &aside).unwrap();
-        let stop = CancellationToken::new();
         let worker = Worker { deadline, ..worker(&jobs) };
-        let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+        let (stop, working) = start(worker);
         once(&jobs, id, |record| record.state == State::Running).await;
         if attempt == 1 {
             // Longer than all looks of one attempt to read it.
@@ -235,8 +239,7 @@ async fn a_picture_that_a_shared_store_does_not_give_is_waited_for_until_the_dea
 async fn a_cancelled_job_stops_and_makes_room_for_the_next() {
     let jobs = jobs();
     let (unwanted, next) = (submit(&jobs, 5).await, submit(&jobs, 4).await);
-    let stop = CancellationToken::new();
-    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_secs(5)));
+    let (stop, working) = start(worker(&jobs));
     let record = once(&jobs, unwanted, |record| record.progress.is_some()).await;
     assert_eq!(record.state, State::Running);
     let progress = record.progress.unwrap();
@@ -294,8 +297,7 @@ async fn a_job_past_its_deadline_fails_and_names_the_setting_of_jobs() {
     let jobs = jobs();
     let id = submit(&jobs, 5).await;
     let worker = Worker { deadline: Duration::from_millis(200), ..worker(&jobs) };
-    let stop = CancellationToken::new();
-    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    let (stop, working) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 1));
     let problem = record.problem.unwrap().to_string();
@@ -369,8 +371,7 @@ async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
     for size in [4, 5, 6, 5, 5, 7] {
         submitted.push((size, submit(&jobs, size).await));
     }
-    let stop = CancellationToken::new();
-    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    let (stop, working) = start(worker);
     for (size, id) in submitted {
         let record = timeout(Duration::from_secs(60), end(&jobs, id)).await.unwrap();
         let problem = record.problem.map(|problem| problem.to_string()).unwrap_or_default();
