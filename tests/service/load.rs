@@ -61,7 +61,7 @@ fn work_whose_client_has_left_stops_within_a_tenth_of_a_second() {
 #[test]
 fn decoding_whose_client_has_left_stops_within_a_tenth_of_a_second() {
     // It takes far longer than that.
-    let server = Server::start(&["--workers", "1"]);
+    let server = Server::start(&["--workers", "1", "--max-body", "80MiB"]);
     let image = colour_noise(4400, 4000);
     let answer = server.mesh("method=med&size=4", &[], &image);
     let timing = answer.header("server-timing");
@@ -95,7 +95,8 @@ fn assert_stops_soon(server: &Server, query: &str, image: &[u8], delays: [Durati
 
 #[test]
 fn decoding_past_its_deadline_is_stopped_and_is_no_broken_picture() {
-    let server = Server::start(&["--workers", "1", "--sync-deadline", "100ms"]);
+    let flags = ["--workers", "1", "--sync-deadline", "100ms", "--max-body", "80MiB"];
+    let server = Server::start(&flags);
     let answer = server.mesh("method=med&size=4", &[], &colour_noise(4400, 4000));
     answer.problem(503, "deadline-exceeded");
     server.wait_until_idle();
