@@ -12,8 +12,8 @@ mod picture;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use pixmesh_meshing::{
-    Image, Mesh, Method, OnThreads, Parameters, Point, Target, Unattended, generate, rasterize,
-    sample_points, triangulate,
+    Image, Mesh, Method, OnThreads, Parallel, Parameters, Point, Target, Unattended, generate,
+    rasterize, sample_points, triangulate,
 };
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -26,6 +26,9 @@ const SIDES: [u32; 3] = [256, 512, 1024];
 
 /// The largest of them that removal from all points is timed on: it takes seconds.
 const LARGEST_FULL_GRID: u32 = 512;
+
+/// The side of a picture whose vertices fill many tiles.
+const LARGE_SIDE: u32 = 2048;
 
 /// On what a stage runs.
 #[derive(Clone, Copy)]
@@ -74,6 +77,34 @@ fn rebuilt(bencher: Bencher<'_, '_>, case: Case) {
 fn first_sight(bencher: Bencher<'_, '_>, case: Case) {
     let image = case.image();
     bencher.counter(ItemsCount::new(image.pixel_count())).bench_local(|| case.mesh(&image));
+}
+
+/// Both orders of removal on a large picture in colour: `PERFORMANCE.md` compares them.
+#[divan::bench(args = orders(), sample_count = 3)]
+fn orders_of_removal(bencher: Bencher<'_, '_>, Order { parallel, threads }: Order) {
+    let case = Case { method: Method::Mgprfs, side: LARGE_SIDE, is_colour: true, threads };
+    let (image, parameters) = (case.image(), Parameters { parallel, ..case.parameters() });
+    bencher
+        .counter(ItemsCount::new(image.pixel_count()))
+        .bench_local(|| generate(&image, &parameters, &case.control()));
+}
+
+/// An order of removal, and on how many threads.
+#[derive(Clone, Copy)]
+struct Order {
+    parallel: Parallel,
+    threads: usize,
+}
+
+fn orders() -> Vec<Order> {
+    let on = |threads| Parallel::ALL.iter().map(move |&parallel| Order { parallel, threads });
+    [1, 2].into_iter().flat_map(on).collect()
+}
+
+impl fmt::Display for Order {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}, threads: {}", self.parallel, self.threads)
+    }
 }
 
 /// The methods in gray and colour, on pictures of all sizes, on so many threads.
