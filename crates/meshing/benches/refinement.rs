@@ -40,7 +40,11 @@ struct Times {
 fn main() -> Result<(), Box<dyn Error>> {
     let choice = choice(std::env::args().skip(1))?;
     let pictures = match &choice.pictures[..] {
-        [] => vec![("made up".into(), picture::colour(&picture::made_up(MADE_UP_SIDE))?)],
+        [] => {
+            let pixels = picture::made_up(MADE_UP_SIDE);
+            let (gray, colour) = (picture::gray(&pixels)?, picture::colour(&pixels)?);
+            vec![("made up, gray".into(), gray), ("made up, colour".into(), colour)]
+        }
         paths => paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?,
     };
     let threads = choice.threads.iter().map(|t| format!("{t:>8} thr.")).collect::<String>();

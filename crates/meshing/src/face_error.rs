@@ -80,6 +80,11 @@ impl<'m> FaceErrors<'m> {
         }
     }
 
+    /// Another one that measures against the same.
+    pub(crate) fn another(&self) -> Self {
+        Self::new(self.measure)
+    }
+
     /// Sums over each face's lattice points of the error of the rounded interpolant.
     pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
         if self.measure.flat.is_some() {

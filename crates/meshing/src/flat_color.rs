@@ -145,6 +145,10 @@ impl FaceMeasure for FlatFaces<'_> {
         };
         components.map(error).sum()
     }
+
+    fn another(&self) -> Self {
+        Self::new(self.sums)
+    }
 }
 
 #[cfg(test)]

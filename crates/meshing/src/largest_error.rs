@@ -69,4 +69,8 @@ impl FaceMeasure for Breaches<'_> {
         }
         breaks.into()
     }
+
+    fn another(&self) -> Self {
+        Self { ..*self }
+    }
 }

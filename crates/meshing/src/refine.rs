@@ -13,6 +13,7 @@ mod fitted_values;
 pub(crate) mod growth;
 pub(crate) mod liberation;
 pub(crate) mod measured_mesh;
+mod occupancy;
 mod openings;
 mod relocation;
 mod removal_costs;

@@ -7,10 +7,15 @@
 //! vertex that is removed and inserted at its old place gives the same triangles again, whatever
 //! lies in between. Both cost time in the number of triangles that change, some six.
 
+pub(crate) mod patch;
+
 use crate::hole::HoleTriangle;
 use crate::mesh::{Face, Point};
 use crate::predicates::{in_circle, orientation};
 use crate::triangulation::{NONE, next, previous, smallest_first};
+
+/// Stands for the half-edges opposite to those on the edge of a patch.
+pub(crate) const FENCE: u32 = NONE - 1;
 
 /// A triangulation in arrays of half-edges, with holes where triangles and vertices are gone.
 ///
@@ -23,7 +28,7 @@ pub(crate) struct DynamicTriangulation {
     pub(crate) points: Vec<Point>,
     /// Vertex at which each half-edge begins.
     pub(crate) origins: Vec<u32>,
-    /// The opposite half-edge of each, [`NONE`] on the border.
+    /// The opposite half-edge of each, [`NONE`] on the border, [`FENCE`] where a patch ends.
     pub(crate) twins: Vec<u32>,
     /// A half-edge that begins at each vertex; on the border the one with no twin.
     pub(crate) outgoing: Vec<u32>,
@@ -71,6 +76,11 @@ impl Ring {
     fn base_beyond(&self, from: u32, to: u32) -> u32 {
         let found = self.bases.binary_search_by_key(&(from, to), |base| (base.0, base.1));
         found.map_or(NONE, |place| self.bases[place].2)
+    }
+
+    /// Tells whether beyond the ring a patch ends.
+    pub(crate) fn is_fenced(&self) -> bool {
+        self.beyond.contains(&FENCE)
     }
 
     /// The ends of each edge.
@@ -210,6 +220,11 @@ impl DynamicTriangulation {
 
     /// The triangle that holds `place`, found by walking from `slot`; on an edge one of both.
     pub(crate) fn locate(&self, place: Point, slot: u32) -> u32 {
+        self.locate_in_patch(place, slot).unwrap_or(slot)
+    }
+
+    /// The same; `None` where the walk leaves the patch that this is.
+    pub(crate) fn locate_in_patch(&self, place: Point, slot: u32) -> Option<u32> {
         let mut h = 3 * slot;
         let mut seen = 0;
         // In a Delaunay triangulation the walk passes no triangle twice.
@@ -217,12 +232,15 @@ impl DynamicTriangulation {
             let [a, b] = [h, next(h)].map(|h| self.points[self.origins[h as usize] as usize]);
             if orientation(a, b, place) < 0 {
                 h = self.twins[h as usize];
+                if h == FENCE {
+                    return None;
+                }
                 seen = 0;
             }
             h = next(h);
             seen += 1;
         }
-        h / 3
+        Some(h / 3)
     }
 
     /// Gathers the triangles that `place`, which is no vertex, would replace: `slot` holds it.
@@ -243,7 +261,7 @@ impl DynamicTriangulation {
                     opening = Some((ring.vertices.len(), ends[0]));
                     continue;
                 }
-            } else {
+            } else if twin != FENCE {
                 let [a, b, c] = self.corners(twin / 3);
                 if in_circle(a, b, c, place) {
                     ring.triangles.push(twin / 3);
@@ -287,6 +305,20 @@ impl DynamicTriangulation {
             self.connect(3 * fan[0] + 2, NONE);
         }
         self.outgoing[vertex as usize] = 3 * fan[0] + 2;
+    }
+
+    /// Undoes the last change, which took a vertex out: `ring` is its star and `fill_count` the number
+    /// of triangles of the fill. `fan` becomes the slots of the star.
+    pub(crate) fn put_back(
+        &mut self,
+        vertex: u32,
+        ring: &Ring,
+        fill_count: usize,
+        fan: &mut Vec<u32>,
+    ) {
+        let freed = ring.triangles.len() - fill_count;
+        self.free.truncate(self.free.len() - freed);
+        self.insert(vertex, self.points[vertex as usize], ring, fan);
     }
 
     /// Makes one more vertex, which is out of the mesh, and tells its number.

@@ -2,18 +2,26 @@
 //! sum.
 
 pub(crate) mod moves;
+pub(crate) mod patches;
+pub(crate) mod probe;
 
-use super::dynamic_triangulation::{DynamicTriangulation, Ring};
-use crate::hole::HoleFiller;
+use super::dynamic_triangulation::DynamicTriangulation;
+use super::occupancy::Occupancy;
 use crate::mesh::{Face, Point};
 use crate::small_face::Pixels;
 use crate::triangulation::NONE;
 use moves::Trial;
+use probe::{Probe, Surface};
 
 /// The error of a face, a whole number that depends on the places of its vertices alone.
-pub(crate) trait FaceMeasure {
+pub(crate) trait FaceMeasure: Send + Sync {
     /// Sum of the errors of the lattice points of a counter-clockwise face.
     fn error(&mut self, corners: [Point; 3]) -> u64;
+
+    /// Another one of the same errors, for another thread.
+    fn another(&self) -> Self
+    where
+        Self: Sized;
 
     /// The points by which moves can be foreseen, where the error is the squared one on them.
     fn pixels(&self) -> Option<&Pixels> {
@@ -31,6 +39,10 @@ impl FaceMeasure for crate::face_error::FaceErrors<'_> {
         Self::error(self, corners)
     }
 
+    fn another(&self) -> Self {
+        Self::another(self)
+    }
+
     fn pixels(&self) -> Option<&Pixels> {
         Self::pixels(self)
     }
@@ -44,23 +56,12 @@ impl FaceMeasure for crate::face_error::FaceErrors<'_> {
 /// its faces.
 pub(crate) struct MeasuredMesh<M> {
     pub(crate) triangulation: DynamicTriangulation,
-    measure: M,
     /// Error of each slot's triangle, 0 of a free one.
     face_errors: Vec<u64>,
     /// Sum of the above.
     total_error: u64,
-    width: usize,
-    /// Whether a lattice point is a vertex, row by row.
-    occupied: Vec<bool>,
-    /// The ring of the vertex looked at last.
-    star: Ring,
-    /// The places of its vertices.
-    boundary: Vec<Point>,
-    filler: HoleFiller,
-    /// Error of each triangle of the last fill.
-    fill_errors: Vec<u64>,
-    /// The ring of the place looked at last.
-    cavity: Ring,
+    occupancy: Occupancy,
+    probe: Probe<M>,
     /// Slots of the fan put there.
     fan: Vec<u32>,
     trial: Trial,
@@ -71,7 +72,7 @@ pub(crate) struct Snapshot {
     triangulation: DynamicTriangulation,
     face_errors: Vec<u64>,
     total_error: u64,
-    occupied: Vec<bool>,
+    occupancy: Occupancy,
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
@@ -83,31 +84,28 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         (width, height): (usize, usize),
         measure: M,
     ) -> Self {
-        let mut occupied = vec![false; width * height];
-        for p in &points {
-            occupied[p.y as usize * width + p.x as usize] = true;
-        }
-        let mut mesh = Self {
-            triangulation: DynamicTriangulation::new(points, faces, width, height),
-            measure,
-            face_errors: Vec::new(),
-            total_error: 0,
-            width,
-            occupied,
-            star: Ring::default(),
-            boundary: Vec::new(),
-            filler: HoleFiller::default(),
-            fill_errors: Vec::new(),
-            cavity: Ring::default(),
-            fan: Vec::new(),
-            trial: Trial::default(),
-        };
+        let occupancy = Occupancy::of_image(width, height, &points);
+        let triangulation = DynamicTriangulation::new(points, faces, width, height);
+        let mut mesh = Self::unmeasured(triangulation, measure, occupancy);
         for slot in 0..mesh.triangulation.slot_count() as u32 {
-            let error = mesh.measure.error(mesh.triangulation.corners(slot));
+            let error = mesh.probe.measure.error(mesh.triangulation.corners(slot));
             mesh.face_errors.push(error);
             mesh.total_error += error;
         }
         mesh
+    }
+
+    /// A mesh without the errors of its faces.
+    fn unmeasured(triangulation: DynamicTriangulation, measure: M, occupancy: Occupancy) -> Self {
+        Self {
+            triangulation,
+            face_errors: Vec::new(),
+            total_error: 0,
+            occupancy,
+            probe: Probe::new(measure),
+            fan: Vec::new(),
+            trial: Trial::default(),
+        }
     }
 
     /// The mesh as it is now.
@@ -116,17 +114,17 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             triangulation: self.triangulation.clone(),
             face_errors: self.face_errors.clone(),
             total_error: self.total_error,
-            occupied: self.occupied.clone(),
+            occupancy: self.occupancy.clone(),
         }
     }
 
     /// The mesh as it was.
     pub(crate) fn restore(&mut self, snapshot: Snapshot) {
-        let Snapshot { triangulation, face_errors, total_error, occupied } = snapshot;
+        let Snapshot { triangulation, face_errors, total_error, occupancy } = snapshot;
         self.triangulation = triangulation;
         self.face_errors = face_errors;
         self.total_error = total_error;
-        self.occupied = occupied;
+        self.occupancy = occupancy;
     }
 
     /// The sum of the errors of all faces.
@@ -136,7 +134,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
 
     /// Columns and rows of the image.
     pub(crate) fn size(&self) -> (usize, usize) {
-        (self.width, self.occupied.len() / self.width)
+        self.occupancy.size()
     }
 
     /// Number of vertices in the mesh.
@@ -157,23 +155,32 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     }
 
     /// Tells whether a point may become a vertex: it lies in the image and is none.
+    #[inline]
     pub(crate) fn is_vacant(&self, p: Point) -> bool {
-        self.triangulation.holds(p) && !self.occupied[p.y as usize * self.width + p.x as usize]
+        self.surface().is_vacant(p)
+    }
+
+    /// The mesh as it is, for probes on several threads.
+    pub(crate) fn surface(&self) -> Surface<'_> {
+        let Self { triangulation, face_errors, occupancy, .. } = self;
+        Surface { triangulation, face_errors, occupancy }
+    }
+
+    /// One more probe of the same errors.
+    pub(crate) fn another_probe(&self) -> Probe<M> {
+        Probe::new(self.probe.measure.another())
+    }
+
+    /// The mesh and its own probe.
+    pub(crate) fn probed(&mut self) -> (Surface<'_>, &mut Probe<M>) {
+        let Self { triangulation, face_errors, occupancy, probe, .. } = self;
+        (Surface { triangulation, face_errors, occupancy }, probe)
     }
 
     /// By how much the error changes when a movable vertex goes.
     pub(crate) fn removal_change(&mut self, vertex: u32) -> i64 {
-        let Self { triangulation, star, boundary, filler, fill_errors, measure, .. } = self;
-        triangulation.star(vertex, star);
-        boundary.clear();
-        boundary.extend(star.vertices.iter().map(|&v| triangulation.points[v as usize]));
-        fill_errors.clear();
-        for triangle in filler.fill(boundary) {
-            let corners = triangle.map(|place| boundary[place as usize]);
-            fill_errors.push(measure.error(corners));
-        }
-        let before: u64 = star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
-        self.fill_errors.iter().sum::<u64>() as i64 - before as i64
+        let (surface, probe) = self.probed();
+        surface.removal_change(vertex, probe)
     }
 
     /// Takes a movable vertex out, and tells by how much the error changed and a slot where it was.
@@ -181,32 +188,22 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     /// The vertices around it are those it has [`left`](Self::left).
     pub(crate) fn remove(&mut self, vertex: u32) -> (i64, u32) {
         let change = self.removal_change(vertex);
-        let place = self.place_of(vertex);
-        self.triangulation.remove(vertex, &mut self.star, self.filler.triangles());
-        for (i, &slot) in self.star.triangles.iter().enumerate() {
-            self.face_errors[slot as usize] = self.fill_errors.get(i).copied().unwrap_or(0);
+        let place = self.triangulation.points[vertex as usize];
+        let Probe { star, filler, fill_errors, .. } = &mut self.probe;
+        self.triangulation.remove(vertex, star, filler.triangles());
+        for (i, &slot) in star.triangles.iter().enumerate() {
+            self.face_errors[slot as usize] = fill_errors.get(i).copied().unwrap_or(0);
         }
-        self.occupied[place] = false;
+        self.occupancy.leave(place);
         self.total_error = self.total_error.wrapping_add_signed(change);
-        (change, self.star.triangles[0])
+        (change, self.probe.star.triangles[0])
     }
 
     /// By how much the error would change with a vertex at a vacant place, if by less than `limit`;
     /// `hint` is a slot near it.
     pub(crate) fn insertion_change(&mut self, place: Point, hint: u32, limit: i64) -> Option<i64> {
-        let Self { triangulation, cavity, measure, .. } = self;
-        let slot = triangulation.locate(place, hint);
-        triangulation.cavity(place, slot, cavity);
-        let before: u64 = cavity.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
-        let mut change = -(before as i64);
-        for (from, to) in cavity.edges() {
-            let ends = [from, to].map(|v| triangulation.points[v as usize]);
-            change += measure.error([ends[0], ends[1], place]) as i64;
-            if change >= limit {
-                return None;
-            }
-        }
-        Some(change)
+        let (surface, probe) = self.probed();
+        surface.insertion_change(place, hint, limit, probe)
     }
 
     /// Puts a vertex that is out of the mesh at a vacant place; `hint` is a slot near it.
@@ -214,19 +211,19 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     /// The vertices around it are those it has [`reached`](Self::reached).
     pub(crate) fn insert(&mut self, vertex: u32, place: Point, hint: u32) {
         let slot = self.triangulation.locate(place, hint);
-        self.triangulation.cavity(place, slot, &mut self.cavity);
-        for &slot in &self.cavity.triangles {
+        let Probe { cavity, measure, .. } = &mut self.probe;
+        self.triangulation.cavity(place, slot, cavity);
+        for &slot in &cavity.triangles {
             self.total_error -= self.face_errors[slot as usize];
         }
-        self.triangulation.insert(vertex, place, &self.cavity, &mut self.fan);
+        self.triangulation.insert(vertex, place, cavity, &mut self.fan);
         self.face_errors.resize(self.triangulation.slot_count(), 0);
         for &slot in &self.fan {
-            let error = self.measure.error(self.triangulation.corners(slot));
+            let error = measure.error(self.triangulation.corners(slot));
             self.face_errors[slot as usize] = error;
             self.total_error += error;
         }
-        let place = self.place_of(vertex);
-        self.occupied[place] = true;
+        self.occupancy.take(place);
     }
 
     /// Adds a vertex at a vacant place; `hint` is a slot near it.
@@ -238,22 +235,16 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
 
     /// The vertices around the last removal, or the last look at one.
     pub(crate) fn left(&self) -> &[u32] {
-        &self.star.vertices
+        &self.probe.star.vertices
     }
 
     /// The vertices around the last insertion, or the last look at one.
     pub(crate) fn reached(&self) -> &[u32] {
-        &self.cavity.vertices
+        &self.probe.cavity.vertices
     }
 
     /// The slots of the triangles that the last insertion made.
     pub(crate) fn fan(&self) -> &[u32] {
         &self.fan
-    }
-
-    /// Where a vertex's place stands among the lattice points.
-    fn place_of(&self, vertex: u32) -> usize {
-        let p = self.triangulation.points[vertex as usize];
-        p.y as usize * self.width + p.x as usize
     }
 }

@@ -1,7 +1,8 @@
 //! Openings: places in the worst faces where one more vertex would lower the error most.
 
+use super::measured_mesh::probe::{Probe, Surface, find_all};
 use super::measured_mesh::{FaceMeasure, MeasuredMesh};
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control};
 use crate::mesh::Point;
 use std::collections::BinaryHeap;
 
@@ -53,37 +54,16 @@ pub(crate) struct Openings {
 impl Openings {
     /// Looks into `face_count` of the worst faces for openings worth more than `least`.
     pub(crate) fn find<M: FaceMeasure>(
-        mesh: &mut MeasuredMesh<M>,
+        mesh: &MeasuredMesh<M>,
         (face_count, tried): (usize, Tried),
         least: i64,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let versions = vec![0; mesh.triangulation.slot_count()];
-        let mut openings = Self { heap: BinaryHeap::new(), versions, tried };
-        for slot in worst_faces(mesh, face_count) {
-            control.poll(Stage::Refine, 0, 1)?;
-            openings.look_into(mesh, slot, least);
-        }
-        Ok(openings)
-    }
-
-    /// Looks into a face for the best opening worth more than `least`.
-    fn look_into<M: FaceMeasure>(&mut self, mesh: &mut MeasuredMesh<M>, slot: u32, least: i64) {
-        let corners = mesh.triangulation.corners(slot);
-        let (mut limit, mut best) = (-least.max(0), None);
-        for &weights in self.tried.weights() {
-            let place = weighted_mean(corners, weights);
-            if !mesh.is_vacant(place) {
-                continue;
-            }
-            if let Some(change) = mesh.insertion_change(place, slot, limit) {
-                (limit, best) = (change, Some(place));
-            }
-        }
-        if let Some(place) = best {
-            let version = self.versions[slot as usize];
-            self.heap.push(Opening { gain: -limit, place, slot, version });
-        }
+        let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
+        let find = |slot, probe: &mut _| look_into(surface, probe, slot, (tried, least));
+        let found = find_all(&worst_faces(mesh, face_count), new_probe, find, control)?;
+        Ok(Self { heap: found.into_iter().flatten().collect(), versions, tried })
     }
 
     /// Takes the best opening that is still there.
@@ -113,24 +93,52 @@ impl Openings {
     pub(crate) fn look_into_fan<M: FaceMeasure>(&mut self, mesh: &mut MeasuredMesh<M>, least: i64) {
         for i in 0..mesh.fan().len() {
             let slot = mesh.fan()[i];
-            self.look_into(mesh, slot, least);
+            let (surface, probe) = mesh.probed();
+            let opening = look_into(surface, probe, slot, (self.tried, least));
+            let version = self.versions[slot as usize];
+            self.heap.extend(opening.map(|opening| Opening { version, ..opening }));
         }
     }
 }
 
-/// Slots of the faces of largest error, the worst first.
+/// Looks into a face that has not been filled since for the best opening worth more than `least`.
+fn look_into<M: FaceMeasure>(
+    surface: Surface<'_>,
+    probe: &mut Probe<M>,
+    slot: u32,
+    (tried, least): (Tried, i64),
+) -> Option<Opening> {
+    let corners = surface.corners(slot);
+    let (mut limit, mut best) = (-least.max(0), None);
+    for &weights in tried.weights() {
+        let place = weighted_mean(corners, weights);
+        if !surface.is_vacant(place) {
+            continue;
+        }
+        if let Some(change) = surface.insertion_change(place, slot, limit, probe) {
+            (limit, best) = (change, Some(place));
+        }
+    }
+    best.map(|place| Opening { gain: -limit, place, slot, version: 0 })
+}
+
+/// Slots of the faces of largest error, in no order.
 fn worst_faces<M: FaceMeasure>(mesh: &MeasuredMesh<M>, count: usize) -> Vec<u32> {
     let triangulation = &mesh.triangulation;
     let used = |slot: &u32| triangulation.is_used(*slot);
     let mut faces: Vec<u32> = (0..triangulation.slot_count() as u32).filter(used).collect();
-    let key = |slot: u32| {
+    let place = |slot: u32| {
         let mut corners = triangulation.corners(slot);
         corners.sort_unstable();
-        (u64::MAX - mesh.face_error(slot), corners)
+        corners
     };
-    let count = count.min(faces.len());
-    faces.sort_by_cached_key(|&slot| key(slot));
-    faces.truncate(count);
+    if count < faces.len() {
+        faces.select_nth_unstable_by(count, |&a, &b| {
+            let by_error = mesh.face_error(b).cmp(&mesh.face_error(a));
+            by_error.then_with(|| place(a).cmp(&place(b)))
+        });
+        faces.truncate(count);
+    }
     faces
 }
 
@@ -162,8 +170,8 @@ mod tests {
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
-            let mut mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mut mesh, (usize::MAX, tried), 0, &Unattended).unwrap();
+            let mesh = measured(&measure, &image, points.clone());
+            let mut openings = Openings::find(&mesh, (usize::MAX, tried), 0, &Unattended).unwrap();
             let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
             let before = error(&points);
             let gain = |place: Point| {

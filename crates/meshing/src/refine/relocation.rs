@@ -8,11 +8,14 @@
 //! A thorough look tries every place of a window. A foresighted one tries the few that the
 //! derivatives of the error promise most from, for a third of the time.
 
-use super::measured_mesh::moves::Choice;
+use super::dynamic_triangulation::patch::{Part, Partition};
+use super::measured_mesh::moves::{Choice, Moved};
 use super::measured_mesh::{FaceMeasure, MeasuredMesh};
 use crate::control::{Cancelled, Control, Stage};
 use crate::mesh::Point;
+use crate::parallel::{Poll, share_out};
 use crate::tile_order::tile_order;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Places that a foresighted look tries at most.
 const PROMISING: usize = 3;
@@ -21,11 +24,16 @@ const PROMISING: usize = 3;
 /// around: the forecast is rough where faces are of few points.
 const DOUBT: f32 = 0.5;
 
+/// Vertices that are worth a patch.
+const LEAST_PATCH: usize = 1024;
+
 /// Looks at each vertex whose surroundings have changed, pass after pass.
 #[derive(Clone)]
 pub(crate) struct Relocation {
     /// Whether the surroundings of a vertex have changed since it was looked at.
     changed: Vec<bool>,
+    /// Whether a vertex is still to be looked at in the pass at hand.
+    is_due: Vec<bool>,
     /// The vertices tile by tile, as they were at first.
     order: Vec<u32>,
     /// What a foresighted look has found.
@@ -59,12 +67,14 @@ impl Relocation {
         let points = &mesh.triangulation.points;
         let (width, height) = mesh.size();
         let (count, order) = (points.len(), tile_order(points, width, height));
-        Self { changed: vec![true; count], order, promising: Vec::new() }
+        let changed = vec![true; count];
+        Self { is_due: changed.clone(), changed, order, promising: Vec::new() }
     }
 
     /// Has one more vertex, the next by number, looked at too.
     pub(crate) fn add(&mut self, vertex: u32) {
         self.changed.push(true);
+        self.is_due.push(true);
         self.order.push(vertex);
     }
 
@@ -80,29 +90,129 @@ impl Relocation {
         }
     }
 
-    /// Looks once at each vertex whose surroundings have changed, and tells how many there were.
+    /// Looks once at each vertex whose surroundings have changed, and tells how many there were: first
+    /// at those well inside the patches of a large mesh, patch by patch on all threads, then at the
+    /// others. What comes of it does not depend on the threads.
     pub(crate) fn pass<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
         look: Look,
         control: &dyn Control,
     ) -> Result<usize, Cancelled> {
+        let halvings = (mesh.vertex_count() / LEAST_PATCH).max(1).ilog2();
+        self.pass_with_patches(mesh, look, halvings, control)
+    }
+
+    /// The same with two to the power of `halvings` patches.
+    fn pass_with_patches<M: FaceMeasure>(
+        &mut self,
+        mesh: &mut MeasuredMesh<M>,
+        look: Look,
+        halvings: u32,
+        control: &dyn Control,
+    ) -> Result<usize, Cancelled> {
+        let mut looked_at = 0;
+        if halvings > 0 {
+            looked_at = self.look_in_patches(mesh, look, halvings, control)?;
+        }
+        let count = self.order.len();
+        let poll = |i| control.poll(Stage::Refine, count + i, 2 * count);
+        looked_at += self.look_in_order(mesh, look, &poll)?;
+        self.is_due.fill(true);
+        Ok(looked_at)
+    }
+
+    /// Looks at the vertices inside of patches, and has the others still to be looked at.
+    fn look_in_patches<M: FaceMeasure>(
+        &mut self,
+        mesh: &mut MeasuredMesh<M>,
+        look: Look,
+        halvings: u32,
+        control: &dyn Control,
+    ) -> Result<usize, Cancelled> {
+        let partition = Partition::new(&mesh.triangulation, halvings);
+        let orders = partition.in_parts(&self.order);
+        let mut patches: Vec<Option<(MeasuredMesh<M>, Self, usize)>> = Vec::new();
+        patches.resize_with(orders.len(), || None);
+        let (total, done) = (2 * self.order.len(), AtomicUsize::new(0));
+        let is_cancelled = AtomicBool::new(false);
+        let hear = |_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
+        let ask = |i| {
+            let poll = control.poll(Stage::Refine, done.load(Ordering::Relaxed) + i, total);
+            poll.inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed))
+        };
+        let work = |number: u32, order: Vec<u32>, poll: Poll<'_>| {
+            let (mut patch, is_inner) = mesh.patch(&partition, number);
+            let mut relocation = self.of_part(&partition.parts[number as usize], order, &is_inner);
+            let looked_at = relocation.look_in_order(&mut patch, look, poll)?;
+            done.fetch_add(relocation.order.len(), Ordering::Relaxed);
+            Ok((patch, relocation, looked_at))
+        };
+        let shares = patches.iter_mut().zip(orders).enumerate();
+        let own = |(number, (patch, order)): (usize, (&mut Option<_>, _))| {
+            *patch = Some(work(number as u32, order, &ask)?);
+            Ok(())
+        };
+        // Only a cancelled work ends early, and of that the caller's own thread tells.
+        let other = |(number, (patch, order)): (usize, (&mut Option<_>, _))| {
+            *patch = work(number as u32, order, &hear).ok();
+        };
+        share_out(control.threads(), shares, own, other)?;
+        let (before, mut all_looked_at) = (mesh.total_error(), 0);
+        for (part, patch) in partition.parts.iter().zip(patches) {
+            let Some((patch, relocation, looked_at)) = patch else { return Err(Cancelled) };
+            mesh.put_in(part, &patch, before);
+            for (number, &v) in part.vertices.iter().enumerate() {
+                self.changed[v as usize] = relocation.changed[number];
+                self.is_due[v as usize] = relocation.is_due[number];
+            }
+            all_looked_at += looked_at;
+        }
+        Ok(all_looked_at)
+    }
+
+    /// What is known of the vertices of a part, of which those inside are to be looked at in `order`.
+    fn of_part(&self, part: &Part, mut order: Vec<u32>, is_inner: &[bool]) -> Self {
+        order.retain(|&number| is_inner[number as usize]);
+        Self {
+            changed: part.vertices.iter().map(|&v| self.changed[v as usize]).collect(),
+            is_due: vec![true; part.vertices.len()],
+            order,
+            promising: Vec::new(),
+        }
+    }
+
+    /// Looks once at each vertex whose surroundings have changed and which is due, and tells how many
+    /// there were. Those that can't be moved for the fence of a patch remain due.
+    fn look_in_order<M: FaceMeasure>(
+        &mut self,
+        mesh: &mut MeasuredMesh<M>,
+        look: Look,
+        poll: Poll<'_>,
+    ) -> Result<usize, Cancelled> {
         let (near, window, mut looked_at) = (offsets(1), offsets(2), 0);
         for i in 0..self.order.len() {
             let vertex = self.order[i];
-            if std::mem::take(&mut self.changed[vertex as usize]) && mesh.is_movable(vertex) {
-                control.poll(Stage::Refine, i, self.order.len())?;
-                looked_at += 1;
-                let moved = match look {
-                    Look::Foresighted => self.follow_forecast(mesh, vertex, &near, &window),
-                    Look::Thorough => move_to_best(mesh, vertex, &window),
-                };
-                if moved {
+            if !std::mem::take(&mut self.is_due[vertex as usize])
+                || !self.changed[vertex as usize]
+                || !mesh.is_movable(vertex)
+            {
+                continue;
+            }
+            poll(i)?;
+            let moved = match look {
+                Look::Foresighted => self.follow_forecast(mesh, vertex, &near, &window),
+                Look::Thorough => move_to_best(mesh, vertex, &window),
+            };
+            match moved {
+                Moved::Yes => {
                     self.note(mesh.left());
                     self.note(mesh.reached());
-                    self.changed[vertex as usize] = true;
                 }
+                Moved::No => self.changed[vertex as usize] = false,
+                Moved::Fenced => self.is_due[vertex as usize] = true,
             }
+            looked_at += usize::from(moved != Moved::Fenced);
         }
         Ok(looked_at)
     }
@@ -114,12 +224,18 @@ impl Relocation {
         vertex: u32,
         near: &[(i32, i32)],
         window: &[(i32, i32)],
-    ) -> bool {
-        if !mesh.find_promising(vertex, window, (PROMISING, DOUBT), &mut self.promising) {
+    ) -> Moved {
+        if !mesh.look_at(vertex) {
+            return Moved::Fenced;
+        }
+        if !mesh.find_promising(window, (PROMISING, DOUBT), &mut self.promising) {
             return move_to_best(mesh, vertex, near);
         }
+        if self.promising.is_empty() {
+            return Moved::No;
+        }
         let places = self.promising.iter().map(|&(_, place)| place);
-        !self.promising.is_empty() && mesh.move_vertex(vertex, places, Choice::First)
+        mesh.move_vertex(places, Choice::First)
     }
 }
 
@@ -128,10 +244,10 @@ fn move_to_best<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     vertex: u32,
     offsets: &[(i32, i32)],
-) -> bool {
+) -> Moved {
     let from = mesh.triangulation.points[vertex as usize];
     let places = offsets.iter().map(|&(dx, dy)| Point::new(from.x + dx, from.y + dy));
-    mesh.move_vertex(vertex, places, Choice::Best)
+    if mesh.look_at(vertex) { mesh.move_vertex(places, Choice::Best) } else { Moved::Fenced }
 }
 
 #[cfg(test)]
@@ -140,9 +256,12 @@ mod tests {
     use crate::control::Unattended;
     use crate::face_error::{FaceErrors, Measure};
     use crate::image::Image;
+    use crate::mesh::corner_points;
     use crate::refine::tests::{measure_of, measured, picture, sum_of_errors};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
+    use std::collections::BTreeSet;
+    use std::num::NonZeroUsize;
 
     /// The places after one look at each vertex, each candidate triangulated and measured afresh.
     fn relocated_by_brute_force(
@@ -165,7 +284,8 @@ mod tests {
                     let mut mesh = measured(&measure, image, points.clone());
                     let mut promising = Vec::new();
                     let most = (PROMISING, DOUBT);
-                    assert!(mesh.find_promising(v, &offsets(2), most, &mut promising));
+                    mesh.look_at(v);
+                    assert!(mesh.find_promising(&offsets(2), most, &mut promising));
                     promising.into_iter().map(|(_, place)| place).collect()
                 }
             };
@@ -216,6 +336,49 @@ mod tests {
         }
 
         #[test]
+        fn a_pass_with_patches_is_one_of_the_whole_mesh_patch_by_patch(
+            (width, height) in (2usize..24, 2usize..24),
+            samples in prop::collection::vec(0u16..64, 576),
+            seeds in prop::collection::vec((0usize..24, 0usize..24), 0..90),
+            look in prop::sample::select(&[Look::Foresighted, Look::Thorough][..]),
+            (halvings, threads) in (1u32..4, 1usize..4),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let measure = measure_of(&image);
+            let new_mesh = || measured(&measure, &image, points.clone());
+            let threads = Threads(NonZeroUsize::new(threads).unwrap());
+            let mut mesh = new_mesh();
+            let mut relocation = Relocation::new(&mesh);
+            relocation.look_in_patches(&mut mesh, look, halvings, &threads).unwrap();
+            // The same looks on the whole mesh, one patch after the other, then at what is left.
+            let mut twin = new_mesh();
+            let mut in_turn = Relocation::new(&twin);
+            let partition = Partition::new(&twin.triangulation, halvings);
+            let parts = partition.in_parts(&in_turn.order).into_iter().zip(&partition.parts);
+            let by_part = parts.flat_map(|(order, part)| {
+                order.into_iter().map(|number| part.vertices[number as usize])
+            });
+            let looked_at = by_part.filter(|&v| !relocation.is_due[v as usize]).collect();
+            let all = std::mem::replace(&mut in_turn.order, looked_at);
+            in_turn.look_in_order(&mut twin, look, &|_| Ok(())).unwrap();
+            prop_assert_eq!(&in_turn.is_due, &relocation.is_due);
+            assert_same(&mesh, &twin)?;
+            for (relocation, mesh) in [(&mut relocation, &mut mesh), (&mut in_turn, &mut twin)] {
+                relocation.order = all.clone();
+                relocation.look_in_order(mesh, look, &|_| Ok(())).unwrap();
+            }
+            assert_same(&mesh, &twin)?;
+            prop_assert_eq!(&relocation.changed, &in_turn.changed);
+            let (left, faces, _) = mesh.triangulation.mesh();
+            prop_assert_eq!(&faces, &triangulate(&left));
+            prop_assert_eq!(mesh.total_error(), sum_of_errors(&image, &left, &faces));
+            for v in (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect::<Vec<_>>() {
+                mesh.remove(v);
+            }
+            prop_assert_eq!(mesh.total_error(), sum_of_errors_of_corners(&image));
+        }
+
+        #[test]
         fn the_promising_places_are_the_vacant_ones_of_least_forecast_in_order(
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 1..8),
@@ -225,8 +388,10 @@ mod tests {
             let mut mesh = measured(&measure, &image, points.clone());
             let (mut all, mut few) = (Vec::new(), Vec::new());
             for v in (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect::<Vec<_>>() {
-                prop_assert!(mesh.find_promising(v, &offsets(2), (24, f32::MAX), &mut all));
-                prop_assert!(mesh.find_promising(v, &offsets(2), (2, f32::MAX), &mut few));
+                mesh.look_at(v);
+                    assert!(mesh.find_promising(&offsets(2), (24, f32::MAX), &mut all));
+                mesh.look_at(v);
+                    assert!(mesh.find_promising(&offsets(2), (2, f32::MAX), &mut few));
                 let from = points[v as usize];
                 let near = |p: &Point| (p.x - from.x).abs() <= 2 && (p.y - from.y).abs() <= 2;
                 let lattice = (0..9).flat_map(|y| (0..9).map(move |x| Point::new(x, y)));
@@ -243,6 +408,64 @@ mod tests {
                 prop_assert!(all.is_sorted_by(|a, b| a.0 <= b.0));
                 prop_assert_eq!(&few[..], &all[..few.len()]);
             }
+        }
+    }
+
+    #[test]
+    fn nearly_all_vertices_are_looked_at_in_patches() {
+        let samples: Vec<u16> = (0..90 * 90).map(|i| (i * i / 7 % 64) as u16).collect();
+        let seeds: Vec<(usize, usize)> =
+            (0..30 * 30).map(|i| (i % 30 * 3, i / 30 * 3 + i % 2)).collect();
+        let (image, points) = picture(90, 90, &samples, &seeds);
+        let measure = measure_of(&image);
+        let mut mesh = measured(&measure, &image, points.clone());
+        let mut relocation = Relocation::new(&mesh);
+        let looked_at = relocation.look_in_patches(&mut mesh, Look::Foresighted, 1, &Unattended);
+        assert!(looked_at.unwrap() > points.len() * 3 / 4, "{looked_at:?} of {}", points.len());
+    }
+
+    /// Two meshes have the same vertices at the same places, the same faces and the same errors.
+    fn assert_same(
+        a: &MeasuredMesh<FaceErrors<'_>>,
+        b: &MeasuredMesh<FaceErrors<'_>>,
+    ) -> Result<(), TestCaseError> {
+        prop_assert_eq!(&a.triangulation.points, &b.triangulation.points);
+        prop_assert_eq!(a.triangulation.mesh(), b.triangulation.mesh());
+        prop_assert_eq!(a.total_error(), b.total_error());
+        let errors = |mesh: &MeasuredMesh<FaceErrors<'_>>| {
+            let slots = 0..mesh.triangulation.slot_count() as u32;
+            let used = slots.filter(|&slot| mesh.triangulation.is_used(slot));
+            used.map(|slot| {
+                (mesh.triangulation.corners(slot).iter().min().copied(), mesh.face_error(slot))
+            })
+            .collect::<BTreeSet<_>>()
+        };
+        prop_assert_eq!(errors(a), errors(b));
+        for y in 0..a.size().1 as i32 {
+            for x in 0..a.size().0 as i32 {
+                prop_assert_eq!(a.is_vacant(Point::new(x, y)), b.is_vacant(Point::new(x, y)));
+            }
+        }
+        Ok(())
+    }
+
+    /// The error of the mesh that has the corners alone.
+    fn sum_of_errors_of_corners(image: &Image) -> u64 {
+        let mut corners = corner_points(image.width(), image.height());
+        corners.sort_unstable();
+        sum_of_errors(image, &corners, &triangulate(&corners))
+    }
+
+    /// Never cancels, and has some threads.
+    struct Threads(NonZeroUsize);
+
+    impl Control for Threads {
+        fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+            Ok(())
+        }
+
+        fn threads(&self) -> NonZeroUsize {
+            self.0
         }
     }
 

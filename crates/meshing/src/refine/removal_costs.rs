@@ -1,7 +1,8 @@
 //! The vertices of a mesh in the order of what their removal costs, kept up to date.
 
+use super::measured_mesh::probe::find_all;
 use super::measured_mesh::{FaceMeasure, MeasuredMesh};
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control};
 use crate::removal_queue::{Entry, RemovalQueue};
 
 /// The movable vertices by the change of the error that their removal makes.
@@ -12,18 +13,16 @@ pub(crate) struct RemovalCosts {
 impl RemovalCosts {
     /// Evaluates every movable vertex.
     pub(crate) fn new<M: FaceMeasure>(
-        mesh: &mut MeasuredMesh<M>,
+        mesh: &MeasuredMesh<M>,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let count = mesh.triangulation.points.len();
-        let mut costs = Vec::with_capacity(count);
-        for vertex in 0..count as u32 {
-            if mesh.is_movable(vertex) {
-                control.poll(Stage::Refine, 0, count)?;
-                let change = mesh.removal_change(vertex);
-                costs.push(Entry { change, rank: vertex, vertex });
-            }
-        }
+        let vertices: Vec<u32> = (0..count as u32).filter(|&v| mesh.is_movable(v)).collect();
+        let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
+        let find = |vertex, probe: &mut _| surface.removal_change(vertex, probe);
+        let changes = find_all(&vertices, new_probe, find, control)?;
+        let costs = vertices.iter().zip(changes);
+        let costs = costs.map(|(&vertex, change)| Entry { change, rank: vertex, vertex }).collect();
         Ok(Self { queue: RemovalQueue::new(costs, count) })
     }
 
@@ -67,7 +66,7 @@ mod tests {
             let (image, mut points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mut mesh = measured(&measure, &image, points.clone());
-            let mut costs = RemovalCosts::new(&mut mesh, &Unattended).unwrap();
+            let mut costs = RemovalCosts::new(&mesh, &Unattended).unwrap();
             let error = |points: &[_]| sum_of_errors(&image, points, &triangulate(points)) as i64;
             let numbers = points.clone();
             while let Some((cost, vertex)) = costs.cheapest() {

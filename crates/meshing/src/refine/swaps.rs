@@ -75,8 +75,8 @@ mod tests {
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
-            let mut mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mut mesh, (usize::MAX, Tried::All), 0, &Unattended).unwrap();
+            let mesh = measured(&measure, &image, points.clone());
+            let mut openings = Openings::find(&mesh, (usize::MAX, Tried::All), 0, &Unattended).unwrap();
             let vertices: Vec<u32> =
                 (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect();
             let Some(opening) = openings.pop(&mesh) else { return Ok(()) };

@@ -2,8 +2,11 @@
 //!
 //! While a vertex is tried at places it is out of the triangulation. The triangles that fill its hole
 //! are replaced again wherever it is put down nearby, so their errors are measured only where one of
-//! them would stay; and wherever it ends up, the errors of its faces are known already.
+//! them would stay; and wherever it ends up, the errors of its faces are known already. Where no place
+//! is better, it gets its old faces back as they were.
 
+use super::super::dynamic_triangulation::Ring;
+use super::probe::Probe;
 use super::{FaceMeasure, MeasuredMesh};
 use crate::mesh::Point;
 
@@ -19,9 +22,24 @@ pub(crate) enum Choice {
     Best,
 }
 
+/// Faces beyond the fence of a patch would change.
+struct Fenced;
+
+/// What came of a try to move a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Moved {
+    Yes,
+    /// No place is better.
+    No,
+    /// It stays for now, because a place would change faces beyond the fence of a patch.
+    Fenced,
+}
+
 /// What is remembered while a vertex is moved.
 #[derive(Default)]
 pub(crate) struct Trial {
+    /// The vertex.
+    vertex: u32,
     /// Errors of the faces that the vertex had, around it.
     before: Vec<u64>,
     /// Sum of these.
@@ -31,35 +49,46 @@ pub(crate) struct Trial {
     /// Errors of the faces that it would have at the place tried last, and at the one chosen.
     tried: Vec<u64>,
     chosen: Vec<u64>,
+    /// The ring of the place chosen.
+    cavity: Ring,
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
-    /// Finds the places around a movable vertex that promise most, at most `count`, the best first,
+    /// Gathers the star of a movable vertex, which is then the one looked at; `false` when it lies at
+    /// the fence of a patch, where the vertex can't be moved.
+    pub(crate) fn look_at(&mut self, vertex: u32) -> bool {
+        let Self { triangulation, probe: Probe { star, boundary, .. }, trial, .. } = self;
+        trial.vertex = vertex;
+        triangulation.star(vertex, star);
+        boundary.clear();
+        boundary.extend(star.vertices.iter().map(|&v| triangulation.points[v as usize]));
+        !star.is_fenced()
+    }
+
+    /// Finds the places around the vertex looked at that promise most, at most `count`, the best first,
     /// among those where the error is foreseen to rise by less than `doubt` times that of the faces
     /// around the vertex; `false` when nothing can be foreseen.
     pub(crate) fn find_promising(
         &mut self,
-        vertex: u32,
         offsets: &[(i32, i32)],
         (count, doubt): (usize, f32),
         promising: &mut Vec<(f32, Point)>,
     ) -> bool {
         promising.clear();
-        self.look_around(vertex);
-        let Some(pixels) = self.measure.pixels() else { return false };
-        let from = self.triangulation.points[vertex as usize];
-        let face_count = self.star.beyond.len();
-        let Some(forecast) = pixels.forecast(from, &self.boundary, face_count) else {
+        let Some(pixels) = self.probe.measure.pixels() else { return false };
+        let from = self.triangulation.points[self.trial.vertex as usize];
+        let face_count = self.probe.star.beyond.len();
+        let Some(forecast) = pixels.forecast(from, &self.probe.boundary, face_count) else {
             return false;
         };
-        let around: u64 = if self.measure.is_weighted() {
+        let around: u64 = if self.probe.measure.is_weighted() {
             // Forecasts know no weights, so that equal ones change nothing.
-            let faces = self.star.triangles.iter().map(|&t| self.triangulation.corners(t));
+            let faces = self.probe.star.triangles.iter().map(|&t| self.triangulation.corners(t));
             self.trial.tried.clear();
             pixels.squared_errors(&faces.collect::<Vec<_>>(), &mut self.trial.tried);
             self.trial.tried.iter().sum()
         } else {
-            self.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum()
+            self.probe.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum()
         };
         let limit = doubt * around as f32;
         for &(dx, dy) in offsets {
@@ -77,66 +106,67 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         true
     }
 
-    /// Moves a movable vertex to one of some places, where vacant, if that lowers the error; tells
-    /// whether it moved.
+    /// Moves the vertex looked at to one of some places, where vacant, if that lowers the error.
     ///
     /// The vertices around it before are then those it has [`left`](Self::left), those around it now
     /// those it has [`reached`](Self::reached).
     pub(crate) fn move_vertex(
         &mut self,
-        vertex: u32,
         places: impl Iterator<Item = Point>,
         choice: Choice,
-    ) -> bool {
-        let from = self.triangulation.points[vertex as usize];
-        self.lift(vertex);
-        let (mut best, mut place) = (0, from);
+    ) -> Moved {
+        let from = self.triangulation.points[self.trial.vertex as usize];
+        self.lift();
+        let (mut best, mut chosen) = (0, None);
         for candidate in places {
             if candidate == from || !self.is_vacant(candidate) {
                 continue;
             }
-            let Some(change) = self.change_at(candidate, best) else { continue };
-            (best, place) = (change, candidate);
+            let Ok(change) = self.change_at(candidate, best) else {
+                self.put_back();
+                return Moved::Fenced;
+            };
+            let Some(change) = change else { continue };
+            (best, chosen) = (change, Some(candidate));
             std::mem::swap(&mut self.trial.tried, &mut self.trial.chosen);
+            std::mem::swap(&mut self.probe.cavity, &mut self.trial.cavity);
             if choice == Choice::First {
                 break;
             }
         }
-        self.put_down(vertex, place, place != from);
+        let Some(place) = chosen else {
+            self.put_back();
+            return Moved::No;
+        };
+        self.put_down(place);
         self.total_error = self.total_error.wrapping_add_signed(best);
-        place != from
+        Moved::Yes
     }
 
-    /// Gathers the star of a vertex and the places around it.
-    fn look_around(&mut self, vertex: u32) {
-        let Self { triangulation, star, boundary, .. } = self;
-        triangulation.star(vertex, star);
-        boundary.clear();
-        boundary.extend(star.vertices.iter().map(|&v| triangulation.points[v as usize]));
-    }
-
-    /// Takes a vertex out for a while; the sum of the errors stays what it was.
-    fn lift(&mut self, vertex: u32) {
-        self.look_around(vertex);
-        let place = self.place_of(vertex);
-        let Self { triangulation, star, boundary, filler, face_errors, trial, .. } = self;
+    /// Takes the vertex looked at out for a while; the sum of the errors stays what it was.
+    fn lift(&mut self) {
+        let Self { triangulation, probe, face_errors, trial, .. } = self;
+        let Probe { star, boundary, filler, .. } = probe;
         trial.before.clear();
         trial.before.extend(star.triangles.iter().map(|&t| face_errors[t as usize]));
         trial.error_before = trial.before.iter().sum();
         trial.fill_count = filler.fill(boundary).len();
-        triangulation.remove(vertex, star, filler.triangles());
+        triangulation.remove(trial.vertex, star, filler.triangles());
         for (i, &slot) in star.triangles.iter().enumerate() {
             face_errors[slot as usize] = if i < trial.fill_count { UNMEASURED } else { 0 };
         }
-        self.occupied[place] = false;
     }
 
     /// By how much the error will have changed when the vertex that is lifted is put down at a
     /// vacant place, if by less than `limit`.
-    fn change_at(&mut self, place: Point, limit: i64) -> Option<i64> {
-        let Self { triangulation, cavity, measure, star, face_errors, trial, .. } = self;
-        let slot = triangulation.locate(place, star.triangles[0]);
+    fn change_at(&mut self, place: Point, limit: i64) -> Result<Option<i64>, Fenced> {
+        let Self { triangulation, probe, face_errors, trial, .. } = self;
+        let Probe { cavity, measure, star, .. } = probe;
+        let slot = triangulation.locate_in_patch(place, star.triangles[0]).ok_or(Fenced)?;
         triangulation.cavity(place, slot, cavity);
+        if cavity.is_fenced() {
+            return Err(Fenced);
+        }
         let fill = &star.triangles[..trial.fill_count];
         let (mut change, mut replaced) = (-(trial.error_before as i64), 0);
         for triangle in &cavity.triangles {
@@ -153,7 +183,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             trial.tried.push(error);
             change += error as i64;
             if change >= limit {
-                return None;
+                return Ok(None);
             }
         }
         if replaced < fill.len() {
@@ -165,26 +195,30 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
                 change += *error as i64;
             }
         }
-        (change < limit).then_some(change)
+        Ok((change < limit).then_some(change))
     }
 
-    /// Puts the vertex that is lifted down, at its old place or at the one chosen.
-    fn put_down(&mut self, vertex: u32, place: Point, is_chosen: bool) {
-        let Self { triangulation, star, cavity, fan, face_errors, trial, .. } = self;
-        let slot = triangulation.locate(place, star.triangles[0]);
-        triangulation.cavity(place, slot, cavity);
-        triangulation.insert(vertex, place, cavity, fan);
+    /// Puts the vertex that is lifted down at the place chosen.
+    fn put_down(&mut self, place: Point) {
+        let Self { triangulation, probe, fan, face_errors, trial, occupancy, .. } = self;
+        let cavity = &mut probe.cavity;
+        occupancy.leave(triangulation.points[trial.vertex as usize]);
+        occupancy.take(place);
+        std::mem::swap(cavity, &mut trial.cavity);
+        triangulation.insert(trial.vertex, place, cavity, fan);
         face_errors.resize(triangulation.slot_count(), 0);
-        if !is_chosen {
-            // The ring is the old one, but may begin elsewhere.
-            let first = star.vertices.iter().position(|v| *v == cavity.vertices[0]);
-            trial.before.rotate_left(first.unwrap_or_default());
-        }
-        let errors = if is_chosen { &trial.chosen } else { &trial.before };
-        for (&slot, &error) in fan.iter().zip(errors) {
+        for (&slot, &error) in fan.iter().zip(&trial.chosen) {
             face_errors[slot as usize] = error;
         }
-        let place = self.place_of(vertex);
-        self.occupied[place] = true;
+    }
+
+    /// Puts the vertex that is lifted back, where its faces are what they were.
+    fn put_back(&mut self) {
+        let Self { triangulation, probe, fan, face_errors, trial, .. } = self;
+        let star = &probe.star;
+        triangulation.put_back(trial.vertex, star, trial.fill_count, fan);
+        for (&slot, &error) in star.triangles.iter().zip(&trial.before) {
+            face_errors[slot as usize] = error;
+        }
     }
 }

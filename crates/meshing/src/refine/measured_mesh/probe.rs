@@ -1,0 +1,122 @@
+//! What a change would do to the error of a mesh, found without changing it.
+
+use super::super::dynamic_triangulation::{DynamicTriangulation, Ring};
+use super::super::occupancy::Occupancy;
+use super::FaceMeasure;
+use crate::control::{Cancelled, Control, Stage};
+use crate::hole::HoleFiller;
+use crate::mesh::Point;
+use crate::parallel::share_out;
+
+/// What is probed on one thread at a time.
+const SHARE: usize = 256;
+
+/// What finds the changes; keeps its memory from one to the next.
+pub(crate) struct Probe<M> {
+    pub(super) measure: M,
+    /// The ring of the vertex looked at last.
+    pub(super) star: Ring,
+    /// The places of its vertices.
+    pub(super) boundary: Vec<Point>,
+    pub(super) filler: HoleFiller,
+    /// Error of each triangle of the last fill.
+    pub(super) fill_errors: Vec<u64>,
+    /// The ring of the place looked at last.
+    pub(super) cavity: Ring,
+}
+
+/// A mesh that does not change while it is probed.
+#[derive(Clone, Copy)]
+pub(crate) struct Surface<'a> {
+    pub(super) triangulation: &'a DynamicTriangulation,
+    pub(super) face_errors: &'a [u64],
+    pub(super) occupancy: &'a Occupancy,
+}
+
+impl<M: FaceMeasure> Probe<M> {
+    pub(super) fn new(measure: M) -> Self {
+        Self {
+            measure,
+            star: Ring::default(),
+            boundary: Vec::new(),
+            filler: HoleFiller::default(),
+            fill_errors: Vec::new(),
+            cavity: Ring::default(),
+        }
+    }
+}
+
+impl Surface<'_> {
+    /// Tells whether a point may become a vertex: it lies in the image and is none.
+    #[inline]
+    pub(crate) fn is_vacant(self, p: Point) -> bool {
+        self.triangulation.holds(p) && !self.occupancy.is_taken(p)
+    }
+
+    /// The places of a triangle's vertices.
+    pub(crate) fn corners(self, slot: u32) -> [Point; 3] {
+        self.triangulation.corners(slot)
+    }
+
+    /// By how much the error changes when a movable vertex goes.
+    pub(crate) fn removal_change<M: FaceMeasure>(self, vertex: u32, probe: &mut Probe<M>) -> i64 {
+        let Probe { measure, star, boundary, filler, fill_errors, .. } = probe;
+        self.triangulation.star(vertex, star);
+        boundary.clear();
+        boundary.extend(star.vertices.iter().map(|&v| self.triangulation.points[v as usize]));
+        fill_errors.clear();
+        for triangle in filler.fill(boundary) {
+            let corners = triangle.map(|place| boundary[place as usize]);
+            fill_errors.push(measure.error(corners));
+        }
+        let before: u64 = star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
+        fill_errors.iter().sum::<u64>() as i64 - before as i64
+    }
+
+    /// By how much the error would change with a vertex at a vacant place, if by less than `limit`;
+    /// `hint` is a slot near it.
+    pub(crate) fn insertion_change<M: FaceMeasure>(
+        self,
+        place: Point,
+        hint: u32,
+        limit: i64,
+        probe: &mut Probe<M>,
+    ) -> Option<i64> {
+        let Probe { measure, cavity, .. } = probe;
+        let slot = self.triangulation.locate(place, hint);
+        self.triangulation.cavity(place, slot, cavity);
+        let before: u64 = cavity.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
+        let mut change = -(before as i64);
+        for (from, to) in cavity.edges() {
+            let ends = [from, to].map(|v| self.triangulation.points[v as usize]);
+            change += measure.error([ends[0], ends[1], place]) as i64;
+            if change >= limit {
+                return None;
+            }
+        }
+        Some(change)
+    }
+}
+
+/// Finds something of each of some vertices or faces, on all threads, each of which has a probe of
+/// its own.
+pub(crate) fn find_all<M: FaceMeasure, T: Clone + Default + Send>(
+    of: &[u32],
+    new_probe: impl Fn() -> Probe<M> + Sync,
+    find: impl Fn(u32, &mut Probe<M>) -> T + Sync,
+    control: &dyn Control,
+) -> Result<Vec<T>, Cancelled> {
+    let mut found = vec![T::default(); of.len()];
+    let work = |(of, found): (&[u32], &mut [T])| {
+        let mut probe = new_probe();
+        found.iter_mut().zip(of).for_each(|(found, &of)| *found = find(of, &mut probe));
+    };
+    let shares = of.chunks(SHARE).zip(found.chunks_mut(SHARE));
+    let own = |share| {
+        control.poll(Stage::Refine, 0, 1)?;
+        work(share);
+        Ok(())
+    };
+    share_out(control.threads(), shares, own, work)?;
+    Ok(found)
+}
