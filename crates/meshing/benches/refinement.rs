@@ -31,6 +31,16 @@ struct Choice {
     pictures: Vec<String>,
 }
 
+/// What came of one picture at one density.
+struct Measured {
+    /// The PSNR of MGPRFS.
+    plain: f64,
+    /// What each effort gains.
+    gains: Vec<f64>,
+    /// For each number of threads.
+    times: Vec<Times>,
+}
+
 /// The least seconds of MGPRFS and of each effort on one number of threads.
 struct Times {
     plain: f64,
@@ -48,15 +58,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         paths => paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?,
     };
     let threads = choice.threads.iter().map(|t| format!("{t:>8} thr.")).collect::<String>();
-    println!("{:<28} {:>5} {:>6} {:>8}{threads}", "picture", "%", "effort", "gain, dB");
+    println!("{:<28} {:>5} {:>6} {:>8} {:>8}{threads}", "picture", "%", "effort", "dB", "gain, dB");
     let mut sums: Vec<Times> = choice.threads.iter().map(|_| choice.no_times(0.0)).collect();
     let mut gains = vec![Vec::new(); choice.efforts.len()];
     for (name, image) in &pictures {
         for &density in &choice.densities {
-            let (gained, times) = measure(image, density, &choice)?;
+            let Measured { plain, gains: gained, times } = measure(image, density, &choice)?;
             for (e, (&effort, gain)) in choice.efforts.iter().zip(gained).enumerate() {
                 let beside = beside(&times, e);
-                println!("{name:<28} {density:>5} {effort:>6} {gain:>8.3}{beside}");
+                let psnr = plain + gain;
+                println!("{name:<28} {density:>5} {effort:>6} {psnr:>8.2} {gain:>8.3}{beside}");
                 gains[e].push(gain);
             }
             for (sum, times) in sums.iter_mut().zip(times) {
@@ -123,20 +134,16 @@ fn read(path: &str) -> Result<(String, Image), Box<dyn Error>> {
     Ok((name.to_owned(), image))
 }
 
-/// What each effort gains, and the times for each number of threads.
-fn measure(
-    image: &Image,
-    density: f64,
-    choice: &Choice,
-) -> Result<(Vec<f64>, Vec<Times>), Box<dyn Error>> {
-    let mut gains = vec![0.0; choice.efforts.len()];
-    let mut all: Vec<Times> =
-        choice.threads.iter().map(|_| choice.no_times(f64::INFINITY)).collect();
+/// Runs MGPRFS and all efforts in turns.
+fn measure(image: &Image, density: f64, choice: &Choice) -> Result<Measured, Box<dyn Error>> {
+    let times = choice.threads.iter().map(|_| choice.no_times(f64::INFINITY)).collect();
+    let mut all = Measured { plain: 0.0, gains: vec![0.0; choice.efforts.len()], times };
     for _ in 0..choice.rounds {
-        for (&threads, times) in choice.threads.iter().zip(&mut all) {
+        for (&threads, times) in choice.threads.iter().zip(&mut all.times) {
             let (plain, psnr) = run(image, density, 0, threads)?;
             times.plain = times.plain.min(plain);
-            let efforts = choice.efforts.iter().zip(&mut times.refined).zip(&mut gains);
+            all.plain = psnr;
+            let efforts = choice.efforts.iter().zip(&mut times.refined).zip(&mut all.gains);
             for ((&effort, least), gain) in efforts {
                 let (seconds, refined) = run(image, density, effort, threads)?;
                 *least = least.min(seconds);
@@ -144,7 +151,7 @@ fn measure(
             }
         }
     }
-    Ok((gains, all))
+    Ok(all)
 }
 
 /// The seconds of a run, and the PSNR of its mesh.

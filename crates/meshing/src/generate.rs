@@ -152,7 +152,8 @@ fn triangulate_image(
     let Made { points, faces, removals, .. } = made;
     let (metric, size) = (parameters.error_metric, (image.width(), image.height()));
     let measure = Measure::with_foresight(image, metric);
-    let mesh = MeasuredMesh::new(points, &faces, size, FaceErrors::new(&measure));
+    let errors = FaceErrors::new(&measure);
+    let mesh = MeasuredMesh::new_on_all_threads(points, &faces, size, errors, control)?;
     let refined = refine(mesh, parameters.effort, control)?;
     let squared_error = metric.is_squared_difference().then_some(refined.total_error());
     let (points, faces, _) = refined.triangulation.mesh();

@@ -23,6 +23,7 @@ pub(crate) mod valued_mesh;
 pub(crate) mod vertex_moves;
 
 use crate::control::{Cancelled, Control, Stage};
+use growth::Among;
 use measured_mesh::{FaceMeasure, MeasuredMesh};
 use relocation::{Look, Relocation};
 use schedule::Step;
@@ -35,8 +36,21 @@ const PAYS: f64 = 2e-4;
 /// Rounds of growth of one kind at most.
 const MOST_ROUNDS: usize = 40;
 
-/// Looks around each vertex after a round of growth at most this often.
-const SETTLING_PASSES: usize = 4;
+/// How a mesh grows and shrinks again.
+#[derive(Clone, Copy)]
+struct Growth {
+    among: Among,
+    /// How its vertices look for better places.
+    look: Look,
+    /// How often they do at most after it has shrunk.
+    settling_passes: usize,
+}
+
+/// For the least time.
+const QUICK: Growth = Growth { among: Among::First, look: Look::Foresighted, settling_passes: 1 };
+
+/// For the best mesh.
+const THOROUGH: Growth = Growth { among: Among::All, look: Look::Thorough, settling_passes: 4 };
 
 /// Moves the vertices of a mesh so that its error falls, with an effort of 0 (nothing) to 9; their
 /// number stays.
@@ -97,14 +111,15 @@ impl<M: FaceMeasure> Refinement<M> {
                 self.relocation.restart();
                 self.relocate(look, control)
             }
-            Step::Swap(tried) => {
-                let looked_into = (self.mesh.triangulation.slot_count() / 4, tried);
-                swaps::swap_vertices(&mut self.mesh, looked_into, &mut self.relocation, control)
+            Step::Swap => {
+                let face_count = self.mesh.triangulation.slot_count() / 4;
+                swaps::swap_vertices(&mut self.mesh, face_count, &mut self.relocation, control)
             }
-            Step::Grow(percent) => self.grow(percent, control).map(|_| ()),
+            Step::GrowQuickly(percent) => self.grow(percent, QUICK, control).map(|_| ()),
+            Step::Grow(percent) => self.grow(percent, THOROUGH, control).map(|_| ()),
             Step::GrowWhileItPays(percent) => {
                 for _ in 0..MOST_ROUNDS {
-                    if !self.grow(percent, control)? {
+                    if !self.grow(percent, THOROUGH, control)? {
                         break;
                     }
                 }
@@ -118,16 +133,21 @@ impl<M: FaceMeasure> Refinement<M> {
     }
 
     /// Has the mesh grow and shrink again, unless that raises its error; tells whether it paid.
-    fn grow(&mut self, percent: usize, control: &dyn Control) -> Result<bool, Cancelled> {
+    fn grow(
+        &mut self,
+        percent: usize,
+        growth: Growth,
+        control: &dyn Control,
+    ) -> Result<bool, Cancelled> {
         let (snapshot, relocation_before) = (self.mesh.snapshot(), self.relocation.clone());
         let before = self.mesh.total_error();
         let Self { mesh, relocation } = self;
         let count = (mesh.vertex_count() * percent).div_ceil(100);
-        let grown = growth::grow(mesh, count, relocation, control)?;
-        relocation.pass(mesh, Look::Thorough, control)?;
+        let grown = growth::grow(mesh, (count, growth.among), relocation, control)?;
+        relocation.pass(mesh, growth.look, control)?;
         growth::shrink(mesh, grown, |around| relocation.note(around), control)?;
-        for _ in 0..SETTLING_PASSES {
-            if relocation.pass(mesh, Look::Thorough, control)? == 0 {
+        for _ in 0..growth.settling_passes {
+            if relocation.pass(mesh, growth.look, control)? == 0 {
                 break;
             }
         }

@@ -95,17 +95,24 @@ impl DynamicTriangulation {
     pub(crate) fn new(points: Vec<Point>, faces: &[Face], width: usize, height: usize) -> Self {
         let origins = faces.concat();
         let ends = |h: u32| (origins[h as usize], origins[next(h) as usize]);
-        let mut edges: Vec<(u32, u32, u32)> = (0..origins.len() as u32)
-            .map(|h| {
-                let (from, to) = ends(h);
-                (from, to, h)
-            })
-            .collect();
-        edges.sort_unstable();
+        // The half-edges by the vertices at which they begin.
+        let mut starts = vec![0u32; points.len() + 1];
+        origins.iter().for_each(|&v| starts[v as usize] += 1);
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += std::mem::take(start);
+            *start = sum;
+        }
+        let mut by_origin = vec![0; origins.len()];
+        for (h, &v) in (0..).zip(&origins) {
+            starts[v as usize] -= 1;
+            by_origin[starts[v as usize] as usize] = h;
+        }
         let opposite = |h: u32| {
             let (from, to) = ends(h);
-            let found = edges.binary_search_by_key(&(to, from), |edge| (edge.0, edge.1));
-            found.map_or(NONE, |place| edges[place].2)
+            let from_end =
+                &by_origin[starts[to as usize] as usize..starts[to as usize + 1] as usize];
+            from_end.iter().copied().find(|&h| ends(h).1 == from).unwrap_or(NONE)
         };
         let twins = (0..origins.len() as u32).map(opposite).collect();
         let outgoing = vec![NONE; points.len()];

@@ -7,11 +7,12 @@ pub(crate) mod probe;
 
 use super::dynamic_triangulation::DynamicTriangulation;
 use super::occupancy::Occupancy;
+use crate::control::{Cancelled, Control};
 use crate::mesh::{Face, Point};
 use crate::small_face::Pixels;
 use crate::triangulation::NONE;
 use moves::Trial;
-use probe::{Probe, Surface};
+use probe::{Probe, Surface, find_all};
 
 /// The error of a face, a whole number that depends on the places of its vertices alone.
 pub(crate) trait FaceMeasure: Send + Sync {
@@ -93,6 +94,29 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             mesh.total_error += error;
         }
         mesh
+    }
+
+    /// The same on all threads.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn new_on_all_threads(
+        points: Vec<Point>,
+        faces: &[Face],
+        (width, height): (usize, usize),
+        measure: M,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let occupancy = Occupancy::of_image(width, height, &points);
+        let triangulation = DynamicTriangulation::new(points, faces, width, height);
+        let mut mesh = Self::unmeasured(triangulation, measure, occupancy);
+        let slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
+        let corners = |slot| mesh.triangulation.corners(slot);
+        let find = |slot, probe: &mut Probe<M>| probe.measure.error(corners(slot));
+        let face_errors = find_all(&slots, || mesh.another_probe(), find, control)?;
+        mesh.total_error = face_errors.iter().sum();
+        mesh.face_errors = face_errors;
+        Ok(mesh)
     }
 
     /// A mesh without the errors of its faces.

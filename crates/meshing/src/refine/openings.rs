@@ -11,25 +11,6 @@ use std::collections::BinaryHeap;
 const PLACES: [[i32; 3]; 7] =
     [[3, 3, 2], [4, 2, 2], [2, 4, 2], [2, 2, 4], [4, 4, 0], [0, 4, 4], [4, 0, 4]];
 
-/// Which places of a face are tried.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Tried {
-    /// Four inside.
-    Inner,
-    /// Three near the middles of the edges too.
-    All,
-}
-
-impl Tried {
-    /// The weights of the places.
-    fn weights(self) -> &'static [[i32; 3]] {
-        match self {
-            Self::Inner => &PLACES[..4],
-            Self::All => &PLACES,
-        }
-    }
-}
-
 /// A place in a face where a vertex would lower the error. Compares by how much, then by place.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Opening {
@@ -48,22 +29,21 @@ pub(crate) struct Openings {
     heap: BinaryHeap<Opening>,
     /// How often each slot has been filled.
     versions: Vec<u32>,
-    tried: Tried,
 }
 
 impl Openings {
     /// Looks into `face_count` of the worst faces for openings worth more than `least`.
     pub(crate) fn find<M: FaceMeasure>(
         mesh: &MeasuredMesh<M>,
-        (face_count, tried): (usize, Tried),
+        face_count: usize,
         least: i64,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let versions = vec![0; mesh.triangulation.slot_count()];
         let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
-        let find = |slot, probe: &mut _| look_into(surface, probe, slot, (tried, least));
+        let find = |slot, probe: &mut _| look_into(surface, probe, slot, least);
         let found = find_all(&worst_faces(mesh, face_count), new_probe, find, control)?;
-        Ok(Self { heap: found.into_iter().flatten().collect(), versions, tried })
+        Ok(Self { heap: found.into_iter().flatten().collect(), versions })
     }
 
     /// Takes the best opening that is still there.
@@ -94,7 +74,7 @@ impl Openings {
         for i in 0..mesh.fan().len() {
             let slot = mesh.fan()[i];
             let (surface, probe) = mesh.probed();
-            let opening = look_into(surface, probe, slot, (self.tried, least));
+            let opening = look_into(surface, probe, slot, least);
             let version = self.versions[slot as usize];
             self.heap.extend(opening.map(|opening| Opening { version, ..opening }));
         }
@@ -106,11 +86,11 @@ fn look_into<M: FaceMeasure>(
     surface: Surface<'_>,
     probe: &mut Probe<M>,
     slot: u32,
-    (tried, least): (Tried, i64),
+    least: i64,
 ) -> Option<Opening> {
     let corners = surface.corners(slot);
     let (mut limit, mut best) = (-least.max(0), None);
-    for &weights in tried.weights() {
+    for &weights in &PLACES {
         let place = weighted_mean(corners, weights);
         if !surface.is_vacant(place) {
             continue;
@@ -166,12 +146,11 @@ mod tests {
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
-            tried in prop::sample::select(&[Tried::Inner, Tried::All][..]),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mesh, (usize::MAX, tried), 0, &Unattended).unwrap();
+            let mut openings = Openings::find(&mesh, usize::MAX, 0, &Unattended).unwrap();
             let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
             let before = error(&points);
             let gain = |place: Point| {
@@ -181,7 +160,7 @@ mod tests {
             };
             // The best place tried of every face, where it gains anything.
             let best = |corners: [Point; 3]| {
-                let tried = tried.weights().iter().map(|&weights| weighted_mean(corners, weights));
+                let tried = PLACES.iter().map(|&weights| weighted_mean(corners, weights));
                 let vacant = tried.filter(|place| !points.contains(place));
                 vacant.map(gain).filter(|&gain| gain > 0).max()
             };

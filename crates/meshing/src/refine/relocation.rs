@@ -24,8 +24,9 @@ const PROMISING: usize = 3;
 /// around: the forecast is rough where faces are of few points.
 const DOUBT: f32 = 0.5;
 
-/// Vertices that are worth a patch.
-const LEAST_PATCH: usize = 1024;
+/// A mesh of at least so many vertices is looked at in two patches, and of at least four times as many
+/// in patches of so many or more: the smaller they are, the more vertices lie too near to their edges.
+const LEAST_PATCH: usize = 2048;
 
 /// Looks at each vertex whose surroundings have changed, pass after pass.
 #[derive(Clone)]
@@ -99,7 +100,7 @@ impl Relocation {
         look: Look,
         control: &dyn Control,
     ) -> Result<usize, Cancelled> {
-        let halvings = (mesh.vertex_count() / LEAST_PATCH).max(1).ilog2();
+        let halvings = halvings(mesh.vertex_count());
         self.pass_with_patches(mesh, look, halvings, control)
     }
 
@@ -236,6 +237,14 @@ impl Relocation {
         }
         let places = self.promising.iter().map(|&(_, place)| place);
         mesh.move_vertex(places, Choice::First)
+    }
+}
+
+/// How often a mesh of so many vertices is halved to make patches.
+fn halvings(vertex_count: usize) -> u32 {
+    match vertex_count / LEAST_PATCH {
+        0 => 0,
+        patches => patches.ilog2().max(1),
     }
 }
 

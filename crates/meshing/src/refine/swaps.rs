@@ -6,7 +6,7 @@
 //! is, lower the error. Otherwise the vertex goes back, which restores the mesh exactly.
 
 use super::measured_mesh::{FaceMeasure, MeasuredMesh};
-use super::openings::{Opening, Openings, Tried};
+use super::openings::{Opening, Openings};
 use super::relocation::Relocation;
 use super::removal_costs::RemovalCosts;
 use crate::control::{Cancelled, Control, Stage};
@@ -20,13 +20,13 @@ const MOST_FAILURES: usize = 32;
 /// When the control cancels.
 pub(crate) fn swap_vertices<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
-    (face_count, tried): (usize, Tried),
+    face_count: usize,
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
     let mut costs = RemovalCosts::new(mesh, control)?;
     let Some((least, _)) = costs.cheapest() else { return Ok(()) };
-    let mut openings = Openings::find(mesh, (face_count, tried), least, control)?;
+    let mut openings = Openings::find(mesh, face_count, least, control)?;
     let mut failed = 0;
     while let (Some(opening), Some((cost, vertex))) = (openings.pop(mesh), costs.cheapest()) {
         control.poll(Stage::Refine, 0, 1)?;
@@ -76,7 +76,7 @@ mod tests {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mesh, (usize::MAX, Tried::All), 0, &Unattended).unwrap();
+            let mut openings = Openings::find(&mesh, usize::MAX, 0, &Unattended).unwrap();
             let vertices: Vec<u32> =
                 (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect();
             let Some(opening) = openings.pop(&mesh) else { return Ok(()) };
@@ -112,7 +112,7 @@ mod tests {
             let mut mesh = measured(&measure, &image, points.clone());
             let before = mesh.total_error();
             let mut relocation = Relocation::new(&mesh);
-            swap_vertices(&mut mesh, (usize::MAX, Tried::All), &mut relocation, &Unattended).unwrap();
+            swap_vertices(&mut mesh, usize::MAX, &mut relocation, &Unattended).unwrap();
             let (left, faces, _) = mesh.triangulation.mesh();
             prop_assert_eq!(left.len(), points.len());
             prop_assert_eq!(&faces, &triangulate(&left));
