@@ -65,6 +65,8 @@ const IDEMPOTENCY_TTL: Duration = Duration::from_hours(24);
 const RETRY_AFTER_S: u64 = 5;
 /// How long it is remembered that there was a job.
 const GONE_TTL: Duration = Duration::from_hours(7 * 24);
+/// How often whoever waits for work, or for a change of a job, looks whether a call was missed.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// Jobs and their blobs.
 #[derive(Clone, Debug)]
@@ -142,6 +144,7 @@ fn terms(settings: &Settings) -> Terms {
         result_ttl: jobs.result_ttl.0,
         idempotency_ttl: IDEMPOTENCY_TTL,
         gone_ttl: GONE_TTL,
+        look_again: LOOK_AGAIN,
     }
 }
 

@@ -30,14 +30,12 @@ use readers::Readers;
 use std::collections::HashSet;
 use std::error::Error;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use watchers::Watchers;
 use writer::Writer;
 
 /// The name of the database in its folder.
 const DATABASE: &str = "jobs.sqlite3";
-/// How often a worker without work looks whether it missed some.
-const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// The queue, and the folder that it is in.
 #[derive(Debug)]
@@ -98,7 +96,7 @@ impl Queue for Embedded {
     }
 
     async fn work(&self) {
-        let _ = tokio::time::timeout(LOOK_AGAIN, self.watchers.work()).await;
+        let _ = tokio::time::timeout(self.terms.look_again, self.watchers.work()).await;
     }
 
     async fn claim(&self) -> Result<Option<Claim>, QueueError> {
@@ -123,7 +121,7 @@ impl Queue for Embedded {
                 Ok(interruption) => return interruption,
                 Err(error) => {
                     tracing::warn!(%error, "whether a job goes on cannot be read");
-                    tokio::time::sleep(LOOK_AGAIN).await;
+                    tokio::time::sleep(self.terms.look_again).await;
                 }
             }
         }

@@ -55,16 +55,12 @@ use pace::Pace;
 use silence::Silence;
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::time::Duration;
 use streams::{Streams, owner_of_word, owner_word};
 use sweep::Places;
 use tokio::sync::{Mutex, Notify};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use turn::Turn;
-
-/// How often a worker without work, and whoever waits for a change, looks whether it missed a call.
-const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// The queue, as one node has it.
 #[derive(Debug)]
@@ -186,7 +182,7 @@ impl Queue for Nats {
                 () = self.holdings.fewer.notified() => {}
             }
         };
-        let _ = timeout(LOOK_AGAIN, called).await;
+        let _ = timeout(self.terms.look_again, called).await;
     }
 
     async fn claim(&self) -> Result<Option<Claim>, QueueError> {
@@ -211,7 +207,7 @@ impl Queue for Nats {
                     None => std::future::pending().await,
                 }
             };
-            let _ = timeout(LOOK_AGAIN, changed).await;
+            let _ = timeout(self.terms.look_again, changed).await;
         }
     }
 

@@ -31,6 +31,8 @@ pub struct Terms {
     pub idempotency_ttl: Duration,
     /// How long it is remembered that there was a job, once it is no longer kept.
     pub gone_ttl: Duration,
+    /// How often a worker without work, and whoever waits for a change, looks whether it missed a call.
+    pub look_again: Duration,
 }
 
 /// Why the queue could not do what it was asked.

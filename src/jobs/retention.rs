@@ -98,8 +98,14 @@ mod tests {
         let path = folder_for_test(name);
         let hour = Duration::from_hours(1);
         let caps = Caps { queued: 9, queued_per_owner: 9, running_per_owner: 9 };
-        let terms =
-            Terms { caps, lease: hour, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour };
+        let terms = Terms {
+            caps,
+            lease: hour,
+            result_ttl: hour,
+            idempotency_ttl: hour,
+            gone_ttl: hour,
+            look_again: hour,
+        };
         let blobs = Blobs::in_folder(&path.join("blobs")).unwrap();
         let folder = Arc::new(DataFolder::take(&path).unwrap());
         let queue = Arc::new(Embedded::open(folder, terms).unwrap());

@@ -98,8 +98,9 @@ fn a_hundred_large_uploads_of_one_key_do_not_hold_up_another() {
         // Normal is that both keys use the service, each with one client.
         let normal = shared.latency_beside(1, "", &small);
         let beside = shared.latency_beside(GREEDY_CLIENTS, "density=1", &large);
-        assert!(beside.longest_in_queue_ms < 100.0, "there is a worker for it: {beside:?}");
-        let is_fair = beside.longest <= 2 * normal.longest;
+        // There is a worker for it.
+        let is_soon_begun = beside.longest_in_queue_ms < 100.0;
+        let is_fair = is_soon_begun && beside.longest <= 2 * normal.longest;
         seen.push((normal, beside));
         is_fair
     });

@@ -1,6 +1,6 @@
 //! The wire: limits, timeouts, methods, and requests that mean two things.
 
-use crate::client::{connect, exchange, receive, send};
+use crate::client::{assert_once_within, connect, exchange, receive, send};
 use crate::pictures::disc;
 use crate::server::Server;
 use std::io::{Read, Write};
@@ -154,16 +154,20 @@ fn a_request_id_that_could_do_harm_is_replaced() {
 
 #[test]
 fn a_header_that_does_not_arrive_closes_the_connection() {
-    let server = Server::start(&["--header-timeout", "300ms"]);
-    for sent in ["", "POST /v1/meshes HTT", "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nX-Slow: "] {
-        let mut stream = connect(server.public);
-        stream.write_all(sent.as_bytes()).unwrap();
-        assert_closed_within(&mut stream, Duration::from_secs(3));
-    }
+    // So long that no busy machine takes it between a connection and its first bytes.
+    let server = Server::start(&["--header-timeout", "3s"]);
     let mut idle = connect(server.public);
     idle.write_all(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n").unwrap();
+    let parts = ["", "POST /v1/meshes HTT", "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nX-Slow: "];
+    let streams = parts.map(|sent| {
+        let mut stream = connect(server.public);
+        stream.write_all(sent.as_bytes()).unwrap();
+        stream
+    });
     assert_eq!(receive(&mut idle, Instant::now()).status, 200);
-    assert_closed_within(&mut idle, Duration::from_secs(3));
+    for mut stream in streams.into_iter().chain([idle]) {
+        assert_closed_within(&mut stream, CLOSED_WITHIN);
+    }
 }
 
 #[test]
@@ -176,8 +180,8 @@ fn a_body_that_does_not_arrive_is_answered_408() {
         .unwrap();
     let answer = receive(&mut stream, began);
     answer.problem(408, "request-timeout");
-    assert!((300..2000).contains(&answer.took.as_millis()), "{:?}", answer.took);
-    assert_closed_within(&mut stream, Duration::from_secs(3));
+    assert!((300..15_000).contains(&answer.took.as_millis()), "{:?}", answer.took);
+    assert_closed_within(&mut stream, CLOSED_WITHIN);
     server.wait_until_idle();
 }
 
@@ -236,9 +240,11 @@ fn few_descriptors_leave_the_listener_for_operations_its_own() {
     let server = Server::start_with_descriptors(128, &[]);
     let idle: Vec<_> = (0..200).map(|_| connect(server.public)).collect();
     for target in ["/livez", "/readyz", "/metrics"] {
-        let answer = server.operate(target);
-        assert_eq!(answer.status, 200);
-        assert!(answer.took < Duration::from_secs(1), "{:?}", answer.took);
+        assert_once_within(Duration::from_secs(1), || {
+            let answer = server.operate(target);
+            assert_eq!(answer.status, 200);
+            answer.took
+        });
     }
     assert!(server.metric("process_open_fds") < 128.0);
     assert!(!server.log().contains("could not be accepted"), "{}", server.log());
@@ -264,6 +270,9 @@ fn a_request_names_one_host() {
     }
     assert_eq!(exchange(server.public, b"GET / HTTP/1.0\r\n\r\n").status, 200);
 }
+
+/// The least that the service waits where nothing else is set is twice as long.
+const CLOSED_WITHIN: Duration = Duration::from_secs(15);
 
 fn assert_closed_within(stream: &mut TcpStream, limit: Duration) {
     let began = Instant::now();

@@ -188,7 +188,7 @@ mod tests {
     /// Health is known when the next write has begun: the thread takes it down behind the
     /// acknowledgement.
     async fn is_soon_healthy(writer: &Writer, expected: bool) -> bool {
-        for _ in 0..1000 {
+        for _ in 0..30_000 {
             if writer.is_healthy() == expected {
                 return true;
             }
@@ -199,6 +199,19 @@ mod tests {
 
     fn parents(connection: &Connection) -> u32 {
         connection.query_row("SELECT COUNT(*) FROM parents", [], |row| row.get(0)).unwrap()
+    }
+
+    #[test]
+    fn commands_at_once_share_their_sync() {
+        let (commands, received) = channel();
+        for _ in 0..10 * MOST_COMMANDS + 1 {
+            let command: Command = Box::new(|_| Box::new(|_| ()));
+            commands.send(command).unwrap();
+        }
+        let gathered: Vec<usize> = (0..11).map(|_| gather(&received).unwrap().len()).collect();
+        assert_eq!(gathered, [&[MOST_COMMANDS; 10][..], &[1]].concat());
+        drop(commands);
+        assert!(gather(&received).is_none());
     }
 
     #[tokio::test]

@@ -100,7 +100,7 @@ impl Nats {
             if !events.is_empty() || value.is_final() {
                 return Ok(events);
             }
-            let _ = timeout(super::LOOK_AGAIN, changes.next()).await;
+            let _ = timeout(self.terms.look_again, changes.next()).await;
         }
     }
 

@@ -9,6 +9,7 @@ use crate::config::BrokerSettings;
 use crate::jobs::conformance::{Engine, conforms};
 use clap::Parser;
 use nats_server::NatsServer;
+use std::time::Duration;
 
 #[path = "../../../tests/cluster/nats_server.rs"]
 mod nats_server;
@@ -23,7 +24,8 @@ struct InServers {
 impl Engine for InServers {
     /// The server is asked over a connection, and other tests use the same processor.
     const SHORT: Duration = Duration::from_millis(500);
-    const LEASE: Duration = Duration::from_secs(1);
+    /// Longer than a busy machine holds anything up.
+    const LEASE: Duration = Duration::from_secs(3);
 
     async fn open(&self, terms: Terms) -> Arc<dyn Queue> {
         Arc::new(Nats::open(self.broker().await, terms).await.unwrap())
@@ -113,7 +115,14 @@ fn terms() -> Terms {
     let caps =
         crate::jobs::fairness::Caps { queued: 100, queued_per_owner: 100, running_per_owner: 100 };
     let hour = Duration::from_secs(3600);
-    Terms { caps, lease: hour, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour }
+    Terms {
+        caps,
+        lease: hour,
+        result_ttl: hour,
+        idempotency_ttl: hour,
+        gone_ttl: hour,
+        look_again: Duration::from_secs(1),
+    }
 }
 
 async fn opened(engine: &InServers) -> Nats {
@@ -251,13 +260,14 @@ async fn a_job_whose_record_is_damaged_as_it_runs_is_lost_to_its_worker() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_record_that_cannot_be_read_is_gone_in_its_time() {
     let Some(engine) = engine("damaged-gone") else { return };
-    let terms = Terms { result_ttl: InServers::SHORT, ..terms() };
+    let result_ttl = Duration::from_secs(4);
+    let terms = Terms { result_ttl, ..terms() };
     let queue = Nats::open(engine.broker().await, terms).await.unwrap();
     let damaged = job("damaged", None);
     queue.submit(damaged.clone()).await.unwrap();
     damage_record(&queue, &damaged).await;
     assert_eq!(queue.sweep().await.unwrap().expired, 0);
-    tokio::time::sleep(2 * InServers::SHORT).await;
+    tokio::time::sleep(result_ttl + InServers::SHORT).await;
     let swept = queue.sweep().await.unwrap();
     assert_eq!((swept.expired, swept.given_up), (1, vec![damaged.picture.digest]));
     assert_eq!(queue.get(&damaged.owner, damaged.id).await.unwrap(), Lookup::Gone);

@@ -46,7 +46,7 @@ impl Nats {
         }
         let running = |owner: &Owner| self.holdings.count_of(owner);
         while let Some((owner, message)) =
-            self.owners.fetch(&self.terms.caps, running, super::LOOK_AGAIN).await?
+            self.owners.fetch(&self.terms.caps, running, self.terms.look_again).await?
         {
             if let Some(claim) = self.take(message).await? {
                 self.owners.take_turn(&owner);

@@ -63,7 +63,9 @@ fn jobs_with_leases_of(lease: Duration) -> Jobs {
     let folder = Arc::new(DataFolder::take(&folder_for_test("worker")).unwrap());
     let hour = Duration::from_hours(1);
     let caps = Caps { queued: 100, queued_per_owner: 100, running_per_owner: 100 };
-    let terms = Terms { caps, lease, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour };
+    let look_again = Duration::from_secs(1);
+    let terms =
+        Terms { caps, lease, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour, look_again };
     let blobs = Blobs::in_folder(&folder.path().join("blobs")).unwrap();
     let queue = Arc::new(Embedded::open(folder, terms).unwrap());
     Jobs { queue, blobs, durations: Arc::default() }
@@ -198,7 +200,7 @@ async fn a_mesh_that_the_store_never_takes_uses_up_the_attempts_of_its_job() {
     let jobs = jobs();
     let id = submit(&jobs, 4).await;
     block(jobs.blobs.folder_for_test());
-    let worker = Worker { deadline: Duration::from_millis(300), ..worker(&jobs) };
+    let worker = Worker { deadline: Duration::from_secs(3), ..worker(&jobs) };
     let (stop, working) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 3));
@@ -312,14 +314,14 @@ async fn a_job_past_its_deadline_fails_and_names_the_setting_of_jobs() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_lease_of_a_job_is_renewed_while_it_runs() {
-    let jobs = jobs_with_leases_of(Duration::from_secs(3));
+    let jobs = jobs_with_leases_of(Duration::from_secs(5));
     let id = submit(&jobs, 5).await;
     let stop = CancellationToken::new();
     // Renewed whenever progress is looked at, though there is none.
     let worker = Worker { lease: Duration::from_secs(1), ..worker(&jobs) };
     let working = tokio::spawn(worker.run(stop.clone(), Duration::from_millis(1)));
     once(&jobs, id, |record| record.state == State::Running).await;
-    for _ in 0..45 {
+    for _ in 0..60 {
         tokio::time::sleep(Duration::from_millis(100)).await;
         assert_eq!(jobs.queue.sweep().await.unwrap().requeued, 0);
     }

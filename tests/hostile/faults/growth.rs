@@ -58,7 +58,7 @@ fn a_planted_leak_of_a_picture_a_round_is_seen() {
 
 #[test]
 fn requests_of_every_kind_leave_no_memory_behind() {
-    let server = Server::start(&["--workers", "1", "--result-ttl", "1s"]);
+    let server = Server::start(&["--workers", "1", "--result-ttl", "20s"]);
     let (good, broken) = (disc(64, 64, 3), disc(64, 64, 3)[..300].to_vec());
     let growth = growth_kib(server.process_id(), || {
         assert_eq!(server.mesh("format=glb", &[], &good).status, 200);

@@ -290,7 +290,7 @@ fn the_worst_places_for_points_take_no_longer_than_others() {
         Triangulation::new(points, &Unattended).unwrap().assert_preferred();
     }
     let seconds = start.elapsed().as_secs_f64();
-    assert!(seconds < 10.0, "{seconds} s");
+    assert!(seconds < 30.0, "{seconds} s");
 }
 
 /// Cancels at the poll with this number.
