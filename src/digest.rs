@@ -1,5 +1,6 @@
 //! SHA-256 of bytes: the name of a blob, and the entity tag of an answer.
 
+use pixmesh_meshing::Cancelled;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::fmt;
@@ -9,6 +10,9 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub struct Digest([u8; 32]);
+
+/// Bytes that are digested from one question to the next whether the digest is still wanted.
+const ASKED_EVERY_BYTES: usize = 1 << 18;
 
 /// A text that is no digest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -20,6 +24,22 @@ impl Digest {
     #[must_use]
     pub fn of(bytes: &[u8]) -> Self {
         Self(Sha256::digest(bytes).into())
+    }
+
+    /// That of the bytes, as long as it is wanted.
+    ///
+    /// # Errors
+    /// When it is no longer wanted; the question is asked every few hundred thousand bytes.
+    pub fn of_while(
+        bytes: &[u8],
+        wanted: impl Fn() -> Result<(), Cancelled>,
+    ) -> Result<Self, Cancelled> {
+        let mut hash = Sha256::new();
+        for piece in bytes.chunks(ASKED_EVERY_BYTES) {
+            wanted()?;
+            hash.update(piece);
+        }
+        Ok(Self::of_pieces(hash))
     }
 
     /// That of bytes that come piece by piece.
@@ -99,6 +119,24 @@ mod tests {
         for wrong in ["", "../../etc/passwd", &text[1..], &text.to_uppercase(), &"é".repeat(32)] {
             assert_eq!(wrong.parse::<Digest>(), Err(NoDigest), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_digest_piece_by_piece_is_that_of_the_whole_and_stops_at_any_piece() {
+        let bytes = vec![7; 5 * ASKED_EVERY_BYTES / 2];
+        let asked = std::cell::Cell::new(0);
+        let of_while = |most: usize| {
+            asked.set(0);
+            Digest::of_while(&bytes, || {
+                asked.set(asked.get() + 1);
+                if asked.get() > most { Err(Cancelled) } else { Ok(()) }
+            })
+        };
+        assert_eq!((of_while(3), asked.get()), (Ok(Digest::of(&bytes)), 3));
+        for most in 0..3 {
+            assert_eq!((of_while(most), asked.get()), (Err(Cancelled), most + 1));
+        }
+        assert_eq!(Digest::of_while(&[], || Err(Cancelled)), Ok(Digest::of(b"")));
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //! | [`access`] | keys, and how many requests each may send |
 //! | [`admission`] | what may run now, what waits, and what is turned away at once |
 //! | [`pool`] | one piece of work on a blocking thread, with its deadline |
+//! | [`decoding`] | pictures from their files, where need be in a process of its own |
 //! | [`pipeline`] | from an upload to the bytes of the answer |
 //! | [`jobs`] | work that is kept until it is done, whatever happens to the process |
 //! | [`digest`] | SHA-256, by which blobs and answers are named |
@@ -28,6 +29,7 @@
 pub mod access;
 pub mod admission;
 pub mod config;
+pub mod decoding;
 pub mod digest;
 pub mod doctor;
 pub mod extract;

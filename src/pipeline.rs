@@ -12,6 +12,7 @@ pub use compare::{Comparison, Pair, compare};
 pub use convert::convert;
 pub use resize::{Resized, resize};
 
+use crate::decoding::{Failure, decode};
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::Order;
@@ -20,7 +21,9 @@ use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
 use encode::{Writing, encode, encoded};
-use pixmesh_codec::{Limits, Texture, read_weights_while, write_progression};
+use pixmesh_codec::{
+    Limits, Texture, WeightsError, weights_of, weights_reading, write_progression,
+};
 use pixmesh_meshing::{Image, Progression, generate};
 use std::time::Duration;
 
@@ -89,7 +92,7 @@ fn make(
     watch.check()?;
     watch.begin("decode");
     let Weighed { image: file, weights } = source;
-    let image = order.output.reading(limits).decode_while(file.as_ref(), &|| watch.check())?;
+    let image = decode(&order.output.reading(limits), file.as_ref(), watch)?;
     let shown = order.output.shows_image(format);
     let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| watch.check()));
     let texture = texture.transpose()?;
@@ -112,7 +115,7 @@ fn make(
     };
     let bytes = encode(&model.mesh, &writing, watch)?;
     let answer = Answer {
-        digest: Digest::of(&bytes),
+        digest: Digest::of_while(&bytes, || watch.check())?,
         bytes,
         vertices: model.mesh.points().len(),
         faces: model.mesh.faces().len(),
@@ -134,8 +137,18 @@ fn weigh(
 ) -> Result<Image, Problem> {
     let Some(file) = weights else { return Ok(image) };
     let size = (image.width(), image.height());
-    let weights = read_weights_while(file.as_ref(), size, limits, &|| watch.check())?;
+    let picture = decode(&weights_reading(limits), file.as_ref(), watch).map_err(of_weights)?;
+    drop(file);
+    let weights = weights_of(&picture, size, &|| watch.check())?;
+    drop(picture);
     Ok(image.with_weights(weights)?)
+}
+
+fn of_weights(failure: Failure) -> Problem {
+    match failure {
+        Failure::Picture(error) => WeightsError::from(error).into(),
+        Failure::Process(problem) => problem.param("weights"),
+    }
 }
 
 impl Answer {

@@ -7,9 +7,8 @@
 //! look at it through [`Watch`] and stop within milliseconds. Only then is the ticket given back.
 //!
 //! Three decoders, which are others' code, do not read while they work, and cannot be stopped there:
-//! of a picture of 40 megapixels the last part of a progressive JPEG takes up to 0.23 s more, that of
-//! a lossless WebP 0.33 s, and a lossy WebP as a whole 0.6 s; smaller ones in proportion to their
-//! pixels, less than 0.1 s below 17, 12 and 6 megapixels.
+//! large pictures of those kinds are decoded by processes that are killed instead, see
+//! [`crate::decoding`].
 
 mod threads;
 mod watch;
@@ -158,6 +157,7 @@ mod tests {
     use crate::extract::owner::Owner;
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Method, Target};
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
 
@@ -196,16 +196,18 @@ mod tests {
         let gate = gate();
         let deadline = Instant::now() + Duration::from_secs(60);
         let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
-        let work = run(ticket, deadline, |watch, _| -> Result<(), Problem> {
+        let has_ended = Arc::new(AtomicBool::new(false));
+        let ends = Arc::clone(&has_ended);
+        let work = run(ticket, deadline, move |watch, _| -> Result<(), Problem> {
             while watch.check().is_ok() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             std::thread::sleep(Duration::from_millis(50));
+            ends.store(true, Ordering::SeqCst);
             Ok(())
         });
         assert!(tokio::time::timeout(Duration::from_millis(50), work).await.is_err());
-        let left = Instant::now();
         gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
-        assert!(left.elapsed() >= Duration::from_millis(40), "{:?}", left.elapsed());
+        assert!(has_ended.load(Ordering::SeqCst));
     }
 }

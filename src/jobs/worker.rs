@@ -10,6 +10,7 @@ use super::blobs::Hold;
 use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::admission::{Admission, Cost, Slot};
+use crate::decoding::copied_bytes;
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::{Order, ParameterSet};
@@ -19,7 +20,8 @@ use crate::pool::{self, Watch};
 use crate::problem::{Kind, Problem};
 use crate::telemetry;
 use bytes::Bytes;
-use pixmesh_codec::{Limits, probe_weights};
+use pixmesh_codec::{Limits, probe_weights, weights_reading};
+use pixmesh_meshing::Cancelled;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
@@ -198,16 +200,19 @@ impl Worker {
         let deadline = Instant::now() + self.deadline;
         let file = self.fetch(claim.picture.digest, deadline).await?;
         let source = parted(&file, &claim.picture)?;
-        let header = order.output.reading(&self.pictures).probe(&source.image)?;
+        let reading = order.output.reading(&self.pictures);
+        let header = reading.probe(&source.image)?;
         let plan = order.plan(&header)?;
         let keeps_progression = order.keeps_progression(&plan);
         let format = if keeps_progression { Format::Progression } else { Format::Model };
-        let cost =
-            Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(file.len() as u64);
+        let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
+            .with_file(file.len() as u64)
+            .with_file(copied_bytes(&reading, &source.image));
         let cost = match &source.weights {
             Some(weights) => {
                 let size = (header.width, header.height);
                 cost.with_weights(&probe_weights(weights, size, &self.pictures)?)
+                    .with_file(copied_bytes(&weights_reading(&self.pictures), weights))
             }
             None => cost,
         };
@@ -216,7 +221,7 @@ impl Worker {
         let (limits, make) = (self.pictures, self.make);
         let answer = pool::run_patiently(ticket, Arc::clone(watch), deadline, move |watch, _| {
             let made = make(source, &order, keeps_progression, &limits, watch)?;
-            Ok(Product::new(made))
+            Ok(Product::new(made, watch)?)
         });
         let product = answer.await.map_err(too_slow_for_a_job)?;
         self.store(product, deadline).await
@@ -281,7 +286,10 @@ struct Product {
 
 impl Product {
     /// The MODEL, and behind it the order of its vertices where that is kept.
-    fn new((mut answer, progression): (Answer, Option<Vec<u8>>)) -> Self {
+    fn new(
+        (mut answer, progression): (Answer, Option<Vec<u8>>),
+        watch: &Watch,
+    ) -> Result<Self, Cancelled> {
         let mut figures = figures_of(&answer);
         let mut digest = answer.digest;
         if let Some(progression) = progression {
@@ -289,10 +297,10 @@ impl Product {
             figures.progression =
                 Some(KeptProgression { bytes: progression.len() as u64, model_digest });
             answer.bytes.extend_from_slice(&progression);
-            digest = Digest::of(&answer.bytes);
+            digest = Digest::of_while(&answer.bytes, || watch.check())?;
             figures.digest = digest.to_string();
         }
-        Self { figures, digest, bytes: answer.bytes.into() }
+        Ok(Self { figures, digest, bytes: answer.bytes.into() })
     }
 }
 

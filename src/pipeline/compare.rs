@@ -1,8 +1,9 @@
 //! How close two pictures are, one of which may be a mesh.
 
+use crate::decoding::decode;
 use crate::pool::Watch;
 use crate::problem::{Kind, Problem};
-use pixmesh_codec::{DecodeOptions, Limits, read_model};
+use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
 use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
 
 /// What is compared.
@@ -41,14 +42,14 @@ pub fn compare<B: AsRef<[u8]>>(
     watch.check()?;
     watch.begin("decode");
     let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
-    let first = reading.decode_while(picture.as_ref(), &|| watch.check())?;
+    let first = decode(&reading, picture.as_ref(), watch)?;
     drop(picture);
     let second = if is_model {
-        let mesh = read_model(approximation.as_ref(), limits)?;
+        let mesh = read_model_while(approximation.as_ref(), limits, &|| watch.check())?;
         drop(approximation);
         rasterize(&mesh, watch)?
     } else {
-        reading.decode_while(approximation.as_ref(), &|| watch.check())?
+        decode(&reading, approximation.as_ref(), watch)?
     };
     measure(&first, &second, watch)
 }

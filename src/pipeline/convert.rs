@@ -5,7 +5,7 @@ use crate::extract::accept::Format;
 use crate::extract::params::Output;
 use crate::pool::Watch;
 use crate::problem::Problem;
-use pixmesh_codec::{Limits, read_model};
+use pixmesh_codec::{Limits, read_model_while};
 
 /// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format.
 ///
@@ -20,7 +20,7 @@ pub fn convert(
 ) -> Result<Vec<u8>, Problem> {
     watch.check()?;
     watch.begin("decode");
-    let mesh = read_model(model.as_ref(), limits)?;
+    let mesh = read_model_while(model.as_ref(), limits, &|| watch.check())?;
     drop(model);
     watch.check()?;
     let writing =

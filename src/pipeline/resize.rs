@@ -5,8 +5,8 @@ use crate::extract::accept::Format;
 use crate::extract::params::Output;
 use crate::pool::Watch;
 use crate::problem::{Problem, internal};
-use pixmesh_codec::{Limits, read_progression};
-use pixmesh_meshing::Fidelity;
+use pixmesh_codec::{Limits, PmeshError, read_progression_while};
+use pixmesh_meshing::{Fidelity, ProgressionError};
 
 /// A mesh of another size as bytes, with what is known of it.
 #[derive(Debug)]
@@ -31,16 +31,23 @@ pub fn resize(
     limits: &Limits,
     watch: &Watch,
 ) -> Result<Resized, Problem> {
-    let damaged = |error| internal("the order of a job's vertices is damaged", &error);
+    let damaged = |error| match error {
+        ProgressionError::Cancelled(cancelled) => cancelled.into(),
+        error => internal("the order of a job's vertices is damaged", &error),
+    };
     watch.check()?;
     watch.begin("decode");
-    let progression = read_progression(pmesh.as_ref(), limits)
-        .map_err(|error| internal("the order of a job's vertices cannot be read", &error))?;
+    let progression = match read_progression_while(pmesh.as_ref(), limits, &|| watch.check()) {
+        Err(PmeshError::Cancelled(cancelled)) => return Err(cancelled.into()),
+        read => {
+            read.map_err(|error| internal("the order of a job's vertices cannot be read", &error))?
+        }
+    };
     drop(pmesh);
     let progression = progression.shortened(size).map_err(damaged)?;
     watch.check()?;
     watch.begin("triangulate");
-    let mesh = progression.mesh(size).map_err(damaged)?;
+    let mesh = progression.mesh_while(size, watch).map_err(damaged)?;
     let fidelity = progression.fidelity(size).map_err(damaged)?;
     let writing = Writing {
         format,

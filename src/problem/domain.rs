@@ -48,6 +48,7 @@ impl From<ModelError> for Problem {
         use ModelDefect as D;
         let (detail, line) = (error.to_string(), error.line);
         let problem = match error.defect {
+            D::Cancelled(cancelled) => return cancelled.into(),
             D::Size(error) => error.into(),
             D::TooManySamples { samples, limit, .. } => {
                 Self::new(Kind::ImageTooLarge, detail).limit(limit, samples).setting("--max-pixels")

@@ -3,6 +3,7 @@
 use super::answer::{self, Figures};
 use super::{Service, jobs};
 use crate::admission::{Cost, Memory};
+use crate::decoding::copied_bytes;
 use crate::extract::accept::{self, Representation};
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
@@ -16,7 +17,7 @@ use axum::extract::{Request, State};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
-use pixmesh_codec::{Header, Limits, probe_weights};
+use pixmesh_codec::{Header, Limits, probe_weights, weights_reading};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -76,13 +77,15 @@ async fn run(
     representation: Representation,
 ) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
-    let header = order.output.reading(&service.pictures).probe(&upload.image.bytes)?;
+    let reading = order.output.reading(&limits);
+    let header = reading.probe(&upload.image.bytes)?;
     let plan = order.plan(&header)?;
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format).of_output(
         &header,
         &order.output,
         representation.format,
     );
+    let cost = cost.with_file(copied_bytes(&reading, &upload.image.bytes));
     let cost = with_weights(cost, upload.weights.as_ref(), &header, &limits)?;
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
@@ -103,7 +106,8 @@ pub(super) fn with_weights(
 ) -> Result<Cost, Problem> {
     let Some(weights) = weights else { return Ok(cost) };
     let header = probe_weights(&weights.bytes, (image.width, image.height), limits)?;
-    Ok(cost.with_weights(&header))
+    let copied = copied_bytes(&weights_reading(limits), &weights.bytes);
+    Ok(cost.with_weights(&header).with_file(copied))
 }
 
 /// The answer with its headers.

@@ -77,9 +77,10 @@ async fn run(
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, ticket| {
         let bytes = pipeline::convert(upload, format, &Output::default(), &limits, watch)?;
+        let digest = Digest::of_while(&bytes, || watch.check())?;
         let _ = watch.finish();
         let memory = ticket.keep(bytes.len());
-        Ok((Digest::of(&bytes), bytes, memory))
+        Ok((digest, bytes, memory))
     })
     .await
     .map(|(digest, bytes, memory)| (bytes, digest, memory))

@@ -10,6 +10,8 @@ mod client;
 mod fairness;
 #[path = "../service/keys.rs"]
 mod keys;
+#[path = "../service/late.rs"]
+mod late;
 mod levels;
 mod memory;
 #[path = "../service/pictures.rs"]

@@ -5,10 +5,11 @@
 
 use crate::alpha::Alpha;
 use crate::error::DecodeError;
+use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::orientation::Orientation;
 use crate::wanted::Wanted;
-use pixmesh_meshing::Image;
+use pixmesh_meshing::{Cancelled, Image};
 
 /// An image that is being filled, rows from the top.
 pub(crate) struct Canvas {
@@ -60,6 +61,31 @@ impl Axis {
 impl Canvas {
     /// A black canvas of the upright size in `header`, for a file that has `orientation`.
     pub(crate) fn new(header: Header, orientation: Orientation) -> Self {
+        let mut canvas = Self::without_planes(header, orientation);
+        // Each by itself: a copy of zeros would touch all of its memory before there is anything in it.
+        (0..header.component_count).for_each(|_| canvas.add_plane());
+        canvas
+    }
+
+    /// The same, as long as it is wanted: it can take a moment to get so much memory.
+    pub(crate) fn new_while(
+        header: Header,
+        orientation: Orientation,
+        wanted: &Wanted<'_>,
+    ) -> Result<Self, Cancelled> {
+        let mut canvas = Self::without_planes(header, orientation);
+        for _ in 0..header.component_count {
+            wanted()?;
+            canvas.add_plane();
+        }
+        Ok(canvas)
+    }
+
+    fn add_plane(&mut self) {
+        self.planes.push(vec![0; self.header.width * self.header.height]);
+    }
+
+    fn without_planes(header: Header, orientation: Orientation) -> Self {
         let upright_width = header.width;
         let (width, height) = orientation.upright(header.width, header.height);
         let (column_stride, row_stride) =
@@ -70,9 +96,7 @@ impl Canvas {
         let columns = Axis { count: width, stride: column_stride, mirrored };
         let mirrored = orientation.mirror_rows == orientation.transpose;
         let rows = Axis { count: height, stride: row_stride, mirrored };
-        // Each by itself: a copy of zeros would touch all of its memory before there is anything in it.
-        let planes = (0..header.component_count).map(|_| vec![0; width * height]).collect();
-        Self { header, planes, columns, rows }
+        Self { header, planes: Vec::new(), columns, rows }
     }
 
     /// Puts pixels, their components side by side, into a row of the file.
@@ -110,12 +134,27 @@ impl Canvas {
         pixels: &[S],
         wanted: &Wanted<'_>,
     ) -> Result<(), DecodeError> {
-        let row_samples = self.columns.count * self.planes.len();
+        let row_samples = self.row_samples();
         for (y, row) in pixels.chunks_exact(row_samples).enumerate() {
             wanted()?;
             self.put_row(Row::whole(y), row);
         }
         Ok(())
+    }
+
+    /// The file's format.
+    pub(crate) fn format(&self) -> PictureFormat {
+        self.header.format
+    }
+
+    /// Samples of a row of the file.
+    pub(crate) fn row_samples(&self) -> usize {
+        self.columns.count * self.planes.len()
+    }
+
+    /// Samples of the file.
+    pub(crate) fn sample_count(&self) -> usize {
+        self.row_samples() * self.rows.count
     }
 
     /// The finished image, without what is left out of its alpha.

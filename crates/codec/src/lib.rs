@@ -43,6 +43,7 @@
 //! ```
 
 mod alpha;
+mod assembly;
 mod bmp;
 mod canvas;
 mod choices;
@@ -77,6 +78,7 @@ mod webp;
 mod weights;
 
 pub use alpha::Alpha;
+pub use assembly::Assembly;
 pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
 pub use decode::{DecodeOptions, decode, probe};
 pub use error::{DecodeError, EncodeError};
@@ -86,12 +88,14 @@ pub use header::Header;
 pub use json::write_json;
 pub use limits::Limits;
 pub use model::{
-    ModelDefect, ModelError, probe_model, read_model, write_model, write_model_with_comments,
+    ModelDefect, ModelError, probe_model, read_model, read_model_while, write_model,
+    write_model_with_comments,
 };
 pub use obj::write_obj;
 pub use ply::write_ply;
 pub use pmesh::{
-    PmeshError, is_pmesh, read_pmesh, read_progression, write_pmesh, write_progression,
+    PmeshError, is_pmesh, read_pmesh, read_progression, read_progression_while, write_pmesh,
+    write_progression,
 };
 pub use png::{write_png, write_png_while, write_png_with};
 pub use pnm::write_pnm;
@@ -99,4 +103,6 @@ pub use stl::write_stl;
 pub use surface::{Geometry, Relief, ReliefHeight};
 pub use svg::write_svg;
 pub use wanted::Wanted;
-pub use weights::{WeightsError, probe_weights, read_weights, read_weights_while};
+pub use weights::{
+    WeightsError, probe_weights, read_weights, read_weights_while, weights_of, weights_reading,
+};

@@ -10,5 +10,5 @@ mod tokens;
 mod write;
 
 pub use defect::{ModelDefect, ModelError};
-pub use read::{probe_model, read_model};
+pub use read::{probe_model, read_model, read_model_while};
 pub use write::{write_model, write_model_with_comments};

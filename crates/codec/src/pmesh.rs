@@ -32,7 +32,7 @@ mod number;
 mod read;
 mod write;
 
-pub use read::{PmeshError, read_pmesh, read_progression};
+pub use read::{PmeshError, read_pmesh, read_progression, read_progression_while};
 pub use write::{write_pmesh, write_progression};
 
 use pixmesh_meshing::{Point, Shape};

@@ -44,7 +44,7 @@ pub fn probe_weights(
     expected: (usize, usize),
     limits: &Limits,
 ) -> Result<Header, WeightsError> {
-    let header = reading(limits).probe(bytes)?;
+    let header = weights_reading(limits).probe(bytes)?;
     check((header.width, header.height), header.component_count, expected)?;
     Ok(header)
 }
@@ -72,13 +72,27 @@ pub fn read_weights_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Vec<u8>, WeightsError> {
-    let picture = reading(limits).decode_while(bytes, wanted)?;
-    let size = (picture.width(), picture.height());
-    check(size, picture.component_count(), expected)?;
-    Ok(weights_of(&picture, wanted).map_err(DecodeError::from)?)
+    weights_of(&weights_reading(limits).decode_while(bytes, wanted)?, expected, wanted)
 }
 
-fn reading(limits: &Limits) -> DecodeOptions {
+/// Makes weights as [`read_weights_while`] does, of a picture that was decoded with
+/// [`weights_reading`].
+///
+/// # Errors
+/// When it is of another size or of neither 1 nor 3 components, or no longer wanted.
+pub fn weights_of(
+    picture: &Image,
+    expected: (usize, usize),
+    wanted: &Wanted<'_>,
+) -> Result<Vec<u8>, WeightsError> {
+    let size = (picture.width(), picture.height());
+    check(size, picture.component_count(), expected)?;
+    Ok(lumas(picture, wanted).map_err(DecodeError::from)?)
+}
+
+/// How a picture is decoded that is to be weights.
+#[must_use]
+pub fn weights_reading(limits: &Limits) -> DecodeOptions {
     DecodeOptions { limits: *limits, alpha: Alpha::Drop, ..DecodeOptions::default() }
 }
 
@@ -97,7 +111,7 @@ fn check(
 }
 
 /// The luma of each point in thousandths of its samples' sum of weights, as 8 bits, to the nearest.
-fn weights_of(picture: &Image, wanted: &Wanted<'_>) -> Result<Vec<u8>, Cancelled> {
+fn lumas(picture: &Image, wanted: &Wanted<'_>) -> Result<Vec<u8>, Cancelled> {
     let most = 1000 * u64::from(picture.max_sample());
     let scaled = |thousandths: u64| ((255 * thousandths + most / 2) / most) as u8;
     let luma =

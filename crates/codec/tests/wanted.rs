@@ -6,10 +6,11 @@
 mod samples;
 
 use pixmesh_codec::{
-    Alpha, DecodeError, DecodeOptions, EncodeError, Limits, PngCompression, Texture, WeightsError,
-    read_weights_while, write_png, write_png_while, write_pnm,
+    Alpha, DecodeError, DecodeOptions, EncodeError, Limits, ModelDefect, PmeshError,
+    PngCompression, Texture, WeightsError, read_model_while, read_progression_while,
+    read_weights_while, write_model, write_png, write_png_while, write_pnm, write_progression,
 };
-use pixmesh_meshing::{Cancelled, Image};
+use pixmesh_meshing::{Cancelled, Image, Mesh, Method, Progression, Target, Unattended, generate};
 use samples::encoders::{bmp, gray_gif, tiff, webp};
 use samples::{gradient, jpeg, scattered};
 use std::cell::Cell;
@@ -155,5 +156,79 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
     assert_eq!((made.unwrap(), questions), (png, 30));
     for last in 0..questions {
         assert!(matches!(picture(last).0, Err(EncodeError::Cancelled(_))), "{last}");
+    }
+}
+
+/// A mesh of some ten thousand vertices.
+fn large_mesh() -> (Image, Mesh) {
+    let image = scattered(200, HEIGHT, 3, 8);
+    let parameters = Method::Med.parameters(Target::Density(60.0));
+    let mesh = generate(&image, &parameters, &Unattended).unwrap().mesh;
+    (image, mesh)
+}
+
+#[test]
+fn a_model_is_read_as_long_as_it_is_wanted() {
+    let (_, mesh) = large_mesh();
+    let mut bytes = Vec::new();
+    write_model(&mesh, &mut bytes).unwrap();
+    let read = |last| ask(last, |wanted| read_model_while(&bytes, &Limits::default(), wanted));
+    let (whole, questions) = read(usize::MAX);
+    assert_eq!(whole.unwrap(), mesh);
+    // So often while it is read, and a few times while it is checked.
+    let reading = bytes.len() / (1 << 15);
+    assert!((reading + 4..3 * reading + 40).contains(&questions), "{questions} of {reading}");
+    for last in 0..questions {
+        let (refused, asked) = read(last);
+        assert_eq!(refused.unwrap_err().defect, ModelDefect::Cancelled(Cancelled), "{last}");
+        assert_eq!(asked, last + 1);
+    }
+}
+
+#[test]
+fn a_pmesh_is_read_as_long_as_it_is_wanted() {
+    let (image, mesh) = large_mesh();
+    let parameters = Method::Mgpr.parameters(Target::Size(mesh.points().len()));
+    let progression = Progression::new(&image, &mesh, &parameters, &Unattended).unwrap();
+    let mut bytes = Vec::new();
+    write_progression(&progression, &mut bytes).unwrap();
+    let read =
+        |last| ask(last, |wanted| read_progression_while(&bytes, &Limits::default(), wanted));
+    let (whole, questions) = read(usize::MAX);
+    assert_eq!(whole.unwrap(), progression);
+    let vertices = mesh.points().len();
+    assert!(questions >= 2 * vertices / 4096 + bytes.len() / (1 << 15), "{questions}");
+    for last in 0..questions {
+        let (refused, asked) = read(last);
+        assert!(matches!(refused.unwrap_err(), PmeshError::Cancelled(_)), "{last}");
+        // Where the stream's reader was told, the one who reads it asks once more.
+        assert!((last + 1..=last + 2).contains(&asked), "{last}: {asked}");
+    }
+}
+
+#[test]
+fn the_halves_of_decoding_are_the_whole_of_it() {
+    let options = DecodeOptions::default();
+    for (kind, bytes) in files() {
+        let is_in_halves = kind.contains("JPEG") || kind.contains("WebP");
+        assert!(!options.may_stop_late(&bytes), "{kind}: it is small");
+        let Ok(mut assembly) = options.assemble(&bytes, &|| Ok(())) else {
+            assert!(!is_in_halves, "{kind}");
+            assert!(matches!(options.decode_stored(&bytes), Err(DecodeError::Unsupported { .. })));
+            continue;
+        };
+        let samples = options.decode_stored(&bytes).unwrap();
+        assert_eq!(assembly.missing(), samples.len(), "{kind}");
+        let (first, rest) = samples.split_at(samples.len() / 3);
+        assembly.put(first);
+        assembly.put(rest);
+        assert_eq!(assembly.missing(), 0);
+        let (image, asked) = ask(usize::MAX, |wanted| assembly.finish(wanted));
+        assert!(is_in_halves && asked > 0, "{kind}");
+        assert_eq!(image, options.decode(&bytes), "{kind}");
+        let mut cut = options.assemble(&bytes, &|| Ok(())).unwrap();
+        cut.put(first);
+        let told = cut.finish(&|| Ok(())).unwrap_err().to_string();
+        assert!(told.contains(&format!("{} samples are missing", rest.len())), "{told}");
     }
 }

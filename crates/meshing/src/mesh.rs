@@ -1,5 +1,6 @@
 //! The mesh model of an image: sample points, their samples and the triangulation.
 
+use crate::control::Cancelled;
 use crate::image::{Image, ImageError, check_shape, largest_sample};
 use crate::predicates::{in_circle, orientation};
 use thiserror::Error;
@@ -168,6 +169,9 @@ pub enum MeshError {
         /// Index of the vertex.
         vertex: usize,
     },
+    /// Nobody wants the mesh any more.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 impl Mesh {
@@ -184,8 +188,23 @@ impl Mesh {
         samples: Vec<u16>,
         faces: Vec<Face>,
     ) -> Result<Self, MeshError> {
+        Self::new_while(shape, points, samples, faces, &|| Ok(()))
+    }
+
+    /// Makes a mesh as [`new`](Self::new) does, for as long as it is wanted: the question is asked
+    /// every few thousand vertices and faces.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and [`MeshError::Cancelled`] when it is no longer wanted.
+    pub fn new_while(
+        shape: Shape,
+        points: Vec<Point>,
+        samples: Vec<u16>,
+        faces: Vec<Face>,
+        wanted: &dyn Fn() -> Result<(), Cancelled>,
+    ) -> Result<Self, MeshError> {
         let mesh = Self { shape, points, samples, faces };
-        mesh.validate()?;
+        mesh.validate_while(wanted)?;
         Ok(mesh)
     }
 
@@ -266,11 +285,15 @@ impl Mesh {
     /// # Errors
     /// The first defect found.
     pub fn validate(&self) -> Result<(), MeshError> {
+        self.validate_while(&|| Ok(()))
+    }
+
+    fn validate_while(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
         self.check_samples()?;
-        self.check_points()?;
-        self.check_faces()?;
-        self.check_edges()?;
-        self.check_area()?;
+        self.check_points(wanted)?;
+        self.check_faces(wanted)?;
+        self.check_edges(wanted)?;
+        self.check_area(wanted)?;
         self.check_vertices_used()
     }
 
@@ -318,7 +341,7 @@ impl Mesh {
     }
 
     /// Points inside, distinct, corners present.
-    fn check_points(&self) -> Result<(), MeshError> {
+    fn check_points(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
         let Shape { width, height, .. } = self.shape;
         let inside = |side: usize, at: i32| usize::try_from(at).is_ok_and(|at| at < side);
         for (vertex, &Point { x, y }) in self.points.iter().enumerate() {
@@ -326,17 +349,16 @@ impl Mesh {
                 return Err(MeshError::PointOutside { vertex, x, y, width, height });
             }
         }
-        let mut order: Vec<usize> = (0..self.points.len()).collect();
-        order.sort_by_key(|&v| (self.points[v], v));
+        let mut order: Vec<(Point, usize)> = self.points.iter().copied().zip(0..).collect();
+        sort_while(&mut order, wanted)?;
         for pair in order.windows(2) {
-            let (first, vertex) = (pair[0], pair[1]);
-            let Point { x, y } = self.points[vertex];
-            if self.points[first] == self.points[vertex] {
+            let [(place, first), (Point { x, y }, vertex)] = [pair[0], pair[1]];
+            if place == Point::new(x, y) {
                 return Err(MeshError::PointRepeated { vertex, first, x, y });
             }
         }
         for corner in corner_points(width, height) {
-            if order.binary_search_by_key(&corner, |&v| self.points[v]).is_err() {
+            if order.binary_search_by_key(&corner, |&(place, _)| place).is_err() {
                 return Err(MeshError::CornerMissing { x: corner.x, y: corner.y });
             }
         }
@@ -344,9 +366,10 @@ impl Mesh {
     }
 
     /// Indices in range, faces counter-clockwise.
-    fn check_faces(&self) -> Result<(), MeshError> {
+    fn check_faces(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
         let count = self.points.len();
         for (face, &corners) in self.faces.iter().enumerate() {
+            ask_at(face, wanted)?;
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= count) {
                 return Err(MeshError::IndexOutOfRange { face, vertex, count });
             }
@@ -364,16 +387,17 @@ impl Mesh {
     ///
     /// Together with the sum of the areas this shows that the faces neither overlap nor leave a
     /// gap: the number of faces over a place can change only across an edge without a neighbour.
-    fn check_edges(&self) -> Result<(), MeshError> {
+    fn check_edges(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
         let mut edges = Vec::with_capacity(3 * self.faces.len());
         for (face, &[a, b, c]) in self.faces.iter().enumerate() {
             for (from, to) in [(a, b), (b, c), (c, a)] {
                 edges.push((from.min(to), from.max(to), from > to, face));
             }
         }
-        edges.sort_unstable();
+        sort_while(&mut edges, wanted)?;
         let mut rest = edges.as_slice();
         while let Some(&(low, high, reversed, face)) = rest.first() {
+            ask_at(rest.len() / 2, wanted)?;
             let same = rest.iter().take_while(|edge| (edge.0, edge.1) == (low, high)).count();
             let (from, to) = if reversed { (high, low) } else { (low, high) };
             if same > 2 || (same == 2 && rest[1].2 == reversed) {
@@ -397,12 +421,13 @@ impl Mesh {
     }
 
     /// The areas sum to the rectangle's.
-    fn check_area(&self) -> Result<(), MeshError> {
-        let double_area = |&face: &Face| {
+    fn check_area(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
+        let mut actual = 0;
+        for (number, &face) in self.faces.iter().enumerate() {
+            ask_at(number, wanted)?;
             let [a, b, c] = self.corners(face);
-            i128::from(orientation(a, b, c))
-        };
-        let actual = self.faces.iter().map(double_area).sum();
+            actual += i128::from(orientation(a, b, c));
+        }
         let expected = 2 * (self.shape.width as i128 - 1) * (self.shape.height as i128 - 1);
         if actual == expected { Ok(()) } else { Err(MeshError::Area { actual, expected }) }
     }
@@ -418,6 +443,31 @@ impl Mesh {
             None => Ok(()),
         }
     }
+}
+
+/// Says whether a mesh is still wanted.
+type Wanted<'a> = dyn Fn() -> Result<(), Cancelled> + 'a;
+
+/// Elements that are gone through from one question to the next, and sorted at a time.
+const ASKED_EVERY: usize = 1 << 14;
+const SORTED_AT_A_TIME: usize = 1 << 19;
+
+/// Asks at some of the numbers.
+fn ask_at(number: usize, wanted: &Wanted<'_>) -> Result<(), Cancelled> {
+    if number.is_multiple_of(ASKED_EVERY) { wanted() } else { Ok(()) }
+}
+
+/// Sorts distinct elements, as long as that is wanted.
+fn sort_while<T: Ord>(elements: &mut [T], wanted: &Wanted<'_>) -> Result<(), Cancelled> {
+    wanted()?;
+    if elements.len() <= SORTED_AT_A_TIME {
+        elements.sort_unstable();
+        return Ok(());
+    }
+    let half = elements.len() / 2;
+    let (lower, _, upper) = elements.select_nth_unstable(half);
+    sort_while(lower, wanted)?;
+    sort_while(upper, wanted)
 }
 
 /// The four corners of an image's lattice, by row, then column.

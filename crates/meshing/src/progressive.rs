@@ -6,7 +6,7 @@
 //! of it costs one triangulation. The squared errors of all sizes are known, too.
 
 use crate::choices::{ErrorMetric, Meshed, Parallel};
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, Unattended};
 use crate::face_error::{FaceErrors, Measure};
 use crate::generate::ruling_image;
 use crate::image::{Image, ImageError, check_shape};
@@ -62,7 +62,13 @@ pub enum ProgressionError {
     /// The points and samples are no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// Nobody wants the progression, or its mesh, any more.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
+
+/// Points that are checked from one question to the next.
+const CHECKED_AT_A_TIME: usize = 1 << 12;
 
 impl Progression {
     /// Orders the vertices of a mesh of an image by greedy removal down to the corners, by what the
@@ -111,6 +117,22 @@ impl Progression {
         samples: Vec<u16>,
         squared_errors: Vec<u64>,
     ) -> Result<Self, ProgressionError> {
+        Self::from_parts_while(shape, points, samples, squared_errors, &|| Ok(()))
+    }
+
+    /// A progression as [`from_parts`](Self::from_parts) makes it, for as long as it is wanted: the
+    /// question is asked every few thousand points.
+    ///
+    /// # Errors
+    /// As [`from_parts`](Self::from_parts), and [`ProgressionError::Cancelled`] when it is no longer
+    /// wanted.
+    pub fn from_parts_while(
+        shape: Shape,
+        points: Vec<Point>,
+        samples: Vec<u16>,
+        squared_errors: Vec<u64>,
+        wanted: &dyn Fn() -> Result<(), Cancelled>,
+    ) -> Result<Self, ProgressionError> {
         let Shape { width, height, component_count, precision } = shape;
         check_shape(width, height, precision)?;
         if points.get(..MIN_SIZE) != Some(&corner_points(width, height)[..]) {
@@ -129,6 +151,9 @@ impl Progression {
             (0..width as i64).contains(&p.x.into()) && (0..height as i64).contains(&p.y.into())
         };
         for (vertex, &Point { x, y }) in points.iter().enumerate() {
+            if vertex.is_multiple_of(CHECKED_AT_A_TIME) {
+                wanted()?;
+            }
             if !inside(&points[vertex]) {
                 return Err(MeshError::PointOutside { vertex, x, y, width, height }.into());
             }
@@ -204,6 +229,14 @@ impl Progression {
     /// # Errors
     /// When the size is under 4 or more than there are points.
     pub fn mesh(&self, size: usize) -> Result<Mesh, ProgressionError> {
+        self.mesh_while(size, &Unattended)
+    }
+
+    /// The same under a control.
+    ///
+    /// # Errors
+    /// As [`mesh`](Self::mesh), and [`ProgressionError::Cancelled`] when the control cancels.
+    pub fn mesh_while(&self, size: usize, control: &dyn Control) -> Result<Mesh, ProgressionError> {
         self.check_size(size)?;
         let mut order: Vec<usize> = (0..size).collect();
         order.sort_unstable_by_key(|&place| self.points[place]);
@@ -211,7 +244,8 @@ impl Progression {
         let points: Vec<Point> = order.iter().map(|&place| self.points[place]).collect();
         let samples =
             order.iter().flat_map(|&place| &self.samples[place * count..][..count]).copied();
-        let (samples, faces) = (samples.collect(), triangulate(&points));
+        let samples = samples.collect();
+        let faces = Triangulation::new(points.clone(), control)?.faces();
         Ok(Mesh::from_kernel(self.shape, points, samples, faces))
     }
 }
@@ -295,7 +329,6 @@ impl Control for Ordering<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::generate::generate;
     use crate::method::Method;
     use crate::parameters::{InitialSize, Target};

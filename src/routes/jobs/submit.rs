@@ -3,6 +3,7 @@
 
 use super::{document, mesh};
 use crate::admission::Cost;
+use crate::decoding::copied_bytes;
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::idempotency;
@@ -149,11 +150,13 @@ async fn submit(
     order: &Order,
 ) -> Result<Submission, Problem> {
     let idempotency_key = idempotency::key_of(headers)?;
-    let header = order.output.reading(&service.pictures).probe(&upload.image.bytes)?;
+    let reading = order.output.reading(&service.pictures);
+    let header = reading.probe(&upload.image.bytes)?;
     let plan = order.plan(&header)?;
     let format = if order.keeps_progression(&plan) { Format::Progression } else { Format::Model };
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
-        .with_file(upload.image.bytes.len() as u64);
+        .with_file(upload.image.bytes.len() as u64)
+        .with_file(copied_bytes(&reading, &upload.image.bytes));
     let cost = with_weights(cost, upload.weights.as_ref(), &header, &service.pictures)?;
     service.admission.refuse_too_large(cost)?;
     let length = upload.image.bytes.len() as u64;

@@ -26,7 +26,7 @@ pub(super) struct Frame {
     /// One, three or four components as stored.
     pub(super) components: Vec<Component>,
     /// The picture comes in several scans of growing detail.
-    progressive: bool,
+    pub(super) progressive: bool,
     /// What makes the picture upright.
     pub(super) orientation: Orientation,
 }

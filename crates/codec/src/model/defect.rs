@@ -1,7 +1,7 @@
 //! Why bytes are no MODEL, and in which line.
 
 use crate::error::DecodeError;
-use pixmesh_meshing::MeshError;
+use pixmesh_meshing::{Cancelled, MeshError};
 use thiserror::Error;
 
 /// The first defect found in what should be a MODEL, and its line.
@@ -120,4 +120,7 @@ pub enum ModelDefect {
     /// The parts make no mesh; vertices and faces count from 0.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// Nobody wants the mesh any more.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

@@ -8,6 +8,7 @@
 use super::defect::{ModelDefect, ModelError};
 use super::tokens::Tokens;
 use crate::limits::Limits;
+use crate::wanted::{Wanted, always};
 use pixmesh_meshing::{Face, ImageError, Mesh, MeshError, Point, Shape};
 
 /// Samples per pixel that the limits allow: those of a picture with red, green, blue and alpha.
@@ -44,7 +45,19 @@ const FACE_TOKENS: usize = 4;
 ///     holds 1 at the most");
 /// ```
 pub fn read_model(bytes: &[u8], limits: &Limits) -> Result<Mesh, ModelError> {
-    let mut tokens = Tokens::new(bytes);
+    read_model_while(bytes, limits, &always)
+}
+
+/// Reads a mesh as [`read_model`] does, for as long as it is wanted.
+///
+/// # Errors
+/// As [`read_model`], and [`ModelDefect::Cancelled`] when it is no longer wanted.
+pub fn read_model_while(
+    bytes: &[u8],
+    limits: &Limits,
+    wanted: &Wanted<'_>,
+) -> Result<Mesh, ModelError> {
+    let mut tokens = Tokens::new(bytes, wanted);
     let shape = read_shape(&mut tokens, limits)?;
     read_keyword(&mut tokens)?;
     let (vertex_count, face_count) = read_counts(&mut tokens, shape)?;
@@ -53,9 +66,12 @@ pub fn read_model(bytes: &[u8], limits: &Limits) -> Result<Mesh, ModelError> {
     if let Some(token) = tokens.next() {
         return Err(token.error(ModelDefect::Trailing { found: token.quote() }));
     }
-    Mesh::new(shape, points, samples, faces).map_err(|defect| {
-        let line = line_of_token(bytes, token_of(&defect, shape, vertex_count));
-        ModelError { line, defect: defect.into() }
+    Mesh::new_while(shape, points, samples, faces, wanted).map_err(|defect| match defect {
+        MeshError::Cancelled(cancelled) => tokens.error(cancelled.into()),
+        defect => {
+            let line = line_of_token(bytes, token_of(&defect, shape, vertex_count));
+            ModelError { line, defect: defect.into() }
+        }
     })
 }
 
@@ -73,7 +89,7 @@ pub fn read_model(bytes: &[u8], limits: &Limits) -> Result<Mesh, ModelError> {
 /// assert!(probe_model(b"20000 20000 1 8 OFF 4 2 5", &Limits::default()).is_err());
 /// ```
 pub fn probe_model(bytes: &[u8], limits: &Limits) -> Result<Shape, ModelError> {
-    let mut tokens = Tokens::new(bytes);
+    let mut tokens = Tokens::new(bytes, &always);
     let shape = read_shape(&mut tokens, limits)?;
     read_keyword(&mut tokens)?;
     read_counts(&mut tokens, shape)?;
@@ -217,5 +233,5 @@ fn token_of(defect: &MeshError, shape: Shape, vertex_count: usize) -> usize {
 
 /// The line of a token, counted from 0.
 fn line_of_token(bytes: &[u8], number: usize) -> usize {
-    Tokens::new(bytes).nth(number).map_or(1, |token| token.line)
+    Tokens::new(bytes, &always).nth(number).map_or(1, |token| token.line)
 }

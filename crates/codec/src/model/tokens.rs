@@ -4,6 +4,10 @@
 //! end with a line feed, a carriage return, or both.
 
 use super::defect::{ModelDefect, ModelError};
+use crate::wanted::Wanted;
+
+/// Bytes that are read from one question to the next whether the file is still wanted.
+const ASKED_EVERY_BYTES: usize = 1 << 15;
 
 /// Characters of a token that an error quotes.
 const QUOTED: usize = 24;
@@ -22,11 +26,15 @@ pub(super) struct Tokens<'a> {
     bytes: &'a [u8],
     position: usize,
     line: usize,
+    wanted: &'a Wanted<'a>,
+    /// The position from which on it is asked again whether the file is wanted.
+    ask_from: usize,
 }
 
 impl<'a> Tokens<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, position: 0, line: 1 }
+    /// The tokens of a file, for as long as it is wanted.
+    pub(super) fn new(bytes: &'a [u8], wanted: &'a Wanted<'a>) -> Self {
+        Self { bytes, position: 0, line: 1, wanted, ask_from: 0 }
     }
 
     /// Bytes that are not read yet.
@@ -37,9 +45,24 @@ impl<'a> Tokens<'a> {
     /// The next token, which must be there.
     ///
     /// # Errors
-    /// [`ModelDefect::Missing`] at the end of the file, in its last line.
+    /// [`ModelDefect::Missing`] at the end of the file, in its last line, and
+    /// [`ModelDefect::Cancelled`] where the file is no longer wanted.
     pub(super) fn expect(&mut self, field: &'static str) -> Result<Token<'a>, ModelError> {
+        if self.position >= self.ask_from {
+            self.ask()?;
+        }
         self.next().ok_or(ModelError { line: self.line, defect: ModelDefect::Missing { field } })
+    }
+
+    /// An error in the present line.
+    pub(super) fn error(&self, defect: ModelDefect) -> ModelError {
+        ModelError { line: self.line, defect }
+    }
+
+    #[cold]
+    fn ask(&mut self) -> Result<(), ModelError> {
+        self.ask_from = self.position + ASKED_EVERY_BYTES;
+        (self.wanted)().map_err(|cancelled| self.error(cancelled.into()))
     }
 
     /// The next token, which must be a whole number within bounds.

@@ -4,10 +4,16 @@ use super::number::{take, unfolded};
 use super::{HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::DecodeError;
 use crate::limits::Limits;
+use crate::wanted::{Wanted, always};
 use flate2::read::DeflateDecoder;
-use pixmesh_meshing::{Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate};
-use std::io::Read;
+use pixmesh_meshing::{
+    Cancelled, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate,
+};
+use std::io::{self, Read};
 use thiserror::Error;
+
+/// Vertices whose samples are read from one question to the next.
+const READ_AT_A_TIME: usize = 1 << 12;
 
 /// Bytes of a gap at most.
 const GAP_BYTES: usize = 6;
@@ -45,6 +51,9 @@ pub enum PmeshError {
     /// The points make no progression.
     #[error(transparent)]
     Progression(#[from] ProgressionError),
+    /// Nobody wants what it holds any more.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// Reads a mesh from pmesh, vertices by row, then column, whether an order is kept or not.
@@ -52,7 +61,7 @@ pub enum PmeshError {
 /// # Errors
 /// When the bytes are no pmesh, or one beyond the limits.
 pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
-    let Contents { shape, points, samples, .. } = read(bytes, limits)?;
+    let Contents { shape, points, samples, .. } = read(bytes, limits, &always)?;
     // Only points with the corners among them can be triangulated.
     let (right, top) = (shape.width as i32 - 1, shape.height as i32 - 1);
     for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
@@ -69,7 +78,19 @@ pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
 /// # Errors
 /// When the bytes are no pmesh, or one beyond the limits, or keep no order.
 pub fn read_progression(bytes: &[u8], limits: &Limits) -> Result<Progression, PmeshError> {
-    let Contents { shape, points, samples, order } = read(bytes, limits)?;
+    read_progression_while(bytes, limits, &always)
+}
+
+/// Reads a progression as [`read_progression`] does, for as long as it is wanted.
+///
+/// # Errors
+/// As [`read_progression`], and [`PmeshError::Cancelled`] when it is no longer wanted.
+pub fn read_progression_while(
+    bytes: &[u8],
+    limits: &Limits,
+    wanted: &Wanted<'_>,
+) -> Result<Progression, PmeshError> {
+    let Contents { shape, points, samples, order } = read(bytes, limits, wanted)?;
     let Order { ranks, squared_errors } = order.ok_or(PmeshError::NoOrder)?;
     let count = shape.component_count;
     let mut order = vec![usize::MAX; points.len()];
@@ -82,7 +103,11 @@ pub fn read_progression(bytes: &[u8], limits: &Limits) -> Result<Progression, Pm
     }
     let ordered = order.iter().map(|&v| points[v]).collect();
     let values = order.iter().flat_map(|&v| &samples[v * count..][..count]).copied().collect();
-    Ok(Progression::from_parts(shape, ordered, values, squared_errors)?)
+    wanted()?;
+    match Progression::from_parts_while(shape, ordered, values, squared_errors, wanted) {
+        Err(ProgressionError::Cancelled(cancelled)) => Err(cancelled.into()),
+        made => Ok(made?),
+    }
 }
 
 /// What a pmesh holds, vertices by row, then column.
@@ -100,7 +125,7 @@ struct Order {
     squared_errors: Vec<u64>,
 }
 
-fn read(bytes: &[u8], limits: &Limits) -> Result<Contents, PmeshError> {
+fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, PmeshError> {
     let (header, deflated) = bytes.split_at_checked(HEADER_BYTES).ok_or(PmeshError::Header)?;
     if header[..4] != MAGIC {
         return Err(PmeshError::Header);
@@ -128,21 +153,45 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<Contents, PmeshError> {
     if length > count * (GAP_BYTES + planes + ordering) {
         return Err(PmeshError::Stream);
     }
-    let mut stream = Vec::new();
-    let mut inflate = DeflateDecoder::new(deflated).take(length as u64 + 1);
-    inflate.read_to_end(&mut stream).map_err(|_| PmeshError::Stream)?;
-    if stream.len() != length {
-        return Err(PmeshError::Stream);
-    }
+    let stream = inflated(deflated, length, wanted)?;
     let (points, rest) = read_points(shape, count, &stream).ok_or(PmeshError::Stream)?;
+    wanted()?;
     let (differences, rest) = rest.split_at_checked(count * planes).ok_or(PmeshError::Stream)?;
     let order = match ordered {
         0 if rest.is_empty() => None,
         0 => return Err(PmeshError::Stream),
         _ => Some(read_order(count, rest).ok_or(PmeshError::Stream)?),
     };
-    let samples = read_samples(shape, &points, differences);
+    wanted()?;
+    let samples = read_samples(shape, &points, differences, wanted)?;
     Ok(Contents { shape, points, samples, order })
+}
+
+/// The stream, which must have this length.
+fn inflated(deflated: &[u8], length: usize, wanted: &Wanted<'_>) -> Result<Vec<u8>, PmeshError> {
+    let mut stream = Vec::new();
+    let bytes = AskingBytes { rest: deflated, wanted };
+    let mut inflate = DeflateDecoder::new(bytes).take(length as u64 + 1);
+    let read = inflate.read_to_end(&mut stream);
+    // Where the reader was told that nobody wants it, the same is told here.
+    wanted()?;
+    if read.is_err() || stream.len() != length {
+        return Err(PmeshError::Stream);
+    }
+    Ok(stream)
+}
+
+/// Bytes that end in a failure where they are no longer wanted.
+struct AskingBytes<'a> {
+    rest: &'a [u8],
+    wanted: &'a Wanted<'a>,
+}
+
+impl Read for AskingBytes<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        (self.wanted)().map_err(io::Error::other)?;
+        self.rest.read(buffer)
+    }
 }
 
 /// Ranks and squared errors; `None` when the stream ends early or goes on.
@@ -180,12 +229,20 @@ fn read_points(shape: Shape, count: usize, mut stream: &[u8]) -> Option<(Vec<Poi
 }
 
 /// The samples of points in order, vertex by vertex.
-fn read_samples(shape: Shape, points: &[Point], differences: &[u8]) -> Vec<u16> {
+fn read_samples(
+    shape: Shape,
+    points: &[Point],
+    differences: &[u8],
+    wanted: &Wanted<'_>,
+) -> Result<Vec<u16>, Cancelled> {
     let (count, modulus) = (shape.component_count, 1u32 << shape.precision);
     let planes_each = if shape.precision > 8 { 2 } else { 1 };
     let mut predictor = Predictor::new(shape, points.len());
     let mut samples: Vec<u16> = Vec::with_capacity(points.len() * count);
     for (v, &point) in points.iter().enumerate() {
+        if v.is_multiple_of(READ_AT_A_TIME) {
+            wanted()?;
+        }
         let nearest = predictor.predict(point, v);
         for c in 0..count {
             let byte =
@@ -199,5 +256,5 @@ fn read_samples(shape: Shape, points: &[Point], differences: &[u8]) -> Vec<u16> 
             samples.push(((expected + difference) % modulus) as u16);
         }
     }
-    samples
+    Ok(samples)
 }
