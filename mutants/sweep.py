@@ -28,7 +28,6 @@ SLACK = 3
 # Seconds that any test may take in addition.
 LEAST = 2
 MEMORY = 4 << 30
-JOBS = 2
 
 # Tests of random cases try the same ones for each mutant, and need not look for the least that fails.
 ENVIRONMENT = os.environ | {
@@ -37,6 +36,14 @@ ENVIRONMENT = os.environ | {
     "PROPTEST_RNG_SEED": "1",
     "RUST_BACKTRACE": "0",
 }
+
+
+def end_group(group, how):
+    """Ends what is left of a group of processes."""
+    try:
+        os.killpg(group, how)
+    except ProcessLookupError:
+        pass
 
 
 class Program:
@@ -62,7 +69,7 @@ class Program:
             command, cwd=self.folder, env=environment, preexec_fn=limit, text=True,
             errors="replace", stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
         )
-        still = threading.Timer(self.still, os.killpg, (process.pid, signal.SIGTERM))
+        still = threading.Timer(self.still, end_group, (process.pid, signal.SIGTERM))
         still.start()
         failed, last = None, None
         try:
@@ -75,8 +82,10 @@ class Program:
         finally:
             still.cancel()
             if failed:
-                os.killpg(process.pid, signal.SIGKILL)
+                end_group(process.pid, signal.SIGKILL)
             _, status, usage = os.wait4(process.pid, 0)
+            # Servers that the tests started and did not live to end.
+            end_group(process.pid, signal.SIGKILL)
             process.returncode = status = os.waitstatus_to_exitcode(status)
         if failed:
             return "caught", failed, 0
@@ -104,12 +113,12 @@ def module(path):
     return inner.replace("/", "::") + "::"
 
 
-def decide(programs, mutant, killers):
+def decide(programs, mutant, killers, whole):
     """The outcome of a mutant, and the test that caught it."""
     own = module(mutant["file"])
     latest = killers.get(mutant["file"])
     stages = [(latest[0], ["--exact", latest[1]])] if latest else []
-    stages += [(programs[0], [own]), (programs[0], ["--skip", own])]
+    stages += [(programs[0], [])] if whole else [(programs[0], [own]), (programs[0], ["--skip", own])]
     stages += [(program, []) for program in programs[1:]]
     for program, tests in stages:
         limit = LEAST if tests[:1] == ["--exact"] else program.limit(tests)
@@ -132,6 +141,8 @@ def main():
     parser.add_argument("--still", type=int, default=600, help="seconds by the clock for each process")
     parser.add_argument("--also", action="append", default=[], help="a program of more tests, and arguments")
     parser.add_argument("--tests", default="", help="arguments of the first program")
+    parser.add_argument("--whole", action="store_true", help="those arguments name tests; no part of them goes first")
+    parser.add_argument("--jobs", type=int, default=2, help="processes at once; many where tests mostly wait")
     options = parser.parse_args()
 
     session = json.loads((options.cache / "testing-session.json").read_text())
@@ -151,11 +162,13 @@ def main():
         mutants = [m for m in mutants if m["id"] in wanted]
     mutants = [m for m in mutants if re.search(options.file, m["file"])]
     killers = {}
-    with options.results.open("a") as results, ThreadPoolExecutor(JOBS) as pool:
+    with options.results.open("a") as results, ThreadPoolExecutor(options.jobs) as pool:
 
         def one(mutant):
             viable = mutant["outcome"] in ("Pending", "Survived", "Killed")
-            outcome, by = decide(programs, mutant, killers) if viable else (mutant["outcome"].lower(), None)
+            outcome, by = mutant["outcome"].lower(), None
+            if viable:
+                outcome, by = decide(programs, mutant, killers, options.whole)
             place = f"{mutant['file']}:{mutant['line']}:{mutant['column']}"
             change = f"{' '.join(mutant['original'].split())[:60]} -> {mutant['replacement'][:60]!r}"
             fields = [mutant["id"], outcome, place, mutant["mutator"], mutant["item_path"] or "", change]
