@@ -16,7 +16,7 @@ const NOTHING: u32 = u32::MAX;
 const PLACES: u32 = 255;
 
 /// The triangles last evaluated for one vertex.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct HoleMemory {
     /// The places of the vertices of each, a byte each.
     triangles: [u32; SLOTS],

@@ -115,9 +115,16 @@ impl<'m> Remover<'m> {
         vertex: u32,
         net: &Net<'_, impl StarSource>,
     ) -> (i64, HoleMemory) {
-        if let Some(result) = self.few.evaluate(vertex, net, &mut self.errors) {
-            return result;
-        }
+        let few = self.few.evaluate(vertex, net, &mut self.errors);
+        few.unwrap_or_else(|| self.evaluate_any(vertex, net))
+    }
+
+    /// The same for a vertex of any number of neighbours and any errors.
+    pub(crate) fn evaluate_any(
+        &mut self,
+        vertex: u32,
+        net: &Net<'_, impl StarSource>,
+    ) -> (i64, HoleMemory) {
         net.stars_of(vertex).read(vertex, &mut self.star);
         let change = self.change(net, net.stars_of(vertex).memory(vertex), Shift::NONE);
         (change, self.memory())
@@ -133,9 +140,18 @@ impl<'m> Remover<'m> {
         let stars = net.stars_of(vertex);
         stars.touch(stars.neighbours(vertex));
         neighbours.clear();
-        if self.few.prepare(vertex, net, &mut self.errors, neighbours).is_some() {
-            return;
+        if self.few.prepare(vertex, net, &mut self.errors, neighbours).is_none() {
+            self.prepare_any(vertex, net, neighbours);
         }
+    }
+
+    /// The same for a vertex of any number of neighbours and any errors.
+    pub(crate) fn prepare_any(
+        &mut self,
+        vertex: u32,
+        net: &Net<'_, impl StarSource>,
+        neighbours: &mut Vec<Neighbour>,
+    ) {
         neighbours.clear();
         net.stars_of(vertex).read(vertex, &mut self.star);
         let memory = net.stars_of(vertex).memory(vertex);

@@ -239,3 +239,6 @@ impl<'a> Fans<'a> {
         gap
     }
 }
+
+#[cfg(test)]
+mod tests;

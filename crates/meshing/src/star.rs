@@ -18,7 +18,7 @@ pub(crate) const ROOM: usize = 9;
 const LISTED: u32 = u32::MAX;
 
 /// The star of one vertex.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(64))]
 pub(crate) struct Record {
     pub(crate) memory: HoleMemory,
