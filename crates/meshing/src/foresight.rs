@@ -121,3 +121,122 @@ fn prepare_all(share: &mut [Prepared], remover: &mut Remover<'_>, net: &Net<'_, 
         remover.prepare(*vertex, net, neighbours);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::choices::ErrorMetric;
+    use crate::control::Unattended;
+    use crate::image::Image;
+    use crate::mesh::Point;
+    use crate::simplify::{Prepared as Begun, StopRule, prepare};
+    use crate::triangulation::Triangulation;
+    use std::collections::HashSet;
+
+    const SIDE: usize = 40;
+
+    fn two() -> NonZeroUsize {
+        NonZeroUsize::new(2).unwrap()
+    }
+
+    fn picture() -> Image {
+        let samples = (0..SIDE * SIDE).map(|i| (i * i / 7 % 31 + i / SIDE) as u16).collect();
+        Image::new(SIDE, SIDE, 8, vec![samples]).unwrap()
+    }
+
+    /// Removal from all lattice points of an image.
+    fn begun<'a>(image: &'a Image, measure: &Measure<'_>) -> Begun<'a> {
+        let lattice =
+            (0..SIDE as i32).flat_map(|y| (0..SIDE as i32).map(move |x| Point::new(x, y)));
+        let triangulation = Triangulation::new(lattice.collect(), &Unattended).unwrap();
+        let metric = ErrorMetric::MeanCompSe;
+        let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
+        prepare(image, triangulation, rule, measure, u32::BITS, &Unattended).unwrap()
+    }
+
+    fn assert_same(foreseen: &[Neighbour], fresh: &[Neighbour]) {
+        assert_eq!(foreseen.len(), fresh.len());
+        for (foreseen, fresh) in foreseen.iter().zip(fresh) {
+            assert_eq!((foreseen.vertex, foreseen.change), (fresh.vertex, fresh.change));
+            assert_eq!(foreseen.star.record, fresh.star.record);
+            assert_eq!(foreseen.star.listed, fresh.star.listed);
+        }
+    }
+
+    #[test]
+    fn threads_are_used_where_there_are_several_and_enough_vertices() {
+        let image = picture();
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let has_foresight = |vertex_count, threads| {
+            Foresight::new(&measure, vertex_count, NonZeroUsize::new(threads).unwrap()).is_some()
+        };
+        assert!(has_foresight(LEAST_VERTICES, 2) && has_foresight(LEAST_VERTICES + 1, 8));
+        assert!(!has_foresight(LEAST_VERTICES, 1) && !has_foresight(LEAST_VERTICES - 1, 2));
+    }
+
+    #[test]
+    fn as_many_are_prepared_as_a_part_of_those_that_remain() {
+        let image = picture();
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let Begun { vertices, stars, entries, .. } = begun(&image, &measure);
+        let stars = stars.into_one();
+        let queue = RemovalQueue::new(entries, SIDE * SIDE);
+        let (net, some) = (vertices.net(&stars), LEAST_VERTICES);
+        for (remaining, count) in [(some - 1, 0), (some, some / 64), (some + 640, some / 64 + 10)] {
+            let mut foresight = Foresight::new(&measure, LEAST_VERTICES, two()).unwrap();
+            foresight.look_ahead(&net, &queue, remaining);
+            assert_eq!(foresight.prepared.len(), count, "of {remaining}");
+            // Nothing is prepared anew before all of it had its turn.
+            foresight.next = 1;
+            foresight.look_ahead(&net, &queue, remaining);
+            assert_eq!(foresight.next, 1);
+        }
+    }
+
+    #[test]
+    fn what_is_foreseen_is_what_is_found_and_holds_wherever_nothing_near_it_changed() {
+        let image = picture();
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let Begun { vertices, stars, entries, .. } = begun(&image, &measure);
+        let mut stars = stars.into_one();
+        let mut queue = RemovalQueue::new(entries, SIDE * SIDE);
+        let mut remover = Remover::new(&measure);
+        let mut foresight = Foresight::new(&measure, LEAST_VERTICES, two()).unwrap();
+        // The vertices that were prepared, and those whose stars have changed since.
+        let (mut prepared, mut changed) = (HashSet::new(), HashSet::new());
+        let (mut held, mut rounds) = (0, 0);
+        while let Some(first) = queue.first() {
+            let net = vertices.net(&stars);
+            let round = foresight.round;
+            foresight.look_ahead(&net, &queue, LEAST_VERTICES);
+            if foresight.round != round {
+                rounds += 1;
+                prepared = queue.least(LEAST_VERTICES / 64).iter().map(|e| e.vertex).collect();
+                changed.clear();
+            }
+            queue.remove_first();
+            let mut fresh = Vec::new();
+            remover.prepare(first.vertex, &net, &mut fresh);
+            let around: HashSet<u32> = net.stars.neighbours(first.vertex).iter().copied().collect();
+            let is_current = prepared.contains(&first.vertex)
+                && !changed.contains(&first.vertex)
+                && changed.is_disjoint(&around);
+            let foreseen = foresight.take(first.vertex, &net);
+            assert_eq!(foreseen.is_some(), is_current, "{}", first.vertex);
+            if let Some(foreseen) = foreseen {
+                assert_same(&foreseen.neighbours, &fresh);
+                held += 1;
+            }
+            for Neighbour { vertex, star, change } in fresh {
+                stars.write(vertex, star);
+                foresight.note_change(vertex);
+                changed.insert(vertex);
+                if let Some(change) = change {
+                    queue.change(vertex, change);
+                }
+            }
+            stars.remove(first.vertex);
+        }
+        assert!(held > SIDE && rounds > 2, "{held} held in {rounds} rounds");
+    }
+}

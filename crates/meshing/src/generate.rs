@@ -304,8 +304,36 @@ impl Image {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::choices::Policy;
     use crate::method::Method;
     use crate::parameters::Target;
+
+    #[test]
+    fn each_liberty_taken_has_a_remark_of_its_own() {
+        let plain = Method::Optimal.parameters(Target::Size(50));
+        assert_eq!(remarks(&plain), [] as [&str; 0]);
+        let free = Parameters { connectivity: Connectivity::Free, ..plain.clone() };
+        let fitted = Parameters { values: Values::Fitted, ..plain };
+        let flat = Method::Flat.parameters(Target::Size(50));
+        for (parameters, word) in [(&free, "connectivity"), (&fitted, "values"), (&flat, "flat")] {
+            let remarks = remarks(parameters);
+            assert!(remarks.len() == 1 && remarks[0].contains(word), "{remarks:?}");
+        }
+        let both = Parameters { values: Values::Fitted, ..free };
+        assert_eq!(remarks(&both).len(), 2);
+    }
+
+    #[test]
+    fn the_luma_is_meshed_as_a_picture_of_one_component() {
+        let own = Method::Cgpr.parameters(Target::Size(50));
+        for (&policy, &error_metric) in Policy::ALL.iter().zip(ErrorMetric::ALL.iter().cycle()) {
+            let luma = on_luma(&Parameters { policy, error_metric, ..own.clone() });
+            assert_eq!(luma.meshed, Meshed::Components);
+            assert!(luma.policy.component_count().is_none_or(|count| count == 1), "{policy}");
+            assert!(luma.error_metric.component_count().is_none_or(|count| count == 1));
+            assert_eq!((luma.target, luma.generator), (own.target, own.generator));
+        }
+    }
 
     #[test]
     fn weights_given_lower_those_of_what_is_seen_and_never_to_nothing() {

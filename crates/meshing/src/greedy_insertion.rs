@@ -180,6 +180,88 @@ mod tests {
         }
     }
 
+    /// The errors of a face's points, by row, then column, computed one by one.
+    fn errors_of_points(image: &Image, corners: [Point; 3]) -> Vec<(Point, u64)> {
+        let mut errors = Vec::new();
+        for_each_row(corners, |y, first, end| {
+            for x in first..end {
+                let (column, row) = (x as usize, y as usize);
+                let difference = |c: usize| {
+                    let samples = corners.map(|p| image.sample(c, p.x as usize, p.y as usize));
+                    let mut value = [0];
+                    Interpolant::new(corners, samples).fill(x, y, &mut value);
+                    u64::from(image.sample(c, column, row).abs_diff(value[0])).pow(2)
+                };
+                let sum: u64 = (0..image.component_count()).map(difference).sum();
+                let weight =
+                    image.weights().map_or(1, |weights| weights[row * image.width() + column]);
+                errors.push((Point::new(x, y), sum * u64::from(weight)));
+            }
+        });
+        errors
+    }
+
+    proptest! {
+        #[test]
+        fn a_face_offers_its_first_worst_point_and_the_middle_of_its_error_if_that_lies_inside(
+            places_of_corners in prop::array::uniform6(0i32..12),
+            samples in prop::collection::vec(0u16..6, 2 * 144),
+            weights in prop::option::of(prop::collection::vec(0u8..4, 144)),
+        ) {
+            let components = samples.chunks(144).map(<[u16]>::to_vec).collect();
+            let image = Image::new(12, 12, 8, components).unwrap();
+            let image = match weights {
+                Some(weights) => image.with_weights(weights).unwrap(),
+                None => image,
+            };
+            let mut corners =
+                [0, 2, 4].map(|i| Point::new(places_of_corners[i], places_of_corners[i + 1]));
+            if orientation(corners[0], corners[1], corners[2]) < 0 {
+                corners.swap(1, 2);
+            }
+            prop_assume!(orientation(corners[0], corners[1], corners[2]) > 0);
+            let errors = errors_of_points(&image, corners);
+            let most = errors.iter().map(|&(_, error)| error).max().unwrap_or(0);
+            let found = places(&image, corners);
+            if most == 0 {
+                prop_assert_eq!(found, [None; 2]);
+                return Ok(());
+            }
+            prop_assert_eq!(found[0], errors.iter().find(|(_, error)| *error == most).map(|e| e.0));
+            let sum: u64 = errors.iter().map(|&(_, error)| error).sum();
+            let mean = |coordinate: fn(&Point) -> i32| {
+                let moment: u64 = errors.iter().map(|(p, e)| coordinate(p) as u64 * e).sum();
+                (moment as f64 / sum as f64 + 0.5).floor() as i32
+            };
+            let middle = Point::new(mean(|p| p.x), mean(|p| p.y));
+            let [a, b, c] = corners;
+            let is_inside = [(a, b), (b, c), (c, a)].iter().all(|&(from, to)| {
+                (to.x - from.x) * (middle.y - from.y) >= (to.y - from.y) * (middle.x - from.x)
+            });
+            let expected = (is_inside && !corners.contains(&middle)).then_some(middle);
+            prop_assert_eq!(found[1], expected);
+        }
+    }
+
+    #[test]
+    fn the_control_is_asked_before_the_first_insertion_and_every_64_points() {
+        use std::sync::Mutex;
+
+        struct Notes(Mutex<Vec<usize>>);
+        impl Control for Notes {
+            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                assert_eq!((stage, total), (Stage::Insert, 200));
+                self.0.lock().unwrap().push(done);
+                Ok(())
+            }
+        }
+        let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
+        let image = Image::new(30, 30, 8, vec![samples]).unwrap();
+        let notes = Notes(Mutex::default());
+        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &notes).unwrap();
+        assert_eq!((points.len(), notes.0.into_inner().unwrap()), (200, vec![0, 64, 128, 192]));
+    }
+
     #[test]
     fn no_point_is_inserted_for_what_does_not_matter() {
         let samples = (0..20 * 20).map(|i| (i * 53 % 97) as u16).collect();

@@ -74,3 +74,60 @@ impl FaceMeasure for Breaches<'_> {
         Self { ..*self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::choices::{ErrorMetric, Parallel};
+    use crate::control::Unattended;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::simplify::{StopRule, simplify};
+    use crate::triangulation::Triangulation;
+
+    /// The largest difference of a sample in the mesh of some points.
+    fn largest(image: &Image, points: &[Point]) -> u16 {
+        let triangulation = Triangulation::new(points.to_vec(), &Unattended).unwrap();
+        let faces = triangulation.faces();
+        let mesh = Mesh::of_samples(image, points.to_vec(), faces);
+        let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+        let samples = image.components().concat().into_iter().zip(rebuilt.components().concat());
+        samples.map(|(a, b)| a.abs_diff(b)).max().unwrap()
+    }
+
+    #[test]
+    fn removals_go_on_until_the_first_that_breaks_the_bound() {
+        let side = 9;
+        let plane = |c: usize| (0..side * side).map(|i| (i * i * (c + 3) % 41) as u16).collect();
+        let image = Image::new(side, side, 8, vec![plane(0), plane(1)]).unwrap();
+        let lattice: Vec<Point> = (0..side as i32)
+            .flat_map(|y| (0..side as i32).map(move |x| Point::new(x, y)))
+            .collect();
+        let triangulation = Triangulation::new(lattice.clone(), &Unattended).unwrap();
+        let faces = triangulation.faces();
+        let metric = ErrorMetric::MeanCompSe;
+        let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
+        let removals =
+            simplify(&image, triangulation, rule, Parallel::Exact, &Unattended).unwrap().removals;
+        // The largest differences after none of the removals, after one, and so on.
+        let mut points = lattice.clone();
+        let mut differences = vec![0];
+        for removal in &removals {
+            points.retain(|&point| point != removal.point);
+            differences.push(largest(&image, &points));
+        }
+        for most in 0..45 {
+            let expected = differences.iter().position(|&difference| difference > most);
+            let expected = expected.map_or(removals.len(), |first| first - 1);
+            let within =
+                removals_within(&image, lattice.clone(), &faces, &removals, most, &Unattended);
+            assert_eq!(within, Ok(expected), "{most}");
+        }
+        // A mesh that breaks the bound before any removal.
+        let corners = [(0, 0), (8, 0), (0, 8), (4, 4), (8, 8)].map(|(x, y)| Point::new(x, y));
+        let faces = Triangulation::new(corners.to_vec(), &Unattended).unwrap().faces();
+        let removal = Removal { point: Point::new(4, 4), change: 0 };
+        let within = removals_within(&image, corners.to_vec(), &faces, &[removal], 1, &Unattended);
+        assert_eq!(within, Ok(0));
+    }
+}

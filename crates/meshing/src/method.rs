@@ -119,3 +119,43 @@ impl Method {
         check_count(Self::PARAMETER, self, Self::ALL, Self::name, Self::component_count, actual)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_method_is_the_set_of_choices_that_its_description_says() {
+        use Generator::{All, ErrorDiffusion, Insertion};
+        use Method as M;
+        let four_times = InitialSize::Gamma(4.0);
+        for &method in Method::ALL {
+            let made = method.parameters(Target::Size(77));
+            let points = match method {
+                M::Ed | M::Med | M::MedPlus | M::Ced => (ErrorDiffusion, InitialSize::Target),
+                M::Gpr | M::Mgpr | M::Cgpr => (All, InitialSize::Density(100.0)),
+                M::Preview => (Insertion, InitialSize::Target),
+                _ => (ErrorDiffusion, four_times),
+            };
+            assert_eq!((made.generator, made.initial_size), points, "{method}");
+            assert_eq!(made.target, Target::Size(77));
+            let of_luma = [M::Ced, M::Cgprfsed, M::Cgpr].contains(&method);
+            assert_eq!(made.meshed == Meshed::Luma, of_luma, "{method}");
+            let (policy, startup) = match method.component_count() {
+                Some(1) => (Policy::PsaD, Startup::Classic),
+                Some(_) => (Policy::PsbD, Startup::Classic),
+                None => (Policy::PsdMaxD, Startup::Mirroring),
+            };
+            assert_eq!((made.policy, made.startup), (policy, startup), "{method}");
+            assert_eq!(method.component_count() == Some(3), of_luma, "{method}");
+            assert_eq!(made.bad_point_removal, method == M::MedPlus);
+            assert_eq!(made.reconstruction == Reconstruction::Flat, method == M::Flat);
+            let effort = match method {
+                M::Optimal => DEFAULT_EFFORT,
+                M::Flat => FLAT_EFFORT,
+                _ => 0,
+            };
+            assert_eq!(made.effort, effort, "{method}");
+        }
+    }
+}

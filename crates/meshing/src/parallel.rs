@@ -105,6 +105,7 @@ pub(crate) fn in_row_bands<T: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::AtomicUsize;
 
     const THREADS: NonZeroUsize = NonZeroUsize::new(8).unwrap();
 
@@ -180,6 +181,33 @@ mod tests {
             };
             assert_eq!(in_row_bands(&mut field, 3, threads, |_| Ok(()), number), Ok(()));
             assert!(field.iter().enumerate().all(|(i, &y)| y == i / 3));
+        }
+    }
+
+    #[test]
+    fn there_is_a_band_for_each_thread_and_each_knows_its_first_row() {
+        let caller = thread::current().id();
+        for (threads, bands) in [(2, 2), (5, 5), (16, 8)] {
+            let mut field: Vec<usize> = (0..3 * 1000).map(|i| i / 3).collect();
+            let (is_shared, begun) = (AtomicBool::new(false), AtomicUsize::new(0));
+            let work = |first: usize, band: &mut [usize], poll: Poll<'_>| {
+                assert_eq!(band[0], first);
+                begun.fetch_add(1, Ordering::Relaxed);
+                if thread::current().id() != caller {
+                    is_shared.store(true, Ordering::Relaxed);
+                }
+                poll(first)
+            };
+            // The caller lets others take bands.
+            let wait = |_| {
+                while !is_shared.load(Ordering::Relaxed) {
+                    thread::yield_now();
+                }
+                Ok(())
+            };
+            let threads = NonZeroUsize::new(threads).unwrap();
+            assert_eq!(in_row_bands(&mut field, 3, threads, wait, work), Ok(()));
+            assert_eq!(begun.into_inner(), bands);
         }
     }
 

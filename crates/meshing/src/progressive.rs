@@ -423,4 +423,60 @@ mod tests {
         let message = small.mesh(5).unwrap_err().to_string();
         assert_eq!(message, "size is 5, but must lie in 4 to 4");
     }
+
+    #[test]
+    fn the_parts_of_a_progression_are_handed_out_and_shortened() {
+        let shape = Shape { width: 3, height: 4, component_count: 2, precision: 4 };
+        let points = [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat();
+        let samples: Vec<u16> = (1..=12).collect();
+        let of = |points: &[Point], samples: &[u16], errors: &[u64]| {
+            Progression::from_parts(shape, points.to_vec(), samples.to_vec(), errors.to_vec())
+        };
+        let progression = of(&points, &samples, &[7, 5, 3]).unwrap();
+        assert_eq!(progression.shape(), shape);
+        assert_eq!(progression.points(), points);
+        assert_eq!(progression.samples(), samples);
+        assert_eq!(progression.squared_errors(), [7, 5, 3]);
+        let short = progression.shortened(5).unwrap();
+        assert_eq!(Ok(short), of(&points[..5], &samples[..10], &[7, 5]));
+    }
+
+    #[test]
+    fn a_refusal_names_the_vertex() {
+        let shape = Shape { width: 3, height: 4, component_count: 2, precision: 4 };
+        let points = [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat();
+        let of = |points: Vec<Point>, samples: Vec<u16>| {
+            Progression::from_parts(shape, points, samples, vec![0; 3])
+        };
+        let mut repeated = points.clone();
+        repeated[5] = points[4];
+        let refused = MeshError::PointRepeated { vertex: 5, first: 4, x: 1, y: 2 };
+        assert_eq!(of(repeated, vec![0; 12]), Err(refused.into()));
+        let mut samples = vec![0; 12];
+        samples[9] = 16;
+        let refused = MeshError::SampleRange { vertex: 4, sample: 16, maximum: 15 };
+        assert_eq!(of(points, samples), Err(refused.into()));
+    }
+
+    #[test]
+    fn all_work_is_told_as_ordering() {
+        struct Notes(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
+        impl Control for Notes {
+            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                self.0.lock().unwrap().push((stage, done, total));
+                Ok(())
+            }
+            fn threads(&self) -> NonZeroUsize {
+                NonZeroUsize::new(5).unwrap()
+            }
+        }
+        let notes = Notes(std::sync::Mutex::default());
+        let ordering = Ordering(&notes);
+        for (stage, done) in [(Stage::Triangulate, 2), (Stage::Simplify, 3), (Stage::Measure, 4)] {
+            ordering.poll(stage, done, 9).unwrap();
+        }
+        assert_eq!(ordering.threads(), notes.threads());
+        let told = notes.0.into_inner().unwrap();
+        assert_eq!(told, [(Stage::Order, 0, 9), (Stage::Order, 3, 9), (Stage::Order, 9, 9)]);
+    }
 }

@@ -199,4 +199,55 @@ mod tests {
         let found = generate(&slope_with_disc(), &parameters, &Unattended).unwrap();
         assert_eq!(found.mesh.points().len(), MIN_SIZE);
     }
+
+    /// Notes what it is told, on three threads.
+    #[derive(Default)]
+    struct Notes(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
+
+    impl Control for Notes {
+        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+            self.0.lock().unwrap().push((stage, done, total));
+            Ok(())
+        }
+
+        fn threads(&self) -> NonZeroUsize {
+            NonZeroUsize::new(3).unwrap()
+        }
+    }
+
+    #[test]
+    fn a_search_tells_of_the_meshes_made_and_of_no_other_stage() {
+        let notes = Notes::default();
+        let parameters = Method::Preview.parameters(Target::Psnr(30.0));
+        generate(&slope_with_disc(), &parameters, &notes).unwrap();
+        let quiet = Quietly { control: &notes, meshes: 3 };
+        assert_eq!(quiet.threads(), notes.threads());
+        let told = notes.0.into_inner().unwrap();
+        let is_of_search = |&(stage, done, total): &(Stage, usize, usize)| {
+            stage == Stage::Search && done < total && total == MOST_MESHES
+        };
+        assert!(told.iter().all(is_of_search));
+        assert!(told.is_sorted_by_key(|&(_, done, _)| done));
+        let last = told.last().unwrap().1;
+        assert!((0..=last).all(|meshes| told.iter().any(|&(_, done, _)| done == meshes)));
+        assert!(last > 3, "{last}");
+    }
+
+    #[test]
+    fn a_bound_is_kept_when_it_is_just_reached() {
+        let image = slope_with_disc();
+        let parameters = Method::Preview.parameters(Target::Size(40));
+        let model = generate(&image, &parameters, &Unattended).unwrap();
+        let rebuilt = rasterize(&model.mesh, &Unattended).unwrap();
+        let pairs = || image.components()[0].iter().zip(&rebuilt.components()[0]);
+        let most = pairs().map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        let squared: u64 = pairs().map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum();
+        let mean = squared as f64 / 1024.0;
+        let keeps = |bound| is_within(&image, &model, &parameters, bound, &Unattended).unwrap();
+        assert!(most > 1 && mean > 1.0);
+        assert!(keeps(ErrorBound::MaxError(most)) && !keeps(ErrorBound::MaxError(most - 1)));
+        assert!(keeps(ErrorBound::MeanError(mean)) && !keeps(ErrorBound::MeanError(mean * 0.999)));
+        let psnr_db = model.fidelity.psnr_db();
+        assert!(keeps(ErrorBound::PsnrDb(psnr_db)) && !keeps(ErrorBound::PsnrDb(psnr_db + 0.001)));
+    }
 }
