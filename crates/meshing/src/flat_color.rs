@@ -190,8 +190,21 @@ mod tests {
             prop_assert_eq!(Fidelity::between(&image, &flat.picture).unwrap(), flat.fidelity);
             let sums = RowSums::new(&image);
             let mut total = 0;
-            for &face in mesh.faces() {
+            for (f, &face) in mesh.faces().iter().enumerate() {
                 let corners = mesh.corners(face);
+                for c in 0..2 {
+                    let mut owned: Vec<u16> = Vec::new();
+                    for_each_row(corners, |y, first, end| {
+                        owned.extend(&image.row(c, y as usize)[first as usize..end as usize]);
+                    });
+                    let mean = owned.iter().map(|&s| f64::from(s)).sum::<f64>() / owned.len() as f64;
+                    let color = if owned.is_empty() {
+                        mesh.vertex_samples(face[0] as usize)[c]
+                    } else {
+                        (mean + 0.5).floor() as u16
+                    };
+                    prop_assert_eq!(flat.colors[2 * f + c], color);
+                }
                 let error = FlatFaces::new(&sums).error(corners);
                 total += error;
                 for c in 0..2 {

@@ -309,6 +309,24 @@ mod tests {
     use crate::parameters::Target;
 
     #[test]
+    fn a_quality_is_one_of_the_picture_however_much_its_points_matter() {
+        let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
+        let image = Image::new(24, 24, 8, vec![samples]).unwrap();
+        let weights = (0..24 * 24).map(|i| (i % 24 * 10) as u8).collect();
+        let weighted = image.with_weights(weights).unwrap();
+        let own = Method::Mgpr.parameters(Target::Psnr(35.0));
+        let of_size = |size| {
+            let target = Target::Size(size);
+            generate(&weighted, &Parameters { target, ..own.clone() }, &Unattended).unwrap()
+        };
+        let found = generate(&weighted, &own, &Unattended).unwrap();
+        assert!(found.fidelity.psnr_db() >= 35.0);
+        let size = found.mesh.points().len();
+        assert_eq!(of_size(size).fidelity, found.fidelity);
+        assert!(size > 4 && of_size(size - 1).fidelity.psnr_db() < 35.0);
+    }
+
+    #[test]
     fn each_liberty_taken_has_a_remark_of_its_own() {
         let plain = Method::Optimal.parameters(Target::Size(50));
         assert_eq!(remarks(&plain), [] as [&str; 0]);

@@ -166,13 +166,14 @@ mod tests {
     #[test]
     fn a_run_of_points_has_the_value_of_each() {
         let samples = [65_535, 3, 40_000];
-        for side in [12, 70_000, 1_000_000] {
-            let corners = [(0, 0), (side, 0), (2, side)].map(|(x, y)| Point::new(x, y));
+        let sides = [(12, 12), (70_000, 70_000), (1_000_000, 1_000_000), (20_000, 1_000_000)];
+        for (width, height) in sides {
+            let corners = [(0, 0), (width, 0), (2, height)].map(|(x, y)| Point::new(x, y));
             let mut run = [0; 7];
             Interpolant::new(corners, samples).fill(1, 1, &mut run);
             let expected =
                 [1, 2, 3, 4, 5, 6, 7].map(|x| rounded(corners, samples, Point::new(x, 1)));
-            assert_eq!(run.map(i128::from), expected, "{side}");
+            assert_eq!(run.map(i128::from), expected, "{width} by {height}");
         }
     }
 

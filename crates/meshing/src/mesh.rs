@@ -515,6 +515,46 @@ mod tests {
     }
 
     #[test]
+    fn a_mesh_of_many_faces_is_preferred_delaunay_when_no_edge_could_be_flipped() {
+        let points: Vec<Point> = (0..100)
+            .map(|i| Point::new(i % 10, i / 10))
+            .filter(|p| (p.x % 9 == 0 && p.y % 9 == 0) || (p.x * 7 + p.y * 5) % 4 == 0)
+            .collect();
+        let mut sorted = points.clone();
+        sorted.sort_unstable();
+        let shape = Shape { width: 10, height: 10, component_count: 1, precision: 8 };
+        let faces = crate::triangulation::triangulate(&sorted);
+        let samples = vec![0; sorted.len()];
+        let mesh =
+            |faces: Vec<Face>| Mesh::from_kernel(shape, sorted.clone(), samples.clone(), faces);
+        assert!(mesh(faces.clone()).is_preferred_delaunay());
+        let mut flips = 0;
+        for (f, &first) in faces.iter().enumerate() {
+            for (g, &second) in faces.iter().enumerate().skip(f + 1) {
+                let [a, b, c] = first;
+                let sides = [[a, b, c], [b, c, a], [c, a, b]];
+                let shared =
+                    sides.iter().find(|[from, to, _]| second.contains(from) && second.contains(to));
+                let Some(&[from, to, left]) = shared else { continue };
+                let Some(&right) = second.iter().find(|&&v| v != from && v != to) else { continue };
+                let is_face = |face: Face| {
+                    let [a, b, c] = face.map(|v| sorted[v as usize]);
+                    orientation(a, b, c) > 0
+                };
+                let flipped_faces = [[right, to, left], [left, from, right]];
+                if !flipped_faces.into_iter().all(is_face) {
+                    continue;
+                }
+                let mut flipped = faces.clone();
+                (flipped[f], flipped[g]) = flipped_faces.into();
+                assert!(!mesh(flipped).is_preferred_delaunay());
+                flips += 1;
+            }
+        }
+        assert!(flips > 20);
+    }
+
+    #[test]
     fn a_sample_out_of_range_is_that_of_its_vertex() {
         let shape = Shape { component_count: 2, ..SHAPE };
         let mut samples = vec![0; 10];

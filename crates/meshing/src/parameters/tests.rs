@@ -142,3 +142,51 @@ fn names_read_back_as_the_values_they_name() {
     let error = "MED".parse::<Method>().unwrap_err();
     assert!(error.to_string().contains("cannot be 'MED': allowed are ed, med"), "{error}");
 }
+
+#[test]
+fn an_initial_density_that_is_too_small_is_told_in_percent() {
+    let target = Target::Density(50.0);
+    let initial_size = InitialSize::Density(20.0);
+    let parameters = Parameters { initial_size, ..Parameters::new(target) };
+    let message = parameters.plan(shape(20, 10, 1)).unwrap_err().to_string();
+    assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");
+    let parameters = Parameters { initial_size: InitialSize::Size(40), ..parameters };
+    let message = parameters.plan(shape(20, 10, 1)).unwrap_err().to_string();
+    assert_eq!(message, "initial_size is 40, but must lie in 100 to 200");
+}
+
+#[test]
+fn a_psnr_needs_a_metric_of_squared_errors() {
+    for &error_metric in ErrorMetric::ALL {
+        let of = |method: Method| {
+            let own = method.parameters(Target::Psnr(30.0));
+            Parameters { error_metric, ..own }.plan(shape(16, 16, 3)).map(|_| ())
+        };
+        let refused = Err(ParameterError::TargetNeedsSquaredError(error_metric));
+        let is_squared = matches!(error_metric, ErrorMetric::MeanCompSe | ErrorMetric::VecSe);
+        assert_eq!(of(Method::Mgpr), if is_squared { Ok(()) } else { refused.clone() });
+        // The luma has one component, and a metric of three is that of one there.
+        let is_squared_of_one = is_squared || error_metric.name().ends_with("_se");
+        assert_eq!(of(Method::Cgpr), if is_squared_of_one { Ok(()) } else { refused });
+    }
+}
+
+#[test]
+fn what_is_made_for_a_number_of_components_is_refused_for_others_alone() {
+    for (method, count) in [(Method::Ed, 1), (Method::Gpr, 1), (Method::Ced, 3), (Method::Cgpr, 3)]
+    {
+        let own = method.parameters(Target::Size(9));
+        assert!(own.plan(shape(16, 16, count)).is_ok(), "{method}");
+        // Points that no density chooses need no policy.
+        let is_free = method == Method::Gpr;
+        assert_eq!(own.plan(shape(16, 16, 2)).is_ok(), is_free, "{method}");
+    }
+    for &error_metric in ErrorMetric::ALL {
+        let own = Method::Mgpr.parameters(Target::Size(9));
+        let parameters = Parameters { error_metric, ..own };
+        for count in 1..5 {
+            let fits = error_metric.component_count().is_none_or(|needed| needed == count);
+            assert_eq!(parameters.plan(shape(16, 16, count)).is_ok(), fits, "{error_metric}");
+        }
+    }
+}

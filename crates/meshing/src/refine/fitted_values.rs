@@ -204,6 +204,9 @@ impl Moments {
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::image::Image;
+    use crate::mesh::{Mesh, Shape};
+    use crate::rasterize::rasterize;
     use crate::refine::tests::picture;
     use crate::refine::valued_mesh::tests::{error_of_rebuilt, faces_of};
     use crate::triangulation::triangulate;
@@ -281,5 +284,35 @@ mod tests {
             prop_assert_eq!(mesh.total_error, error);
             prop_assert!(error <= before);
         }
+    }
+
+    #[test]
+    fn samples_that_are_wrong_at_the_vertices_alone_are_made_good() {
+        let points: Vec<Point> =
+            [(0, 0), (24, 0), (9, 11), (0, 24), (24, 24)].map(|(x, y)| Point::new(x, y)).to_vec();
+        let mut points = points;
+        points.sort_unstable();
+        let faces = triangulate(&points);
+        // Two pictures that the mesh models well, but for the points at its vertices.
+        let values = [[20_u16, 90, 200, 60, 130], [180, 40, 10, 90, 70]];
+        let vertex_values = (0..5).flat_map(|v| values.map(|component| component[v])).collect();
+        let shape = Shape { width: 25, height: 25, component_count: 2, precision: 8 };
+        let model = Mesh::from_kernel(shape, points.clone(), vertex_values, faces.clone());
+        let mut components = rasterize(&model, &Unattended).unwrap().components().to_vec();
+        for component in &mut components {
+            for p in &points {
+                component[p.y as usize * 25 + p.x as usize] = 100;
+            }
+        }
+        let image = Image::new(25, 25, 8, components).unwrap();
+        let mut mesh = ValuedMesh::new(&image, points, &faces);
+        let before = mesh.total_error;
+        fit_values(&mut mesh, &Unattended).unwrap();
+        for (v, found) in mesh.values.chunks(2).enumerate() {
+            for (c, &found) in found.iter().enumerate() {
+                assert!(found.abs_diff(values[c][v]) <= 4, "{found}, not {}", values[c][v]);
+            }
+        }
+        assert!(10 * mesh.total_error < before, "{} of {before}", mesh.total_error);
     }
 }

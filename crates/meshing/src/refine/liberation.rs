@@ -58,3 +58,69 @@ pub(crate) fn liberate(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Cancelled, Unattended};
+    use crate::image::Image;
+    use crate::mesh::Point;
+    use crate::triangulation::triangulate;
+
+    /// A picture of discs on a slope, and points that know nothing of them.
+    fn picture() -> (Image, Vec<Point>) {
+        let side = 48;
+        let sample = |i: usize| {
+            let (x, y) = ((i % side) as i32, (i / side) as i32);
+            let inside = (x % 24 - 11).pow(2) + (y % 24 - 12).pow(2) < 60;
+            (2 * x + y) as u16 + if inside { 90 } else { 0 }
+        };
+        let image =
+            Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap();
+        let steps = [0, 7, 15, 22, 31, 38, 47];
+        let points = steps.iter().flat_map(|&y| steps.map(|x| Point::new(x, y))).collect();
+        (image, points)
+    }
+
+    /// Cancels when so many rounds are over.
+    struct Rounds(usize);
+
+    impl Control for Rounds {
+        fn poll(&self, _: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+            // Of all rounds the work is one share each.
+            if done * 6 >= total * self.0 { Err(Cancelled) } else { Ok(()) }
+        }
+    }
+
+    fn freed(freedom: Freedom, effort: u8, control: &dyn Control) -> (u64, Vec<Point>) {
+        let (image, points) = picture();
+        let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+        let ended = liberate(&mut mesh, freedom, effort, control);
+        assert!(ended.is_ok() || control.poll(Stage::Refine, 1, 1).is_err());
+        (mesh.total_error, mesh.triangulation.points)
+    }
+
+    #[test]
+    fn each_freedom_lowers_the_error_and_only_effort_moves_vertices() {
+        let (image, points) = picture();
+        let before = ValuedMesh::new(&image, points.clone(), &triangulate(&points)).total_error;
+        for (connectivity, values) in [(true, false), (false, true), (true, true)] {
+            let freedom = Freedom { connectivity, values };
+            let (still, places) = freed(freedom, 0, &Unattended);
+            assert!(still < before && places == points, "{connectivity} {values}");
+            let (moved, places) = freed(freedom, 2, &Unattended);
+            assert!(moved < still && places != points, "{connectivity} {values}");
+        }
+    }
+
+    #[test]
+    fn rounds_go_on_while_they_pay_and_are_three_for_each_level_of_effort_at_most() {
+        let freedom = Freedom { connectivity: true, values: true };
+        let after = |rounds| freed(freedom, 2, &Rounds(rounds)).0;
+        let errors: Vec<u64> = (1..=6).map(after).collect();
+        assert!(errors[0] > errors[1] && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
+        assert_eq!(freed(freedom, 2, &Unattended).0, errors[5]);
+        // Half the effort is half the rounds.
+        assert_eq!(freed(freedom, 1, &Unattended).0, errors[2]);
+    }
+}

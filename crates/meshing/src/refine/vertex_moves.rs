@@ -233,7 +233,10 @@ fn add_face(
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::image::Image;
     use crate::mesh::Face;
+    use crate::mesh::{Mesh, Shape};
+    use crate::rasterize::rasterize;
     use crate::refine::tests::picture;
     use crate::refine::valued_mesh::tests::{error_of_rebuilt, faces_of};
     use crate::triangulation::triangulate;
@@ -332,5 +335,82 @@ mod tests {
                 prop_assert_eq!(faces, triangulate(&points));
             }
         }
+    }
+
+    /// A mesh with vertices inside and on each side, and the picture that it is of without error.
+    fn modelled() -> (Vec<Point>, Vec<Face>, Image) {
+        let side = 25;
+        let mut points: Vec<Point> = [
+            (0, 0),
+            (11, 0),
+            (24, 0),
+            (0, 13),
+            (12, 9),
+            (24, 10),
+            (7, 17),
+            (17, 16),
+            (0, 24),
+            (13, 24),
+            (24, 24),
+        ]
+        .map(|(x, y)| Point::new(x, y))
+        .to_vec();
+        points.sort_unstable();
+        let faces = triangulate(&points);
+        let values = (0..points.len() as u16).flat_map(|v| [v * 97 % 211, 250 - v * 61 % 239]);
+        let shape = Shape { width: side, height: side, component_count: 2, precision: 8 };
+        let mesh = Mesh::from_kernel(shape, points.clone(), values.collect(), faces.clone());
+        let image = rasterize(&mesh, &Unattended).unwrap();
+        (points, faces, image)
+    }
+
+    #[test]
+    fn a_vertex_beside_its_place_is_moved_there_and_others_stay() {
+        let (points, faces, image) = modelled();
+        let last = 24;
+        let mut tried = [0; 2];
+        for (vertex, &from) in points.iter().enumerate() {
+            for (dx, dy) in PLACES {
+                let beside = Point::new(from.x + dx, from.y + dy);
+                let on_side = |from: i32, to: i32| from % last != 0 || from == to;
+                let inside = (0..=last).contains(&beside.x) && (0..=last).contains(&beside.y);
+                if !inside || !on_side(from.x, beside.x) || !on_side(from.y, beside.y) {
+                    continue;
+                }
+                // The order of the points is free, and so the vertices keep their numbers.
+                let mut moved = points.clone();
+                moved[vertex] = beside;
+                let mut sorted = moved.clone();
+                sorted.sort_unstable();
+                let is_delaunay = sorted == moved && triangulate(&moved) == faces;
+                for connectivity in [true, false] {
+                    if !connectivity && !is_delaunay {
+                        continue;
+                    }
+                    for values in [true, false] {
+                        let mut mesh = ValuedMesh::new(&image, moved.clone(), &faces);
+                        let freedom = Freedom { connectivity, values };
+                        let mut moves = VertexMoves::new(points.len(), freedom);
+                        // All but this one are said to be as they were.
+                        moves.changed.fill(false);
+                        moves.pass(&mut mesh, &Unattended).unwrap();
+                        assert_eq!(mesh.triangulation.points, moved);
+                        moves.changed[vertex] = true;
+                        moves.pass(&mut mesh, &Unattended).unwrap();
+                        assert_eq!(mesh.triangulation.points, points, "{vertex} from {beside:?}");
+                        assert_eq!(mesh.total_error, 0);
+                        tried[usize::from(connectivity)] += 1;
+                        // Its neighbours are looked at next, and nothing is left to gain.
+                        assert_eq!(moves.changed.contains(&true), beside != from);
+                        moves.restart();
+                        assert!(moves.changed.iter().all(|&changed| changed));
+                        moves.pass(&mut mesh, &Unattended).unwrap();
+                        assert_eq!(mesh.triangulation.points, points);
+                        assert!(!moves.changed.contains(&true));
+                    }
+                }
+            }
+        }
+        assert!(tried.iter().all(|&count| count > 50), "{tried:?}");
     }
 }
