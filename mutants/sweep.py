@@ -121,8 +121,7 @@ def decide(programs, mutant, killers, whole):
     stages += [(programs[0], [])] if whole else [(programs[0], [own]), (programs[0], ["--skip", own])]
     stages += [(program, []) for program in programs[1:]]
     for program, tests in stages:
-        limit = LEAST if tests[:1] == ["--exact"] else program.limit(tests)
-        outcome, by, _ = program.run(mutant["ordinal"], tests, limit)
+        outcome, by, _ = program.run(mutant["ordinal"], tests, program.limit(tests))
         if outcome != "survived":
             if by and not by.startswith("status"):
                 killers[mutant["file"]] = (program, by)

@@ -242,4 +242,18 @@ mod tests {
             assert_eq!(heard.last(), Some(&(Stage::Density, 288, 288)));
         }
     }
+
+    #[test]
+    fn rows_of_all_components_are_counted_where_they_make_one_gradient() {
+        let plane = |c: usize| (0..8 * 96).map(|i| (i * (c + 7) % 251) as u16).collect();
+        let image = Image::new(8, 96, 8, (0..3).map(plane).collect()).unwrap();
+        let own = Parameters::new(Target::Density(50.0));
+        let record = Record::default();
+        Density::new(&image, &Parameters { policy: Policy::Psc, ..own }, &record).unwrap();
+        let heard = record.0.into_inner().unwrap();
+        assert!(heard.iter().all(|&(stage, _, rows)| (stage, rows) == (Stage::Density, 288)));
+        for row in (0..288).step_by(32) {
+            assert!(heard.contains(&(Stage::Density, row, 288)), "{row} is not in {heard:?}");
+        }
+    }
 }

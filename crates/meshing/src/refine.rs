@@ -173,6 +173,32 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
+    #[test]
+    fn the_progress_of_a_step_is_a_part_of_all_and_never_goes_back() {
+        #[derive(Default)]
+        struct Told(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
+        impl Control for Told {
+            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                self.0.lock().unwrap().push((stage, done, total));
+                if done == 3 * PARTS { Err(Cancelled) } else { Ok(()) }
+            }
+            fn threads(&self) -> NonZeroUsize {
+                NonZeroUsize::new(7).unwrap()
+            }
+        }
+        let told = Told::default();
+        let part = Part { control: &told, done: 2, count: 5, reached: AtomicUsize::new(0) };
+        for (done, total) in [(0, 0), (0, 10), (5, 10), (3, 10), (60, 100)] {
+            part.poll(Stage::Refine, done, total).unwrap();
+        }
+        assert_eq!(part.poll(Stage::Refine, 12, 10), Err(Cancelled));
+        assert_eq!(part.threads(), told.threads());
+        let told = told.0.into_inner().unwrap();
+        assert!(told.iter().all(|&(stage, _, total)| stage == Stage::Refine && total == 5000));
+        let told: Vec<usize> = told.iter().map(|&(_, done, _)| done).collect();
+        assert_eq!(told, [2000, 2000, 2500, 2500, 2600, 3000]);
+    }
+
     /// A picture of few levels in two components, and points of it, the corners among them.
     pub(super) fn picture(
         width: usize,

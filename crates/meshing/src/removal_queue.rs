@@ -255,6 +255,7 @@ mod tests {
                 prop_assert_eq!(queue.least(count), least);
             }
             for (i, &entry) in expected.iter().enumerate() {
+                prop_assert_eq!(queue.len(), expected.len() - i);
                 prop_assert_eq!(queue.first(), Some(entry));
                 prop_assert_eq!(queue.second(), expected.get(i + 1).copied());
                 queue.remove_first();

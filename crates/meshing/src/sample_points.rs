@@ -130,4 +130,54 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn uniform_points_have_steps_as_equal_as_rows_and_columns_allow() {
+        for (width, height, size, rows, columns) in [
+            (5, 9, 15, 5, 3),
+            (5, 5, 10, 3, 3),
+            (5, 5, 7, 3, 2),
+            (3, 5, 8, 4, 2),
+            (101, 51, 66, 6, 11),
+        ] {
+            let chosen = uniform_points(width, height, size);
+            let in_rows = chosen.chunks(width).filter(|row| row.contains(&1)).count();
+            assert_eq!(
+                (in_rows, count(&chosen)),
+                (rows, rows * columns),
+                "{width} {height} {size}"
+            );
+        }
+    }
+
+    #[test]
+    fn any_lattice_point_may_be_a_random_one() {
+        let mut times = [0; 9];
+        for seed in 0..400 {
+            let chosen = random_points(3, 3, 6, seed);
+            times.iter_mut().zip(chosen).for_each(|(times, mark)| *times += usize::from(mark));
+        }
+        // Two of the five that are no corners, and these 160 times each on average.
+        for (place, &times) in times.iter().enumerate() {
+            let expected = if [0, 2, 6, 8].contains(&place) { 0..1 } else { 120..200 };
+            assert!(expected.contains(&times), "{place}: {times}");
+        }
+    }
+
+    #[test]
+    fn insertion_gives_no_more_points_than_asked_for_unless_all_are() {
+        use crate::control::Unattended;
+        use crate::method::Method;
+        use crate::parameters::Target;
+
+        let samples: Vec<u16> = (0..64).map(|i| if i == 27 { 9 } else { 0 }).collect();
+        let image = Image::new(8, 8, 8, vec![samples]).unwrap();
+        let of = |size| {
+            let parameters = Method::Preview.parameters(Target::Size(size));
+            sample_points(&image, &parameters, size, &Unattended).unwrap().len()
+        };
+        assert_eq!(of(5), 5);
+        assert!(of(20) <= 20 && of(63) < 63, "nearly all of it is flat");
+        assert_eq!(of(64), 64);
+    }
 }

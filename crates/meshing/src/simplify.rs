@@ -493,4 +493,56 @@ mod tests {
             prop_assert_eq!(tally.remaining, 4);
         }
     }
+
+    /// A tally of a picture of 100 points whose error is 50, with 10 vertices of which 6 may stay.
+    fn tally(image: &Image, bound: Option<ErrorBound>, bad_point_removal: bool) -> Tally<'_> {
+        let metric = ErrorMetric::MeanCompSe;
+        let rule = StopRule { size: 6, bound, metric, bad_point_removal };
+        Tally::new(image, rule, 10, 50)
+    }
+
+    #[test]
+    fn removal_ends_at_the_size_but_for_points_that_only_raise_the_error() {
+        let image = picture(10, 10, &[7; 100]);
+        for bad_point_removal in [false, true] {
+            let above = tally(&image, None, bad_point_removal);
+            assert!([-1, 0, 1, i64::MAX].iter().all(|&change| !above.must_stop(change)));
+            let at_size = Tally { remaining: 6, ..above };
+            assert!(at_size.must_stop(0) && at_size.must_stop(1));
+            assert_eq!(at_size.must_stop(-1), !bad_point_removal);
+        }
+    }
+
+    #[test]
+    fn removal_ends_before_the_first_that_would_break_the_bound() {
+        let image = picture(10, 10, &[7; 100]);
+        let with = |bound| tally(&image, Some(bound), false);
+        // Two components of 100 points: the mean error is a two-hundredth of the sum.
+        let mean = with(ErrorBound::MeanError(0.25 + 0.05));
+        assert!(!mean.must_stop(10) && mean.must_stop(11));
+        let psnr_db = Fidelity::of_sum(60, &image).psnr_db();
+        let psnr = with(ErrorBound::PsnrDb(psnr_db));
+        assert!(!psnr.must_stop(10) && psnr.must_stop(11) && !psnr.must_stop(-50));
+        let max = with(ErrorBound::MaxError(3));
+        assert!(!max.must_stop(1000));
+    }
+
+    #[test]
+    fn the_control_is_told_how_many_have_gone_and_ends_the_work() {
+        struct Expected(usize);
+        impl Control for Expected {
+            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                assert_eq!((stage, done, total), (Stage::Simplify, self.0, 4));
+                Err(Cancelled)
+            }
+        }
+        let image = picture(10, 10, &[7; 100]);
+        let mut tally = tally(&image, None, true);
+        let removal = Removal { point: Point::new(1, 1), change: 0 };
+        for gone in 0..6 {
+            assert_eq!(tally.poll(&Expected(gone.min(4))), Err(Cancelled));
+            assert_eq!(tally.surplus_left(), 4_usize.saturating_sub(gone));
+            tally.removals.push(removal);
+        }
+    }
 }

@@ -254,4 +254,21 @@ mod tests {
         let small = gray(10, |x, _| x as u16);
         assert_eq!(structural_similarity(&small, &small, &Unattended), Ok(None));
     }
+
+    #[test]
+    fn rows_of_all_components_are_counted_as_they_are_compared() {
+        #[derive(Default)]
+        struct Told(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
+        impl Control for Told {
+            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                self.0.lock().unwrap().push((stage, done, total));
+                Ok(())
+            }
+        }
+        let image = Image::new(12, 14, 8, vec![vec![5; 12 * 14]; 3]).unwrap();
+        let told = Told::default();
+        structural_similarity(&image, &image, &told).unwrap();
+        let expected: Vec<_> = (0..42).map(|row| (Stage::Measure, row, 42)).collect();
+        assert_eq!(told.0.into_inner().unwrap(), expected);
+    }
 }

@@ -400,4 +400,43 @@ mod tests {
         // In several tiles the order is another one, or the test would be of nothing.
         assert_ne!(remove(&image, 100, 5, 2).removals, exact.removals);
     }
+
+    #[test]
+    fn tiles_have_8192_vertices_or_more_where_there_were_too_many_of_them() {
+        let digits = |count, size| tile_digits(count, rule(size));
+        let tile = 1 << LEAST_TILE;
+        assert_eq!(digits(LEAST_TILES * tile, 4), None);
+        assert_eq!(digits(LEAST_TILES * tile + 1, 4), Some(LEAST_TILE));
+        assert_eq!(digits(MOST_TILES * tile, 4), Some(LEAST_TILE));
+        assert_eq!(digits(MOST_TILES * tile + 1, 4), Some(LEAST_TILE + 1));
+        assert_eq!(digits(5 * MOST_TILES * tile, 4), Some(LEAST_TILE + 3));
+        // Few of them go.
+        let (count, part) = (100 * tile, 100 * tile / LEAST_PART);
+        assert_eq!(digits(count, count - part), None);
+        assert_eq!(digits(count, count - part - 1), Some(LEAST_TILE));
+        let bound = Some(crate::parameters::ErrorBound::PsnrDb(30.0));
+        assert_eq!(tile_digits(count, StopRule { bound, ..rule(4) }), None);
+    }
+
+    #[test]
+    fn a_limit_has_as_many_below_it_as_asked_for_and_quotas_are_twice_these() {
+        let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
+        let image = Image::new(30, 30, 4, vec![plane]).unwrap();
+        let triangulation = Triangulation::new(all_points(30, 30), &Unattended).unwrap();
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let Prepared { stars, entries, .. } =
+            prepare(&image, triangulation, rule(4), &measure, 6, &Unattended).unwrap();
+        let mut tiles = tiles(stars, entries.clone());
+        assert_eq!(tiles.len(), 900_usize.div_ceil(64));
+        for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2)] {
+            let limit = set_quotas(&mut tiles, count, size);
+            let is_below = |entry: &&Entry| **entry < limit;
+            assert_eq!(entries.iter().filter(is_below).count(), count);
+            for (number, tile) in tiles.iter().enumerate() {
+                let own = |entry: &&Entry| entry.vertex as usize / 64 == number;
+                let below = entries.iter().filter(is_below).filter(own).count();
+                assert_eq!(tile.quota, 2 * below + least);
+            }
+        }
+    }
 }

@@ -132,6 +132,20 @@ fn prepared(image: &Image, measure: &Measure<'_>) -> (Vertices, Stars) {
     (vertices, stars.into_one())
 }
 
+#[test]
+fn places_below_2_to_the_14_are_near_enough_for_32_bits() {
+    let samples = vec![vec![0; 4 * 4]];
+    let image = Image::new(4, 4, 8, samples).unwrap();
+    let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+    let (vertices, stars) = prepared(&image, &measure);
+    let net = vertices.net(&stars);
+    assert!(net.is_narrow());
+    let far = 1 << 14;
+    for (right, top, is_narrow) in [(far - 1, far - 1, true), (far, 3, false), (3, far, false)] {
+        assert_eq!(Net { right, top, ..net }.is_narrow(), is_narrow, "{right} {top}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
