@@ -62,7 +62,7 @@ fn no_work_takes_more_memory_than_it_was_admitted_for() {
 #[test]
 fn a_picture_that_a_process_of_its_own_decodes_takes_both_no_more_than_was_admitted() {
     let _alone = crate::alone();
-    let query = "method=med&size=4&format=model";
+    let query = "method=med&size=100&initial=uniform&format=model";
     for (kind, make) in KINDS {
         let picture = make(5000, 4000);
         // The process has a copy of the file.

@@ -6,7 +6,7 @@ use crate::late::{KINDS, children};
 use crate::pictures::disc;
 use crate::server::{Server, program};
 use pixmesh_codec::{DecodeOptions, write_model};
-use pixmesh_meshing::{Method, Target, Unattended, generate};
+use pixmesh_meshing::{Generator, Method, Parameters, Target, Unattended, generate};
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -30,7 +30,8 @@ const FLAGS: [&str; 10] = [
     "--sync-deadline",
     "5m",
 ];
-const QUERY: &str = "method=med&size=4";
+/// Quick to mesh whatever the size.
+const QUERY: &str = "method=med&size=100&initial=uniform";
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Waits for the process that decodes a picture for this service.
@@ -136,16 +137,23 @@ fn a_client_that_leaves_ends_the_process_within_a_tenth_of_a_second_at_any_momen
 fn a_picture_from_a_process_is_the_one_that_the_library_decodes_and_so_are_refusals() {
     let server = Server::start(&FLAGS);
     let options = DecodeOptions::default();
-    for (n, (kind, make)) in KINDS.into_iter().enumerate() {
-        let image = make(3600, 2500);
+    let parameters =
+        Parameters { generator: Generator::Uniform, ..Method::Med.parameters(Target::Size(100)) };
+    // Hardly larger than what is decoded in the service.
+    let sizes = [(3600, 2300), (3200, 2000), (2000, 1600)];
+    for (n, ((kind, make), (width, height))) in KINDS.into_iter().zip(sizes).enumerate() {
+        let image = make(width, height);
         assert!(options.may_stop_late(&image), "{kind}");
+        assert!(!options.may_stop_late(&make(width, height - 200)), "{kind}");
         let decoded = options.decode(&image).unwrap();
-        let mesh = generate(&decoded, &Method::Med.parameters(Target::Size(4)), &Unattended);
+        let made = generate(&decoded, &parameters, &Unattended).unwrap();
         let mut model = Vec::new();
-        write_model(&mesh.unwrap().mesh, &mut model).unwrap();
+        write_model(&made.mesh, &mut model).unwrap();
         let answer = server.mesh(QUERY, &[], &image);
         assert_eq!(answer.status, 200, "{kind}: {}", answer.text());
         assert!(answer.body == model, "{kind}");
+        // The error is that of all samples.
+        assert_eq!(answer.header("mesh-mse"), made.fidelity.mse().to_string(), "{kind}");
         assert!(answer.header("server-timing").contains("decode;dur="));
         let broken = &image[..image.len() - 200_000 / (n + 1)];
         let problem = match options.decode(broken) {
