@@ -102,6 +102,10 @@ impl ObjectStore for BrokerBucket {
             InfoErrorKind::NotFound => not_found(&name, error),
             _ => failed(error),
         })?;
+        // What was deleted leaves a mark under its name.
+        if info.deleted {
+            return Err(Error::NotFound { path: name, source: "it was deleted".into() });
+        }
         let meta = meta_of(place.clone(), &info);
         options.check_preconditions(&meta)?;
         let range = match &options.range {
@@ -187,3 +191,6 @@ fn failed(error: impl std::error::Error + Send + Sync + 'static) -> Error {
 fn not_done(operation: &str) -> Error {
     Error::NotImplemented { operation: operation.to_owned(), implementer: STORE.to_owned() }
 }
+
+#[cfg(test)]
+mod tests;

@@ -338,3 +338,119 @@ impl Change {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::digest::Digest;
+
+    const HOUR: Duration = Duration::from_secs(3600);
+
+    fn waiting() -> StoredJob {
+        let job = NewJob {
+            id: JobId::new(),
+            owner: Owner::named("somebody"),
+            order: "density=2".into(),
+            picture: Picture::of_bytes(b"image"),
+            idempotency_key: None,
+        };
+        StoredJob::new(&job, None)
+    }
+
+    fn running() -> (StoredJob, Lease) {
+        let mut job = waiting();
+        let lease = job.begin(JobId::new()).unwrap().lease;
+        (job, lease)
+    }
+
+    fn figures() -> MeshFigures {
+        MeshFigures {
+            progression: None,
+            digest: Digest::of(b"mesh").to_string(),
+            bytes: 4,
+            vertices: 4,
+            faces: 2,
+            mse: 0.25,
+            psnr_db: None,
+            timings_ms: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_job_needs_its_image_until_it_has_ended_and_its_mesh_from_then_on() {
+        let (image, mesh) = (Digest::of(b"image").to_string(), Digest::of(b"mesh").to_string());
+        let (mut job, _) = running();
+        assert!(job.needs(&image) && job.needs(&mesh));
+        assert_eq!(job.mesh(), None);
+        assert!(job.blobs().eq([&image]));
+        job.end(&Outcome::Completed(figures()), HOUR);
+        assert!(!job.needs(&image) && job.needs(&mesh));
+        assert_eq!(job.mesh(), Some(&*mesh));
+        assert!(job.blobs().eq([&image, &mesh]));
+    }
+
+    #[test]
+    fn a_lease_holds_while_its_attempt_runs_and_no_longer() {
+        let (mut job, first) = running();
+        assert!(job.is_held_by(first));
+        assert_eq!(job.fence(), first.fence);
+        job.finish(&Outcome::HandedBack, HOUR);
+        assert!(!job.is_held_by(first));
+        assert!(!job.is_held_by(Lease { fence: job.fence(), ..first }), "nobody has it");
+        let second = job.begin(first.job).unwrap().lease;
+        assert!(job.is_held_by(second) && !job.is_held_by(first));
+        assert!(second.fence > first.fence);
+    }
+
+    #[test]
+    fn whoever_fell_silent_holds_a_job_no_more_however_it_goes_on() {
+        let attempts = |count: u32| {
+            let (mut job, mut lease) = running();
+            for _ in 1..count {
+                job.finish(&Outcome::Retry(Value::Null), HOUR);
+                lease = job.begin(lease.job).unwrap().lease;
+            }
+            (job, lease)
+        };
+        let (cancelled, lease) = attempts(1);
+        let cancelled = (StoredJob { cancel_requested: true, ..cancelled }, lease);
+        for ((mut job, lease), expected) in [
+            (attempts(1), TakenBack::Queued),
+            (attempts(MAX_ATTEMPTS), TakenBack::Exhausted),
+            (cancelled, TakenBack::Cancelled),
+        ] {
+            assert_eq!(job.take_back(HOUR), expected);
+            assert!(job.fence() > lease.fence, "{expected:?}");
+            assert_eq!(job.is_final(), expected != TakenBack::Queued);
+        }
+    }
+
+    #[test]
+    fn a_job_is_over_from_the_end_of_its_time_on() {
+        let mut job = waiting();
+        assert!(!job.is_over());
+        job.end(&Outcome::Cancelled, HOUR);
+        assert!(!job.is_over());
+        job.end(&Outcome::Cancelled, Duration::ZERO);
+        assert!(job.is_over());
+    }
+
+    #[test]
+    fn the_latest_changes_of_a_job_that_is_handed_back_again_and_again_are_kept() {
+        let mut job = waiting();
+        for _ in 0..MOST_CHANGES {
+            let all = job.events(0);
+            assert_eq!(all.len() as u64, job.revision.min(MOST_CHANGES as u64));
+            let last = all.last().unwrap();
+            assert_eq!((last.revision, last.state), (job.revision, job.state().unwrap()));
+            assert!(all.is_sorted_by(|a, b| a.revision + 1 == b.revision));
+            match job.state() {
+                Some(State::Queued) => _ = job.begin(JobId::new()),
+                _ => job.finish(&Outcome::HandedBack, HOUR),
+            }
+        }
+        assert_eq!(job.events(0).len(), MOST_CHANGES);
+        assert_eq!(job.events(job.revision - 3).len(), 3);
+        assert_eq!(job.attempt(), 0);
+    }
+}
