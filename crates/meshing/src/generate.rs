@@ -330,7 +330,7 @@ mod tests {
     fn each_liberty_taken_has_a_remark_of_its_own() {
         let plain = Method::Optimal.parameters(Target::Size(50));
         assert_eq!(remarks(&plain), [] as [&str; 0]);
-        let free = Parameters { connectivity: Connectivity::Free, ..plain.clone() };
+        let free = Parameters { connectivity: Connectivity::Free, ..plain };
         let fitted = Parameters { values: Values::Fitted, ..plain };
         let flat = Method::Flat.parameters(Target::Size(50));
         for (parameters, word) in [(&free, "connectivity"), (&fitted, "values"), (&flat, "flat")] {

@@ -516,11 +516,10 @@ mod tests {
 
     #[test]
     fn a_mesh_of_many_faces_is_preferred_delaunay_when_no_edge_could_be_flipped() {
-        let points: Vec<Point> = (0..100)
+        let mut sorted: Vec<Point> = (0..100)
             .map(|i| Point::new(i % 10, i / 10))
             .filter(|p| (p.x % 9 == 0 && p.y % 9 == 0) || (p.x * 7 + p.y * 5) % 4 == 0)
             .collect();
-        let mut sorted = points.clone();
         sorted.sort_unstable();
         let shape = Shape { width: 10, height: 10, component_count: 1, precision: 8 };
         let faces = crate::triangulation::triangulate(&sorted);
