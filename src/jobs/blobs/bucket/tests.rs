@@ -9,6 +9,7 @@ use clap::Parser;
 use nats_server::NatsServer;
 use object_store::{GetRange, ObjectStoreExt};
 
+#[allow(clippy::duplicate_mod, reason = "the tests of the queue in a broker have it too")]
 #[path = "../../../../tests/cluster/nats_server.rs"]
 mod nats_server;
 
