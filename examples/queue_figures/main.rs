@@ -145,6 +145,7 @@ fn terms() -> Terms {
         result_ttl: day,
         idempotency_ttl: day,
         gone_ttl: day,
+        look_again: Duration::from_secs(1),
     }
 }
 

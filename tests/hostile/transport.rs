@@ -1,6 +1,6 @@
 //! 6.4: the wire, and forms.
 
-use crate::client::{connect, exchange, field, form, receive, send};
+use crate::client::{connect, exchange, field, form, send};
 use crate::pictures::{disc, flat, noise};
 use crate::server::Server;
 use crate::table::{Expected, Request, Row, check, get, post};
