@@ -2,7 +2,7 @@
 //!
 //! `serve` and `worker` start it, nobody else: it is not in the program's help. It reads the file from
 //! its standard input and writes its samples, or why there are none, to its standard output
-//! ([`reply`](super::reply)). It opens nothing, and keeps nothing of the environment. When whoever
+//! ([`reply`]). It opens nothing, and keeps nothing of the environment. When whoever
 //! started it is gone, it ends; signals that ask a group of processes to stop it leaves to that one,
 //! which waits for the picture or kills it.
 

@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn lines_are_counted_whatever_ends_them() {
-        let tokens = Tokens::new(b"a\nb\r\nc\rd # x\re # y\n\n\x0bf#z\r\n g");
+        let tokens = Tokens::new(b"a\nb\r\nc\rd # x\re # y\n\n\x0bf#z\r\n g", &|| Ok(()));
         let found: Vec<(char, usize)> =
             tokens.map(|token| (char::from(token.text[0]), token.line)).collect();
         assert_eq!(found, [('a', 1), ('b', 2), ('c', 3), ('d', 4), ('e', 5), ('f', 7), ('g', 8)]);
