@@ -8,7 +8,7 @@
 use super::cost::{Compared, Kept};
 use crate::extract::accept::Format;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{ErrorMetric, Generator, Meshed, Parameters, Plan, Policy, Shape};
+use pixmesh_meshing::{ErrorMetric, Generator, Meshed, Parallel, Parameters, Plan, Policy, Shape};
 
 /// Bytes per sample of an image.
 const SAMPLE: u64 = 2;
@@ -33,12 +33,18 @@ const MAX_COPIED_COMPONENTS: u64 = 4;
 const AREAS: u64 = 4;
 /// Bytes per initial point: while they are triangulated, and later with what removal knows of each.
 const POINT: u64 = 240;
+/// Bytes per initial point more where they are removed tile by tile: their order in each tile, and what
+/// goes in each round.
+const TILED: u64 = 80;
 /// Bytes per final vertex while it is refined: twice what is known of it and its faces.
 const REFINED: u64 = 640;
+/// Bytes that the allocator keeps apart for the threads that refine, whatever the mesh.
+const REFINING_THREADS: u64 = 16 << 20;
 /// Bytes per inserted point: what is known of it and its faces, twice, and of those that wait.
 const INSERTED: u64 = 1200;
-/// Bytes per pixel of the marks of vertices while they are refined, twice.
-const REFINED_MARKS: u64 = 2;
+/// Bytes per pixel of the marks of vertices while they are refined: in the mesh, as it was before a
+/// round, and in patches.
+const REFINED_MARKS: u64 = 3;
 /// Bytes per sample of the running sums that flat faces are measured by, 16 each, and as much again
 /// for what was measured beside them.
 const ROW_SUMS: u64 = 32;
@@ -167,9 +173,13 @@ impl<'a> Footprint<'a> {
         let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
         let refining = match self.parameters.effort {
             0 => 0,
-            _ => self.most * REFINED + self.pixels * REFINED_MARKS,
+            _ => self.most * REFINED + self.pixels * REFINED_MARKS + REFINING_THREADS,
         };
-        let meshing = refining.max(self.initial * POINT);
+        let point = match self.parameters.parallel {
+            Parallel::Tiles => POINT + TILED,
+            Parallel::Exact => POINT,
+        };
+        let meshing = refining.max(self.initial * point);
         let sums =
             if self.parameters.is_flat() { self.pixels * self.components * ROW_SUMS } else { 0 };
         let weights = match self.parameters.error_metric {
