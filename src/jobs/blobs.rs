@@ -159,7 +159,11 @@ impl Blobs {
         loop {
             looks -= 1;
             let found = match self.store.get(&place(digest)).await {
-                Ok(found) => found.bytes().await,
+                Ok(found) => match found.bytes().await {
+                    // Another node may have put it once more meanwhile.
+                    Err(_) if looks > 0 => continue,
+                    found => found,
+                },
                 Err(object_store::Error::NotFound { .. }) if looks > 0 => {
                     tokio::time::sleep(PAUSE).await;
                     continue;

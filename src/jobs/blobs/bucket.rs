@@ -2,7 +2,7 @@
 
 use crate::jobs::nats::{Broker, failure};
 use async_nats::jetstream::object_store::{
-    Config, DeleteErrorKind, GetErrorKind, InfoErrorKind, ObjectInfo, ObjectStore as Bucket,
+    Config, DeleteErrorKind, GetErrorKind, InfoErrorKind, Object, ObjectInfo, ObjectStore as Bucket,
 };
 use async_nats::jetstream::stream::StorageType;
 use async_trait::async_trait;
@@ -16,14 +16,18 @@ use object_store::{
     PutResult, Result,
 };
 use std::fmt;
-use std::io::Cursor;
+use std::io::{self, Cursor};
 use std::ops::Range;
+use std::pin::pin;
 use std::time::{Duration, SystemTime};
 use tokio::io::{AsyncReadExt, copy, sink};
+use tokio::time::timeout;
 use tokio_util::io::ReaderStream;
 
 /// The name by which this store is known in errors.
 const STORE: &str = "JetStream";
+/// How long a piece is waited for before it is asked whether there is still one to come.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
 /// The size of the pieces that a blob is read in.
 const PIECE: usize = 128 << 10;
 
@@ -64,10 +68,47 @@ impl BrokerBucket {
             GetErrorKind::NotFound => not_found(&name, error),
             _ => failed(error),
         })?;
-        // What lies before the part is read and dropped: pieces have no addresses.
-        copy(&mut (&mut object).take(range.start), &mut sink()).await.map_err(failed)?;
+        let copy_read = object.info.nuid.clone();
+        self.drop_first(&mut object, range.start, &name).await?;
         let part = object.take(range.end - range.start);
-        Ok(ReaderStream::with_capacity(part, PIECE).map_err(failed).boxed())
+        let pieces = ReaderStream::with_capacity(part, PIECE);
+        let reading = (self.clone(), pieces, name, copy_read);
+        Ok(stream::try_unfold(reading, |(bucket, mut pieces, name, copy_read)| async {
+            loop {
+                match timeout(LOOK_AGAIN, pieces.next()).await {
+                    Ok(None) => return Ok(None),
+                    Ok(Some(piece)) => {
+                        let piece = piece.map_err(failed)?;
+                        return Ok(Some((piece, (bucket, pieces, name, copy_read))));
+                    }
+                    Err(_) => bucket.must_have(&name, &copy_read).await?,
+                }
+            }
+        })
+        .boxed())
+    }
+
+    /// Reads and drops what lies before a part: pieces have no addresses.
+    async fn drop_first(&self, object: &mut Object, bytes: u64, name: &str) -> Result<()> {
+        let (copy_read, mut nowhere) = (object.info.nuid.clone(), sink());
+        let mut first = object.take(bytes);
+        let mut dropping = pin!(copy(&mut first, &mut nowhere));
+        loop {
+            if let Ok(dropped) = timeout(LOOK_AGAIN, &mut dropping).await {
+                return dropped.map(|_| ()).map_err(failed);
+            }
+            self.must_have(name, &copy_read).await?;
+        }
+    }
+
+    /// A blob that is put once more is another copy, and the pieces of the one before are deleted:
+    /// whoever reads that one would wait for them for ever.
+    async fn must_have(&self, name: &str, copy_read: &str) -> Result<()> {
+        let info = self.bucket.info(name).await.map_err(failed)?;
+        match info.nuid == copy_read && !info.deleted {
+            true => Ok(()),
+            false => Err(failed(io::Error::other("it was replaced while it was read"))),
+        }
     }
 }
 
