@@ -69,8 +69,9 @@ pub fn read_model_while(
     Mesh::new_while(shape, points, samples, faces, wanted).map_err(|defect| match defect {
         MeshError::Cancelled(cancelled) => tokens.error(cancelled.into()),
         defect => {
-            let line = line_of_token(bytes, token_of(&defect, shape, vertex_count));
-            ModelError { line, defect: defect.into() }
+            let token = token_of(&defect, shape, vertex_count);
+            line_of_token(bytes, token, wanted)
+                .map_or_else(|error| error, |line| ModelError { line, defect: defect.into() })
         }
     })
 }
@@ -232,6 +233,13 @@ fn token_of(defect: &MeshError, shape: Shape, vertex_count: usize) -> usize {
 }
 
 /// The line of a token, counted from 0.
-fn line_of_token(bytes: &[u8], number: usize) -> usize {
-    Tokens::new(bytes, &always).nth(number).map_or(1, |token| token.line)
+///
+/// # Errors
+/// [`ModelDefect::Cancelled`] when the file is no longer wanted.
+fn line_of_token(bytes: &[u8], number: usize, wanted: &Wanted<'_>) -> Result<usize, ModelError> {
+    let mut tokens = Tokens::new(bytes, wanted);
+    for _ in 0..number {
+        tokens.expect("a token")?;
+    }
+    Ok(tokens.next().map_or(1, |token| token.line))
 }

@@ -101,17 +101,6 @@ impl Relocation {
         control: &dyn Control,
     ) -> Result<usize, Cancelled> {
         let halvings = halvings(mesh.vertex_count());
-        self.pass_with_patches(mesh, look, halvings, control)
-    }
-
-    /// The same with two to the power of `halvings` patches.
-    fn pass_with_patches<M: FaceMeasure>(
-        &mut self,
-        mesh: &mut MeasuredMesh<M>,
-        look: Look,
-        halvings: u32,
-        control: &dyn Control,
-    ) -> Result<usize, Cancelled> {
         let mut looked_at = 0;
         if halvings > 0 {
             looked_at = self.look_in_patches(mesh, look, halvings, control)?;
