@@ -107,7 +107,7 @@ pub struct MeshOptions {
     #[arg(long, help_heading = REMOVAL, value_parser = choice(SWITCH))]
     pub bad_point_removal: Option<bool>,
     /// How point removal is shared out to threads: as far as the exact order allows, or tile by tile,
-    /// which is faster for many megapixels and changes the mesh a little [default: exact]
+    /// which is faster and changes the mesh a little [default: exact]
     #[arg(long, help_heading = REMOVAL, value_parser = named(Parallel::NAMES, Parallel::ALL))]
     pub parallel: Option<Parallel>,
     /// Effort of refinement, 0 (none) to 9: vertices move and change places while that lowers the

@@ -3,7 +3,7 @@
 //! `cargo bench -p pixmesh-meshing --bench refinement -- [PICTURE.png...] [--densities 0.5,1,2,3,4]
 //! [--efforts 1,2,3] [--threads 1,2] [--rounds 3]`
 //!
-//! MGPRFS and the same with each effort run in turns in one process, the whole once in each round;
+//! MGPRFS and `optimal` with each effort run in turns in one process, the whole once in each round;
 //! times are the least of all rounds. An effort's time is that of the whole run less that of MGPRFS
 //! on as many threads, as a part of the latter. Without a picture one is made up.
 
@@ -161,7 +161,8 @@ fn run(
     effort: u8,
     threads: NonZeroUsize,
 ) -> Result<(f64, f64), Box<dyn Error>> {
-    let mut parameters = Method::Mgprfs.parameters(Target::Density(density));
+    let method = if effort == 0 { Method::Mgprfs } else { Method::Optimal };
+    let mut parameters = method.parameters(Target::Density(density));
     parameters.effort = effort;
     let begun = Instant::now();
     let model = generate(image, &parameters, &Threads(threads))?;

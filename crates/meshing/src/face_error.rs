@@ -101,13 +101,18 @@ impl<'m> FaceErrors<'m> {
         }
         for (error, &face) in errors.iter_mut().zip(faces) {
             if *error == TOO_LARGE {
-                *error = self.error_of_any(face);
+                *error = self.error_of_any(face, u64::MAX);
             }
         }
     }
 
     /// The same for one face.
     pub(crate) fn error(&mut self, corners: [Point; 3]) -> u64 {
+        self.error_below(corners, u64::MAX)
+    }
+
+    /// The same where it is less than `limit`; otherwise `limit` or more, which is known sooner.
+    pub(crate) fn error_below(&mut self, corners: [Point; 3], limit: u64) -> u64 {
         if self.measure.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
             return 0;
         }
@@ -117,7 +122,7 @@ impl<'m> FaceErrors<'m> {
                 return self.small[0];
             }
         }
-        self.error_of_any(corners)
+        self.error_of_any(corners, limit)
     }
 
     /// The points of the picture, where the squared error of small faces is measured or foreseen on
@@ -131,14 +136,14 @@ impl<'m> FaceErrors<'m> {
         self.measure.weights.is_some()
     }
 
-    /// The error of a face of any size.
-    fn error_of_any(&mut self, corners: [Point; 3]) -> u64 {
+    /// The error of a face of any size, where it is less than `limit`.
+    fn error_of_any(&mut self, corners: [Point; 3], limit: u64) -> u64 {
         if let Some(weights) = self.measure.weights {
             return weighted_error(self.measure.image, weights, corners);
         }
         self.prepare(corners);
         match self.measure.metric {
-            None => self.squared_error(corners),
+            None => self.squared_error(corners, limit),
             Some(metric) => self.error_by(metric, corners),
         }
     }
@@ -156,19 +161,22 @@ impl<'m> FaceErrors<'m> {
         }));
     }
 
-    /// Sum over points and components of the squared differences.
-    fn squared_error(&self, corners: [Point; 3]) -> u64 {
-        dispatch!(self.measure.level, simd => self.squared_error_by(simd, corners))
+    /// Sum over points and components of the squared differences, row by row until it reaches `limit`.
+    fn squared_error(&self, corners: [Point; 3], limit: u64) -> u64 {
+        dispatch!(self.measure.level, simd => self.squared_error_by(simd, corners, limit))
     }
 
     #[inline(always)]
-    fn squared_error_by<S: Simd>(&self, _: S, corners: [Point; 3]) -> u64 {
+    fn squared_error_by<S: Simd>(&self, _: S, corners: [Point; 3], limit: u64) -> u64 {
         let (image, width) = (self.measure.image, self.measure.image.width());
         let mut sum = 0;
         for_each_row(
             corners,
             #[inline(always)]
             |y, first, end| {
+                if sum >= limit {
+                    return;
+                }
                 let points = y as usize * width + first as usize..y as usize * width + end as usize;
                 for (interpolant, samples) in self.interpolants.iter().zip(image.components()) {
                     sum += interpolant.squared_error(first, y, &samples[points.clone()]);
@@ -227,7 +235,29 @@ mod tests {
                 corners.swap(1, 2);
             }
             if orientation(corners[0], corners[1], corners[2]) > 0 {
-                prop_assert_eq!(errors.error(corners), errors.error_of_any(corners));
+                prop_assert_eq!(errors.error(corners), errors.error_of_any(corners, u64::MAX));
+            }
+        }
+
+        #[test]
+        fn an_error_below_the_limit_is_exact_and_any_other_reaches_it(
+            places in prop::array::uniform6(0i32..90),
+            (component_count, precision) in (1usize..5, 7u8..10),
+            part in 0u64..200,
+        ) {
+            let image = picture(90, component_count, precision);
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let mut errors = FaceErrors::new(&measure);
+            let mut corners = [0, 2, 4].map(|i| Point::new(places[i], places[i + 1]));
+            if orientation(corners[0], corners[1], corners[2]) < 0 {
+                corners.swap(1, 2);
+            }
+            if orientation(corners[0], corners[1], corners[2]) > 0 {
+                let error = errors.error(corners);
+                let limit = error * part / 100;
+                let below = errors.error_below(corners, limit);
+                let is_right = if error < limit { below == error } else { below >= limit };
+                prop_assert!(is_right, "{} below {}, told {}", error, limit, below);
             }
         }
     }
@@ -255,7 +285,7 @@ mod tests {
             let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
             let mut small = Vec::new();
             measure.pixels.as_ref().unwrap().squared_errors(&[places], &mut small);
-            assert_eq!(small, [FaceErrors::new(&measure).error_of_any(places)]);
+            assert_eq!(small, [FaceErrors::new(&measure).error_of_any(places, u64::MAX)]);
         }
     }
 }

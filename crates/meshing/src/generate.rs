@@ -20,8 +20,9 @@ use crate::refine::vertex_moves::Freedom;
 use crate::sample_points::sample_points;
 use crate::search::smallest_within;
 use crate::sensitivity::sensitivity;
-use crate::simplify::{Removal, Simplified, StopRule, simplify};
+use crate::simplify::{Removal, Simplified, StopRule, simplify, simplify_by};
 use crate::triangulation::Triangulation;
+use std::cell::LazyCell;
 use std::collections::HashSet;
 use thiserror::Error;
 
@@ -145,13 +146,14 @@ fn triangulate_image(
     if parameters.is_flat() {
         return triangulate_for_flat(image, parameters, plan, control);
     }
-    let made = simplify_image(image, parameters, plan, control)?;
-    if parameters.effort == 0 {
-        return Ok(made);
-    }
-    let Made { points, faces, removals, .. } = made;
     let (metric, size) = (parameters.error_metric, (image.width(), image.height()));
-    let measure = Measure::with_foresight(image, metric);
+    if parameters.effort == 0 {
+        let measure = LazyCell::new(|| Measure::new(image, metric));
+        return simplify_image(image, &measure, parameters, plan, control);
+    }
+    let measure = LazyCell::new(|| Measure::with_foresight(image, metric));
+    let made = simplify_image(image, &measure, parameters, plan, control)?;
+    let Made { points, faces, removals, .. } = made;
     let errors = FaceErrors::new(&measure);
     let mesh = MeasuredMesh::new_on_all_threads(points, &faces, size, errors, control)?;
     let refined = refine(mesh, parameters.effort, control)?;
@@ -180,9 +182,10 @@ fn triangulate_for_flat(
     Ok(Made { points, faces, removals, squared_error: None })
 }
 
-/// Chooses, triangulates and simplifies.
-fn simplify_image(
+/// Chooses, triangulates and simplifies; a mesh of one shot needs no measure.
+fn simplify_image<'m>(
     image: &Image,
+    measure: &LazyCell<Measure<'m>, impl FnOnce() -> Measure<'m>>,
     parameters: &Parameters,
     plan: Plan,
     control: &dyn Control,
@@ -202,7 +205,7 @@ fn simplify_image(
         return simplify_within(image, triangulation, rule, most, control);
     }
     let Simplified { points, faces, removals, error } =
-        simplify(image, triangulation, rule, parameters.parallel, control)?;
+        simplify_by(image, measure, triangulation, rule, parameters.parallel, control)?;
     let squared_error = parameters.error_metric.is_squared_difference().then_some(error);
     Ok(Made { points, faces, removals, squared_error })
 }

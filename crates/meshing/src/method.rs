@@ -5,7 +5,7 @@
 //! into a density, error diffusion picks initial points of that density, and greedy point removal
 //! simplifies their triangulation. A [`Method`] is a named set of [`Parameters`].
 
-use crate::choices::{Generator, Meshed, Policy, Reconstruction, Startup, named_values};
+use crate::choices::{Generator, Meshed, Parallel, Policy, Reconstruction, Startup, named_values};
 use crate::parameters::{
     DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target, check_count,
 };
@@ -81,6 +81,8 @@ impl Method {
             M::Flat => Reconstruction::Flat,
             _ => Reconstruction::Linear,
         };
+        // Refinement makes good what the exact order would be worth.
+        let parallel = if self == M::Optimal { Parallel::Tiles } else { Parallel::Exact };
         let bad_point_removal = self == M::MedPlus;
         Parameters {
             initial_size,
@@ -91,6 +93,7 @@ impl Method {
             bad_point_removal,
             effort,
             reconstruction,
+            parallel,
             ..Parameters::new(target)
         }
     }
@@ -156,6 +159,7 @@ mod tests {
                 _ => 0,
             };
             assert_eq!(made.effort, effort, "{method}");
+            assert_eq!(made.parallel == Parallel::Tiles, method == M::Optimal, "{method}");
         }
     }
 }

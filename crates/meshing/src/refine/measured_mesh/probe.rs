@@ -9,7 +9,7 @@ use crate::mesh::Point;
 use crate::parallel::share_out;
 
 /// What is probed on one thread at a time.
-const SHARE: usize = 256;
+const SHARE: usize = 64;
 
 /// What finds the changes; keeps its memory from one to the next.
 pub(crate) struct Probe<M> {
@@ -89,7 +89,8 @@ impl Surface<'_> {
         let mut change = -(before as i64);
         for (from, to) in cavity.edges() {
             let ends = [from, to].map(|v| self.triangulation.points[v as usize]);
-            change += measure.error([ends[0], ends[1], place]) as i64;
+            let left = limit.saturating_sub(change).max(0) as u64;
+            change += measure.error_below([ends[0], ends[1], place], left) as i64;
             if change >= limit {
                 return None;
             }
