@@ -183,6 +183,12 @@ impl From<QueueError> for Problem {
                 Self::new(Kind::StorageFull, "the broker has no room left for jobs")
                     .setting("--queue")
             }
+            QueueError::Broker(_) => Self::new(
+                Kind::StorageUnavailable,
+                "the broker can neither store nor read jobs now",
+            )
+            .setting("--queue")
+            .retry_after_s(RETRY_AFTER_S),
             QueueError::Unreachable(_) => {
                 Self::new(Kind::StorageUnavailable, "the broker that keeps jobs does not answer")
                     .setting("--queue")

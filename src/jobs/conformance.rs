@@ -6,7 +6,7 @@
 use super::fairness::Caps;
 use super::queue::{
     Cancellation, Claim, Finish, Lease, Lookup, MAX_ATTEMPTS, Outcome, Page, PageRequest, Queue,
-    Renewal, Submitted, Terms,
+    Renewal, Stats, Submitted, Terms,
 };
 use super::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
 use crate::digest::Digest;
@@ -14,8 +14,14 @@ use crate::extract::owner::Owner;
 use async_trait::async_trait;
 use serde_json::{Value, json};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::time::{sleep, timeout};
+
+mod hearing;
+mod keeping;
+
+pub(super) use hearing::*;
+pub(super) use keeping::*;
 
 /// Opens the queue of an engine.
 #[async_trait]
@@ -57,9 +63,13 @@ macro_rules! conforms {
             owners_take_turns_and_have_no_more_running_than_they_may
             every_change_can_be_followed_from_any_point
             work_is_heard_of_as_it_comes
+            what_was_handed_back_is_called_for
+            a_change_is_heard_of_as_it_comes
+            an_interruption_is_heard_of_as_it_comes
             jobs_are_gone_after_their_time_and_then_unknown
             blobs_are_given_up_with_the_last_job_that_has_them
             a_blob_stored_for_nothing_is_given_up
+            a_mesh_is_kept_while_its_job_is
             there_is_a_count_of_what_waits_and_runs
             many_at_once_are_each_done_once
         }
@@ -297,11 +307,13 @@ pub(super) async fn a_last_attempt_waits_for_what_runs_and_what_is_new_waits_for
     let before = submit(&queue, &other, "before").await;
     let runs = claim(&queue).await.lease;
     assert_eq!(runs.job, before);
-    assert_eq!(queue.claim().await.unwrap(), None, "something runs");
+    let new = submit(&queue, &other, "new").await;
+    for _ in 0..2 {
+        assert_eq!(queue.claim().await.unwrap(), None, "something runs");
+    }
     queue.finish(runs, Outcome::Completed(figures("mesh"))).await.unwrap();
     let last = claim(&queue).await;
     assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
-    let new = submit(&queue, &other, "new").await;
     assert_eq!(queue.claim().await.unwrap(), None, "a last attempt runs");
     queue.finish(last.lease, Outcome::Retry(problem())).await.unwrap();
     assert_eq!(claim(&queue).await.lease.job, new);
@@ -337,6 +349,7 @@ pub(super) async fn a_waiting_job_is_cancelled_at_once_and_then_deleted<E: Engin
     let id = submit(&queue, &owner, "image").await;
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Cancelled);
     assert_eq!(found(&queue, &owner, id).await.state, State::Cancelled);
+    assert_eq!(queue.stats().await.unwrap().queued, 0);
     assert_eq!(queue.claim().await.unwrap(), None);
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Deleted);
     assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Unknown);
@@ -474,6 +487,12 @@ pub(super) async fn no_more_jobs_wait_than_may<E: Engine>(engine: &E) {
     assert_eq!(queue.submit(job(&b, "4")).await.unwrap(), Submitted::QueueFull { limit: 3 });
     claim(&queue).await;
     submit(&queue, &b, "4").await;
+    assert_eq!(queue.submit(job(&a, "5")).await.unwrap(), Submitted::QueueFull { limit: 3 });
+    // More run and wait together than may wait.
+    for _ in 0..2 {
+        claim(&queue).await;
+    }
+    submit(&queue, &a, "5").await;
 }
 
 pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may<E: Engine>(
@@ -498,124 +517,6 @@ pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may<E: 
     assert_eq!(queue.claim().await.unwrap(), None);
 }
 
-pub(super) async fn every_change_can_be_followed_from_any_point<E: Engine>(engine: &E) {
-    let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
-    let follower = tokio::spawn({
-        let (queue, owner) = (Arc::clone(&queue), owner.clone());
-        async move {
-            let (mut heard, mut last) = (Vec::new(), 0);
-            loop {
-                let events = queue.events(&owner, id, last).await.unwrap();
-                if events.is_empty() {
-                    return heard;
-                }
-                last = events.last().unwrap().revision;
-                heard.extend(events);
-            }
-        }
-    });
-    let lease = claim(&queue).await.lease;
-    let progress = Progress { stage: "simplify".into(), fraction: 0.5 };
-    queue.renew(lease, Some(progress.clone())).await.unwrap();
-    assert_eq!(found(&queue, &owner, id).await.progress, Some(progress.clone()));
-    let missed = queue.events(&owner, id, 1).await.unwrap();
-    assert_eq!(states(&missed), [State::Running, State::Running]);
-    assert_eq!(missed[1].progress, Some(progress));
-    queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
-    let heard = timeout(PATIENCE, follower).await.unwrap().unwrap();
-    let revisions: Vec<_> = heard.iter().map(|event| event.revision).collect();
-    assert!(revisions.is_sorted_by(|a, b| a < b), "{revisions:?}");
-    let heard = states(&heard);
-    assert_eq!((heard.first(), heard.last()), (Some(&State::Queued), Some(&State::Completed)));
-    assert!(heard.contains(&State::Running));
-    // Afterwards the changes of state are known, and nothing more is waited for.
-    let all = queue.events(&owner, id, 0).await.unwrap();
-    assert_eq!(states(&all), [State::Queued, State::Running, State::Completed]);
-    assert!(queue.events(&owner, id, u64::MAX).await.unwrap().is_empty());
-    assert!(queue.events(&owner, JobId::new(), 0).await.unwrap().is_empty());
-}
-
-pub(super) async fn work_is_heard_of_as_it_comes<E: Engine>(engine: &E) {
-    // Who is not called never looks again in this test.
-    let queue = engine.open(Terms { look_again: LONG, ..terms() }).await;
-    assert_eq!(queue.claim().await.unwrap(), None);
-    let mut waiting = tokio::spawn({
-        let queue = Arc::clone(&queue);
-        async move {
-            loop {
-                if let Some(claim) = queue.claim().await.unwrap() {
-                    return claim;
-                }
-                queue.work().await;
-            }
-        }
-    });
-    sleep(E::SHORT).await;
-    let mut submitted = Vec::new();
-    let heard = async {
-        loop {
-            submitted.push(submit(&queue, &Owner::anonymous(), "image").await);
-            // A server of several may hear of a job a moment after the call; the next call finds it.
-            if let Ok(claim) = timeout(BRIEF, &mut waiting).await {
-                return claim.unwrap();
-            }
-        }
-    };
-    let claim = timeout(PATIENCE, heard).await.expect("work is called for");
-    assert!(submitted.contains(&claim.lease.job));
-}
-
-pub(super) async fn jobs_are_gone_after_their_time_and_then_unknown<E: Engine>(engine: &E) {
-    let terms = Terms { result_ttl: E::SHORT, gone_ttl: E::SHORT + BRIEF, ..terms() };
-    let (queue, owner) = (engine.open(terms).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
-    let waiting = submit(&queue, &owner, "waiting").await;
-    let lease = claim(&queue).await.lease;
-    queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
-    sleep(2 * E::SHORT).await;
-    assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Gone, "before any sweep");
-    assert_eq!(list(&queue, &owner, request(9)).await.jobs.len(), 1);
-    let swept = queue.sweep().await.unwrap();
-    assert_eq!(swept.expired, 1);
-    let mesh = Digest::of(b"mesh");
-    assert!(swept.given_up.contains(&mesh) && swept.given_up.contains(&Digest::of(b"image")));
-    assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Gone);
-    assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Gone);
-    let unknown = async {
-        while queue.get(&owner, id).await.unwrap() != Lookup::Unknown {
-            sleep(BRIEF / 10).await;
-            queue.sweep().await.unwrap();
-        }
-    };
-    timeout(PATIENCE, unknown).await.unwrap();
-    assert_eq!(found(&queue, &owner, waiting).await.state, State::Queued, "it has not ended");
-}
-
-pub(super) async fn blobs_are_given_up_with_the_last_job_that_has_them<E: Engine>(engine: &E) {
-    let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let image = Digest::of(b"image");
-    let first = submit(&queue, &owner, "image").await;
-    let second = submit(&queue, &owner, "image").await;
-    queue.cancel(&owner, first).await.unwrap();
-    assert!(!queue.sweep().await.unwrap().given_up.contains(&image), "the second job has it");
-    assert!(queue.referenced(vec![image]).await.unwrap().contains(&image));
-    queue.cancel(&owner, second).await.unwrap();
-    assert!(queue.sweep().await.unwrap().given_up.contains(&image));
-    assert!(queue.referenced(vec![image]).await.unwrap().is_empty());
-    assert!(queue.sweep().await.unwrap().given_up.contains(&image), "until it is seen to");
-    queue.forget(vec![image]).await.unwrap();
-    assert!(queue.sweep().await.unwrap().given_up.is_empty());
-}
-
-pub(super) async fn a_blob_stored_for_nothing_is_given_up<E: Engine>(engine: &E) {
-    let caps = Caps { queued: 1, ..CAPS };
-    let (queue, owner) = (engine.open(Terms { caps, ..terms() }).await, Owner::named("a"));
-    submit(&queue, &owner, "image").await;
-    queue.submit(job(&owner, "refused")).await.unwrap();
-    assert_eq!(queue.sweep().await.unwrap().given_up, [Digest::of(b"refused")]);
-}
-
 pub(super) async fn there_is_a_count_of_what_waits_and_runs<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
     for image in ["1", "2", "3"] {
@@ -627,6 +528,16 @@ pub(super) async fn there_is_a_count_of_what_waits_and_runs<E: Engine>(engine: &
     assert_eq!((stats.queued, stats.running), (2, 1));
     assert!(stats.oldest_queued_s >= E::SHORT.as_secs_f64() && stats.oldest_queued_s < 60.0);
     assert!(queue.is_healthy());
+    for _ in 0..2 {
+        claim(&queue).await;
+    }
+    assert_eq!(queue.stats().await.unwrap(), Stats { running: 3, ..Stats::default() });
+    // What runs waits no more, however long ago it came.
+    let came = Instant::now();
+    submit(&queue, &owner, "4").await;
+    let waited_s = queue.stats().await.unwrap().oldest_queued_s;
+    // Moments are kept to the millisecond.
+    assert!(waited_s <= came.elapsed().as_secs_f64() + 0.002, "{waited_s}");
 }
 
 pub(super) async fn many_at_once_are_each_done_once<E: Engine>(engine: &E) {

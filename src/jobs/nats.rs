@@ -17,6 +17,7 @@
 //! Power failure: an acknowledged write is on stable storage at once only where the server is set to
 //! `sync_interval: always`; with three servers or more, a write is on a majority of them.
 
+mod answers;
 mod broker;
 mod connection;
 mod damaged;
@@ -27,6 +28,7 @@ mod read;
 mod records;
 mod references;
 mod silence;
+mod start;
 mod stored;
 mod streams;
 mod submit;

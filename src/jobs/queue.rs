@@ -53,6 +53,9 @@ pub enum QueueError {
     /// The broker has no room left.
     #[error("no room is left in the broker: {0}")]
     BrokerFull(String),
+    /// The broker answers, but cannot do what it is asked.
+    #[error("the broker fails: {0}")]
+    Broker(String),
     /// The engine that keeps the queue does not answer.
     #[error("the broker does not answer: {0}")]
     Unreachable(String),

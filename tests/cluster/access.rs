@@ -71,6 +71,23 @@ fn a_broker_s_certificate_is_checked_by_the_authority_that_is_named() {
 }
 
 #[test]
+fn a_machine_whose_authorities_cannot_be_read_is_told_at_once() {
+    let Some(program) = program() else { return };
+    let authority = Authority::new();
+    let broker = secured(&program, &authority, "127.0.0.1", false);
+    let missing = authority.folder().join("missing").display().to_string();
+    let queue = format!("tls://127.0.0.1:{}", broker.port);
+    let began = Instant::now();
+    let mut command = node::program();
+    command.env("SSL_CERT_FILE", &missing).args(worker(&queue, &[]));
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("TLS cannot be set up"), "{said}");
+    assert!(said.contains(&missing), "{said}");
+    assert!(began.elapsed() < SOON, "{:?}", began.elapsed());
+}
+
+#[test]
 fn a_certificate_for_another_host_is_refused() {
     let Some(program) = program() else { return };
     let authority = Authority::new();
@@ -116,7 +133,9 @@ fn a_file_that_is_of_no_use_is_named_with_its_setting() {
     let missing = authority.folder().join("missing").display().to_string();
     // Nobody need listen there: files are read first.
     let queue = format!("tls://127.0.0.1:{}", free_port());
-    for ca in [&missing, &empty, &node.key] {
+    let (begin, end) = ("-----BEGIN CERTIFICATE-----", "-----END CERTIFICATE-----");
+    let nonsense = authority.write("nonsense.pem", &format!("{begin}\nAAAA\n{end}\n"));
+    for ca in [&missing, &empty, &node.key, &nonsense] {
         turned_away(&queue, &["--queue-ca", ca], &["--queue-ca", ca]);
     }
     for (certificate, key, flag, named) in [
@@ -226,7 +245,7 @@ fn two_deployments_share_a_broker_and_see_nothing_of_each_other() {
     assert_eq!(other.status, 202, "the same word in another deployment: {}", other.text());
     let other = other.header("location").to_owned();
     green.wait_for(&other, "completed");
-    assert_eq!(worker.completions(), 1);
+    worker.wait_until("it has said so", || worker.completions() == 1);
     assert_eq!(blue.get(&waiting).json()["state"], "queued");
     assert_eq!((green.get(&waiting).status, blue.get(&other).status), (404, 404));
     for (node, count) in [(&blue, 1), (&green, 1)] {

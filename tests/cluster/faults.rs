@@ -51,6 +51,7 @@ fn nothing_is_lost_or_doubled_when_workers_and_the_broker_are_killed() {
         worker.kill();
     }
     broker.kill();
+    nodes[0].wait_until("it says so", || nodes[0].log().contains("to the broker is lost"));
     let refused = nodes[0].submit("size=40", &[], &disc(40, 40, 1));
     refused.problem(503, "storage-unavailable");
     assert_eq!(nodes[0].operate("/readyz").status, 503);

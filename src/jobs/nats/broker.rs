@@ -1,15 +1,15 @@
 //! The connection to the broker, and what a failure of it means.
 
-use super::connection::{START_PAUSE, START_TIME, connected};
+use super::answers::server_code;
+use super::connection::connected;
+use super::start::Start;
 use crate::config::BrokerSettings;
 use crate::jobs::queue::QueueError;
 use async_nats::Client;
 use async_nats::connection::State;
-use async_nats::jetstream::account::Account;
-use async_nats::jetstream::context::{AccountErrorKind, Context};
-use async_nats::jetstream::{Error as ServerError, ErrorCode};
+use async_nats::jetstream::ErrorCode;
+use async_nats::jetstream::context::{AccountError, AccountErrorKind, Context};
 use std::error::Error;
-use tokio::time::{Instant, sleep};
 
 /// The oldest server that has what is needed: one that takes part in elections quickly and bounds
 /// what is asked of it.
@@ -55,19 +55,18 @@ impl Broker {
         make: impl Fn() -> F + Send + Sync,
     ) -> Result<T, E>
     where
-        E: Error + 'static,
+        T: Send,
+        E: Error + Send + 'static,
         F: Future<Output = Result<T, E>> + Send,
     {
         let is_cluster = self.client.server_info().cluster.is_some();
-        let until = Instant::now() + START_TIME;
+        let start = Start::begin();
         loop {
             let made = make().await;
             let is_forming = made.as_ref().err().is_some_and(|error| is_forming(error));
-            if !(is_cluster && is_forming) || Instant::now() >= until {
+            if !(is_cluster && is_forming && start.goes_on().await) {
                 return made;
             }
-            drop(made);
-            sleep(START_PAUSE).await;
         }
     }
 
@@ -90,27 +89,13 @@ fn check_version(client: &Client, settings: &BrokerSettings) -> Result<(), Strin
 }
 
 /// Waits until JetStream answers, which it does not while a cluster elects its leader.
-async fn check_jetstream(
-    context: &Context,
-    settings: &BrokerSettings,
-) -> Result<Account, Box<dyn Error + Send + Sync>> {
-    let until = Instant::now() + START_TIME;
+async fn check_jetstream(context: &Context, settings: &BrokerSettings) -> Result<(), String> {
+    let start = Start::begin();
     loop {
-        let error = match context.query_account().await {
-            Ok(account) => return Ok(account),
-            Err(error) => error,
-        };
-        let is_off = match error.kind() {
-            AccountErrorKind::JetStreamUnavailable => true,
-            AccountErrorKind::JetStream(error) => matches!(
-                error.error_code(),
-                ErrorCode::JETSTREAM_NOT_ENABLED | ErrorCode::JETSTREAM_NOT_ENABLED_FOR_ACCOUNT
-            ),
-            _ => false,
-        };
+        let Err(error) = context.query_account().await else { return Ok(()) };
+        let is_off = is_off(&error);
         let is_cluster = context.client().server_info().cluster.is_some();
-        if (is_off && !is_cluster) || Instant::now() >= until {
-            let error = causes(&error);
+        if (is_off && !is_cluster) || !start.goes_on().await {
             let what = if is_off {
                 "has no JetStream, where jobs are kept: start nats-server with -js and a store_dir, \
                  and allow it for the account"
@@ -118,10 +103,17 @@ async fn check_jetstream(
                 "does not answer to JetStream: allow this node's user to publish to $JS.API.> and to \
                  subscribe to _INBOX.>"
             };
-            return Err(format!("--queue {settings}: the broker {what} ({error})").into());
+            let error = causes(&error);
+            return Err(format!("--queue {settings}: the broker {what} ({error})"));
         }
-        sleep(START_PAUSE).await;
     }
+}
+
+/// Whether the broker, or its account, has no JetStream.
+fn is_off(error: &AccountError) -> bool {
+    let codes = [ErrorCode::JETSTREAM_NOT_ENABLED, ErrorCode::JETSTREAM_NOT_ENABLED_FOR_ACCOUNT];
+    error.kind() == AccountErrorKind::JetStreamUnavailable
+        || server_code(error).is_some_and(|code| codes.contains(&code))
 }
 
 /// What a failure means for those who asked.
@@ -129,7 +121,7 @@ pub(in crate::jobs) fn failure(what: &str, error: &(dyn Error + 'static)) -> Que
     let text = format!("{what}: {}", causes(error));
     match server_code(error) {
         Some(_) if is_full(error) => QueueError::BrokerFull(text),
-        Some(_) => QueueError::Storage(text),
+        Some(_) => QueueError::Broker(text),
         None => QueueError::Unreachable(text),
     }
 }
@@ -159,18 +151,6 @@ fn is_forming(error: &(dyn Error + 'static)) -> bool {
                 | ErrorCode::INSUFFICIENT_RESOURCES
         )
     )
-}
-
-/// The code of the server's error among the causes of one.
-pub(super) fn server_code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
-    let mut next = Some(error);
-    while let Some(cause) = next {
-        if let Some(error) = cause.downcast_ref::<ServerError>() {
-            return Some(error.error_code());
-        }
-        next = cause.source();
-    }
-    None
 }
 
 /// An error with all that caused it, each said once.

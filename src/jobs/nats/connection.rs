@@ -2,24 +2,20 @@
 //! which setting would help.
 
 use super::broker::causes;
+use super::start::Start;
 use crate::config::BrokerSettings;
 use async_nats::{Client, ConnectError, ConnectErrorKind, ConnectOptions, Event};
 use rustls::pki_types::pem::{self, PemObject};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::sign::CertifiedKey;
-use rustls::{CertificateError, Error as TlsError};
+use rustls::{CertificateError, Error as TlsError, RootCertStore};
 use std::error::Error;
 use std::io;
 use std::path::Path;
 use std::time::Duration;
-use tokio::time::{Instant, sleep};
 
 /// How long an answer may take before the broker is said not to answer.
 const ANSWER_TIME: Duration = Duration::from_secs(5);
-/// How long the broker may take to be there when a node starts: a cluster elects its leaders first.
-pub(super) const START_TIME: Duration = Duration::from_secs(15);
-/// The pause between two attempts at that.
-pub(super) const START_PAUSE: Duration = Duration::from_millis(500);
 
 /// The connection to whichever server answers first, waited for as long as a start may take. What is
 /// refused is not asked for again.
@@ -30,7 +26,7 @@ pub(super) async fn connected(
     settings: &BrokerSettings,
 ) -> Result<Client, Box<dyn Error + Send + Sync>> {
     check_certificates(settings)?;
-    let until = Instant::now() + START_TIME;
+    let start = Start::begin();
     loop {
         let error = match options(settings)?.connect(settings.servers()?).await {
             Ok(client) => return Ok(client),
@@ -39,11 +35,10 @@ pub(super) async fn connected(
         if let Some(refusal) = refusal(&error, settings) {
             return Err(format!("--queue {settings}: {refusal}").into());
         }
-        if Instant::now() >= until {
+        if !start.goes_on().await {
             let error = causes(&error);
             return Err(format!("--queue {settings}: the broker cannot be reached: {error}").into());
         }
-        sleep(START_PAUSE).await;
     }
 }
 
@@ -83,7 +78,11 @@ fn options(settings: &BrokerSettings) -> Result<ConnectOptions, Box<dyn Error + 
 /// Reads the files with certificates and the key, so that one that is of no use is named.
 fn check_certificates(settings: &BrokerSettings) -> Result<(), String> {
     if let Some(path) = &settings.queue_ca {
-        certificates("--queue-ca", path)?;
+        let mut authorities = RootCertStore::empty();
+        for certificate in certificates("--queue-ca", path)? {
+            let added = authorities.add(certificate);
+            added.map_err(|error| unusable("--queue-ca", path, &error))?;
+        }
     }
     let (Some(certificate), Some(key)) = (&settings.queue_cert, &settings.queue_key) else {
         return Ok(());
@@ -120,7 +119,6 @@ fn refusal(error: &ConnectError, settings: &BrokerSettings) -> Option<String> {
             Some(format!("{}: {}", about_credentials(settings), causes(error)))
         }
         ConnectErrorKind::Tls => Some(format!("TLS cannot be set up: {}", causes(error))),
-        ConnectErrorKind::ServerParse => Some(causes(error)),
         _ => None,
     }
 }

@@ -60,7 +60,7 @@ impl Nats {
                 }
             }
         }
-        Err(QueueError::Storage(format!("the record of job {id} changes without end")))
+        Err(QueueError::Broker(format!("the record of job {id} changes without end")))
     }
 
     /// Changes a job's record if it is still the one given; `None` when it is not.

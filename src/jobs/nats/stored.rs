@@ -111,10 +111,7 @@ impl StoredJob {
 
     /// Whose it is.
     pub(super) fn owner(&self) -> Owner {
-        match self.owner.as_str() {
-            "" => Owner::anonymous(),
-            name => Owner::named(name),
-        }
+        Owner::named(&self.owner)
     }
 
     /// Where in its life it is; `None` for a state of another version of the program.

@@ -98,7 +98,7 @@ async fn provide(broker: &Broker, config: Config) -> Result<(), QueueError> {
     let stream = stream.map_err(|error| failure(&what, &error))?;
     let found = &stream.cached_info().config;
     if found.retention != config.retention || found.subjects != config.subjects {
-        return Err(QueueError::Storage(format!(
+        return Err(QueueError::Broker(format!(
             "stream {name} is there already and not of this program: name another --queue-prefix"
         )));
     }
@@ -137,8 +137,7 @@ pub(super) fn owner_of_word(word: &str) -> Option<Owner> {
         _ => None,
     };
     let bytes: Option<Vec<u8>> = digits.chunks(2).map(byte).collect();
-    let name = String::from_utf8(bytes?).ok()?;
-    Some(if name.is_empty() { Owner::anonymous() } else { Owner::named(&name) })
+    Some(Owner::named(&String::from_utf8(bytes?).ok()?))
 }
 
 /// The job that a name of the form `kind.{owner}.{job}` is of.

@@ -7,7 +7,7 @@
 use super::Nats;
 use super::read::unreadable;
 use super::stored::StoredJob;
-use super::streams::{record_name, work_name};
+use super::streams::{owner_word, record_name, work_name};
 use super::table::{Expected, Put, Versioned};
 use crate::digest::Digest;
 use crate::extract::owner::Owner;
@@ -18,6 +18,10 @@ use serde::{Deserialize, Serialize};
 
 /// How often a word is looked at again that changes under one's eyes.
 const TRIES: usize = 8;
+
+/// How many jobs of an owner a consumer may not have counted yet: it hears of a message a moment
+/// after whoever published it.
+const JUST_CAME_IN: usize = 64;
 
 /// What is kept under a word.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,7 +74,7 @@ impl Nats {
             }
             return Ok(submitted);
         }
-        Err(QueueError::Storage("a word for a submission changes without end".into()))
+        Err(QueueError::Broker("a word for a submission changes without end".into()))
     }
 
     /// Leaves a word as a submission does that is cut off right after.
@@ -149,17 +153,27 @@ impl Nats {
     /// Why there is no room for another job of an owner.
     async fn full(&self, owner: &Owner) -> Result<Option<Submitted>, QueueError> {
         let caps = &self.terms.caps;
-        let (of_all, of_owner) = tokio::join!(self.waiting(), async {
-            match owner.is_anonymous() {
-                true => Ok(0),
-                false => self.owners.info(owner).await.map(|info| info.num_pending as usize),
-            }
-        });
+        let limit = caps.queued_of(owner);
+        let (of_all, of_owner) = tokio::join!(self.waiting(), self.waiting_of(owner, limit));
         if of_all? >= caps.queued {
             return Ok(Some(Submitted::QueueFull { limit: caps.queued }));
         }
-        let limit = caps.queued_of(owner);
         Ok((of_owner? >= limit).then_some(Submitted::OwnerFull { limit }))
+    }
+
+    /// How many jobs of an owner wait, exactly where that is near the limit; nobody in particular has
+    /// none, since only all jobs together are bounded there.
+    async fn waiting_of(&self, owner: &Owner, limit: usize) -> Result<usize, QueueError> {
+        if owner.is_anonymous() {
+            return Ok(0);
+        }
+        let info = self.owners.info(owner).await?;
+        let counted = info.num_pending as usize;
+        if counted + JUST_CAME_IN < limit {
+            return Ok(counted);
+        }
+        let unfinished = self.streams.work.names(&format!("work.{}.*", owner_word(owner))).await?;
+        Ok(unfinished.len().saturating_sub(info.num_ack_pending))
     }
 
     /// How many jobs wait; as many as there are, where that is few enough.

@@ -4,7 +4,8 @@
 //! acknowledged to one. A write names the version that it changes, and is refused where somebody was
 //! quicker.
 
-use super::broker::{Broker, failure, server_code};
+use super::answers::server_code;
+use super::broker::{Broker, failure};
 use crate::jobs::queue::QueueError;
 use async_nats::jetstream::Context;
 use async_nats::jetstream::ErrorCode;
@@ -167,19 +168,21 @@ impl Table {
     /// Takes the message under a name away. Unlike [`Self::remove`] this leaves consumers alone,
     /// which upon a purge forget for a while what they were to give out again.
     pub(super) async fn take_away(&self, name: &str) -> Result<(), QueueError> {
-        let Some(message) = self.newest(name).await? else { return Ok(()) };
-        match self.stream.delete_message(message.sequence).await {
-            Ok(_) => Ok(()),
-            // It was answered in the meantime.
-            Err(error)
-                if matches!(
-                    server_code(&error),
-                    Some(ErrorCode::NO_MESSAGE_FOUND | ErrorCode::SEQUENCE_NOT_FOUND)
-                ) =>
-            {
-                Ok(())
+        match self.newest(name).await? {
+            Some(message) => self.delete(name, message.sequence).await,
+            None => Ok(()),
+        }
+    }
+
+    /// Deletes the message of a version under a name, of which only the newest is kept.
+    pub(super) async fn delete(&self, name: &str, version: u64) -> Result<(), QueueError> {
+        let Err(error) = self.stream.delete_message(version).await else { return Ok(()) };
+        // Somebody may have been quicker, as whoever answers it is; the server's error does not tell.
+        match self.newest(name).await? {
+            Some(message) if message.sequence == version => {
+                Err(failure("a message cannot be taken away", &error))
             }
-            Err(error) => Err(failure("a message cannot be taken away", &error)),
+            _ => Ok(()),
         }
     }
 
