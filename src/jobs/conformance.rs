@@ -349,6 +349,7 @@ pub(super) async fn a_waiting_job_is_cancelled_at_once_and_then_deleted<E: Engin
     let id = submit(&queue, &owner, "image").await;
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Cancelled);
     assert_eq!(found(&queue, &owner, id).await.state, State::Cancelled);
+    sleep(E::SHORT).await;
     assert_eq!(queue.stats().await.unwrap().queued, 0);
     assert_eq!(queue.claim().await.unwrap(), None);
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Deleted);

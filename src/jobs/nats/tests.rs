@@ -87,6 +87,8 @@ mod one_server {
 /// Three servers that all these tests share while there are any: each has a prefix of its own.
 mod three_servers {
     use super::*;
+    use crate::config::BlobEngine;
+    use crate::jobs::blobs::Blobs;
     use std::sync::{Mutex as Lock, Weak};
 
     static SERVERS: Lock<Weak<Vec<NatsServer>>> = Lock::new(Weak::new());
@@ -110,8 +112,12 @@ mod three_servers {
     async fn what_is_kept_is_on_three_servers() {
         let Some(engine) = engine("three") else { return };
         let queue = opened(&engine).await;
-        for table in [&queue.streams.work, &queue.streams.jobs, &queue.streams.blobs] {
-            let info = table.stream().get_info().await.unwrap();
+        Blobs::shared(&BlobEngine::Broker, &queue.broker).await.unwrap();
+        let bucket = format!("OBJ_{}", queue.broker.stream_name("blobs-store"));
+        let bucket = queue.broker.context.get_stream_no_info(bucket).await.unwrap();
+        let tables = [&queue.streams.work, &queue.streams.jobs, &queue.streams.blobs];
+        for stream in tables.map(table::Table::stream).into_iter().chain([&bucket]) {
+            let info = stream.get_info().await.unwrap();
             assert_eq!(info.config.num_replicas, 3);
             assert_eq!(info.cluster.unwrap().replicas.len(), 2);
         }
@@ -145,6 +151,19 @@ fn terms() -> Terms {
 
 async fn opened(engine: &InServers) -> Nats {
     Nats::open(engine.broker().await, terms()).await.unwrap()
+}
+
+/// What a worker gets; a consumer hears of a message a moment after whoever published it.
+async fn claimed(queue: &Nats) -> Claim {
+    let looking = async {
+        loop {
+            match queue.claim().await.unwrap() {
+                Some(claim) => return claim,
+                None => queue.work().await,
+            }
+        }
+    };
+    timeout(Duration::from_secs(60), looking).await.expect("a job waits")
 }
 
 fn job(image: &str, word: Option<&str>) -> NewJob {

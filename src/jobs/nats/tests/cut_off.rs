@@ -36,7 +36,7 @@ async fn records_without_a_message_are_sent_to_work_by_a_sweep() {
         queue.submit(job.clone()).await.unwrap();
     }
     queue.cancel(&ended.owner, ended.id).await.unwrap();
-    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, whole.id);
+    assert_eq!(claimed(&queue).await.lease.job, whole.id);
     let cut_off = [job("image", None), job("other", None)];
     for job in &cut_off {
         leave_record(&queue, job).await;
@@ -45,7 +45,7 @@ async fn records_without_a_message_are_sent_to_work_by_a_sweep() {
     time_to_complete().await;
     queue.sweep().await.unwrap();
     for job in &cut_off {
-        assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, job.id);
+        assert_eq!(claimed(&queue).await.lease.job, job.id);
     }
     assert_eq!(queue.claim().await.unwrap(), None);
 }
@@ -82,7 +82,7 @@ async fn a_message_without_a_record_is_dropped() {
     let whole = job("whole", None);
     queue.send_to_work(&Owner::anonymous(), JobId::new()).await.unwrap();
     queue.submit(whole.clone()).await.unwrap();
-    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, whole.id);
+    assert_eq!(claimed(&queue).await.lease.job, whole.id);
     assert_eq!(queue.stats().await.unwrap().running, 1);
 }
 
@@ -95,7 +95,7 @@ async fn a_submission_with_a_word_that_was_cut_off_is_completed_by_the_next() {
     let again = queue.submit(job("image", Some("word"))).await.unwrap();
     let Submitted::Existing(record) = again else { panic!("{again:?}") };
     assert_eq!(record.id, first.id);
-    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, first.id);
+    assert_eq!(claimed(&queue).await.lease.job, first.id);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -108,13 +108,14 @@ async fn a_repeated_word_sends_to_work_what_waits_without_a_message_and_nothing_
     assert_eq!(queue.claim().await.unwrap(), None);
     let submitted = queue.submit(job("image", Some("word"))).await.unwrap();
     assert!(matches!(&submitted, Submitted::Existing(job) if job.id == first.id), "{submitted:?}");
-    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, first.id);
+    assert_eq!(claimed(&queue).await.lease.job, first.id);
 
     let ended = job("image", Some("other word"));
     queue.submit(ended.clone()).await.unwrap();
     assert_eq!(queue.cancel(&ended.owner, ended.id).await.unwrap(), Cancellation::Cancelled);
     let submitted = queue.submit(job("image", Some("other word"))).await.unwrap();
     assert!(matches!(&submitted, Submitted::Existing(job) if job.id == ended.id), "{submitted:?}");
+    tokio::time::sleep(InServers::SHORT).await;
     let stats = queue.stats().await.unwrap();
     assert_eq!((stats.queued, stats.running), (0, 1), "it has ended");
 }
@@ -127,7 +128,7 @@ async fn a_message_that_is_there_before_its_record_is_that_of_the_job() {
     queue.send_to_work(&first.owner, first.id).await.unwrap();
     let submitted = queue.submit(job("image", Some("word"))).await.unwrap();
     assert!(matches!(&submitted, Submitted::Existing(job) if job.id == first.id), "{submitted:?}");
-    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, first.id);
+    assert_eq!(claimed(&queue).await.lease.job, first.id);
     assert_eq!(queue.claim().await.unwrap(), None);
 }
 
@@ -155,7 +156,7 @@ async fn meshes_that_no_job_comes_to_have_are_given_up() {
     // Of a job that was cancelled meanwhile.
     let cancelled = job("image", None);
     queue.submit(cancelled.clone()).await.unwrap();
-    let lease = queue.claim().await.unwrap().unwrap().lease;
+    let lease = claimed(&queue).await.lease;
     queue.cancel(&cancelled.owner, cancelled.id).await.unwrap();
     queue.finish(lease, Outcome::Completed(figures("unwanted"))).await.unwrap();
     assert!(queue.referenced(vec![unwanted]).await.unwrap().is_empty());

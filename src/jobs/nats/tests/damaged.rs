@@ -21,7 +21,7 @@ async fn a_record_that_cannot_be_read_is_set_aside_and_the_others_go_on() {
     queue.submit(damaged.clone()).await.unwrap();
     queue.submit(whole.clone()).await.unwrap();
     damage_record(&queue, &damaged).await;
-    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, whole.id);
+    assert_eq!(claimed(&queue).await.lease.job, whole.id);
     assert_eq!(queue.claim().await.unwrap(), None);
     for _ in 0..2 {
         queue.sweep().await.unwrap();
@@ -48,7 +48,7 @@ async fn a_job_whose_record_is_damaged_as_it_runs_is_lost_to_its_worker() {
     let (one, other) = (job("one", None), job("other", None));
     for job in [&one, &other] {
         queue.submit(job.clone()).await.unwrap();
-        let lease = queue.claim().await.unwrap().unwrap().lease;
+        let lease = claimed(&queue).await.lease;
         damage_record(&queue, job).await;
         if job.id == one.id {
             assert_eq!(queue.renew(lease, None).await.unwrap(), Renewal::Lost);
