@@ -69,3 +69,59 @@ async fn blobs_are_kept_whole_read_in_parts_and_deleted_once() {
     assert!(bucket.copy(&place, &Path::from("other")).await.is_err());
     assert_eq!(format!("{bucket} {bucket:?}"), "JetStream JetStream");
 }
+
+/// A bucket, and a server that ends with it.
+async fn bucket_of_a_server() -> Option<(NatsServer, Broker, BrokerBucket)> {
+    let server = NatsServer::start(&nats_server::program()?);
+    let broker = broker_of(&server).await;
+    let bucket = BrokerBucket::open(&broker).await.unwrap();
+    Some((server, broker, bucket))
+}
+
+/// Deletes the pieces of all blobs, as those of a copy are that is replaced while it is read.
+async fn lose_pieces(broker: &Broker) {
+    let name = broker.stream_name("blobs-store");
+    let stream = broker.context.get_stream(format!("OBJ_{name}")).await.unwrap();
+    stream.purge().filter(format!("$O.{name}.C.>")).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_reads_a_copy_that_is_replaced_or_deleted_waits_no_more_for_its_pieces() {
+    let Some((_server, broker, bucket)) = bucket_of_a_server().await else { return };
+    let place = Path::from("blob");
+    for (is_replaced, begin) in [(true, 0), (true, 7), (false, 0), (false, 7)] {
+        bucket.put(&place, vec![1; 1000].into()).await.unwrap();
+        lose_pieces(&broker).await;
+        let reading = tokio::spawn({
+            let (bucket, place) = (bucket.clone(), place.clone());
+            async move { bucket.get_range(&place, begin..1000).await }
+        });
+        tokio::time::sleep(3 * LOOK_AGAIN).await;
+        assert!(!reading.is_finished(), "its pieces may still come");
+        match is_replaced {
+            true => drop(bucket.put(&place, vec![2; 1000].into()).await.unwrap()),
+            false => bucket.delete(&place).await.unwrap(),
+        }
+        let read = timeout(Duration::from_secs(60), reading).await.expect("none will come");
+        let error = read.unwrap().unwrap_err().to_string();
+        assert!(error.contains("replaced"), "{error}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_wants_a_blob_reads_the_copy_that_replaces_the_one_begun() {
+    let Some((_server, broker, bucket)) = bucket_of_a_server().await else { return };
+    let bytes = Bytes::from_static(b"what was stored");
+    let digest = crate::digest::Digest::of(&bytes);
+    let place = crate::jobs::blobs::place(digest);
+    bucket.put(&place, bytes.clone().into()).await.unwrap();
+    let blobs = crate::jobs::blobs::Blobs::shared(&crate::config::BlobEngine::Broker, &broker);
+    let blobs = blobs.await.unwrap();
+    lose_pieces(&broker).await;
+    let reading = tokio::spawn(async move { blobs.get(digest).await });
+    tokio::time::sleep(3 * LOOK_AGAIN).await;
+    assert!(!reading.is_finished(), "its pieces may still come");
+    bucket.put(&place, bytes.clone().into()).await.unwrap();
+    let read = timeout(Duration::from_secs(60), reading).await.expect("it is there");
+    assert_eq!(read.unwrap().unwrap(), bytes);
+}
