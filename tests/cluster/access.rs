@@ -120,7 +120,7 @@ fn a_broker_that_wants_certificates_lets_in_those_who_have_one() {
             .map(str::to_owned)
     };
     let_in(&queue, &flags(&ours).each_ref().map(String::as_str));
-    turned_away(&queue, &["--queue-ca", &ca], &["--queue-cert"]);
+    turned_away(&queue, &["--queue-ca", &ca], &["wants a certificate", "--queue-cert"]);
     let theirs = flags(&theirs);
     turned_away(&queue, &theirs.each_ref().map(String::as_str), &["refuses", "--queue-cert"]);
 }
