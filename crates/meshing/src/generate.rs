@@ -330,6 +330,27 @@ mod tests {
     }
 
     #[test]
+    fn effort_improves_what_removal_leaves_and_none_leaves_it_as_it_is() {
+        let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
+        let image = Image::new(24, 24, 8, vec![samples]).unwrap();
+        let own = Method::Mgprfs.parameters(Target::Size(60));
+        let with =
+            |effort| generate(&image, &Parameters { effort, ..own.clone() }, &Unattended).unwrap();
+        let (simplified, refined) = (with(0), with(1));
+        assert_eq!(refined.removals, simplified.removals);
+        assert_eq!(refined.mesh.points().len(), simplified.mesh.points().len());
+        assert!(refined.fidelity.squared_error < simplified.fidelity.squared_error);
+        let measure = Measure::for_few(&image, ErrorMetric::MeanCompSe);
+        let gone: HashSet<Point> = simplified.removals.iter().map(|gone| gone.point).collect();
+        assert!(simplified.mesh.points().iter().all(|point| !gone.contains(point)));
+        let corners =
+            simplified.mesh.faces().iter().map(|f| f.map(|v| simplified.mesh.points()[v as usize]));
+        let mut errors = FaceErrors::new(&measure);
+        let sum: u64 = corners.map(|corners| errors.error(corners)).sum();
+        assert_eq!(simplified.fidelity.squared_error, sum);
+    }
+
+    #[test]
     fn each_liberty_taken_has_a_remark_of_its_own() {
         let plain = Method::Optimal.parameters(Target::Size(50));
         assert_eq!(remarks(&plain), [] as [&str; 0]);

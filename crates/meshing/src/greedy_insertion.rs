@@ -117,18 +117,19 @@ fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
     let (mut approximation, mut errors) = (Vec::new(), Vec::new());
     let mut worst: Option<(u64, Point)> = None;
     for_each_row(corners, |y, first, end| {
+        let columns = first as usize..end as usize;
         errors.clear();
-        errors.resize((end - first) as usize, 0u64);
-        approximation.resize(errors.len(), 0u16);
+        errors.resize(columns.len(), 0u64);
+        approximation.resize(columns.len(), 0u16);
         for (c, interpolant) in interpolants.iter().enumerate() {
             interpolant.fill(first, y, &mut approximation);
-            let original = &image.row(c, y as usize)[first as usize..end as usize];
+            let original = &image.row(c, y as usize)[columns.clone()];
             for ((error, a), b) in errors.iter_mut().zip(original).zip(&approximation) {
                 *error += u64::from(a.abs_diff(*b)).pow(2);
             }
         }
         if let Some(weights) = image.weights() {
-            let row = &weights[y as usize * image.width()..][first as usize..end as usize];
+            let row = &weights[y as usize * image.width()..][columns];
             for (error, &weight) in errors.iter_mut().zip(row) {
                 *error *= u64::from(weight);
             }

@@ -410,6 +410,22 @@ mod tests {
     }
 
     #[test]
+    fn several_tiles_are_made_only_where_they_are_asked_for() {
+        let (width, height) = (200, 170);
+        let plane = (0..width * height).map(|i| (i * i / 7 % 16) as u16).collect();
+        let image = Image::new(width, height, 4, vec![plane]).unwrap();
+        let size = width * height - 1000;
+        let removals = |parallel| {
+            let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
+            simplify(&image, triangulation, rule(size), parallel, &Unattended).unwrap().removals
+        };
+        let by_tiles_of = |digits| remove(&image, size, digits, 1).removals;
+        assert!(removals(Parallel::Tiles) == by_tiles_of(LEAST_TILE));
+        assert!(removals(Parallel::Exact) == by_tiles_of(16), "all in one tile");
+        assert!(removals(Parallel::Tiles) != removals(Parallel::Exact));
+    }
+
+    #[test]
     fn tiles_have_2048_to_8192_vertices_or_more_where_there_were_too_many_of_them() {
         let digits = |count, size| tile_digits(count, rule(size));
         assert_eq!([4096, 4097, 65_535].map(|count| digits(count, 4)), [None, Some(11), Some(11)]);

@@ -257,6 +257,7 @@ fn move_to_best<M: FaceMeasure>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::choices::ErrorMetric;
     use crate::control::Unattended;
     use crate::face_error::{FaceErrors, Measure};
     use crate::image::Image;
@@ -420,6 +421,33 @@ mod tests {
                 prop_assert_eq!(&few[..], &all[..few.len()]);
             }
         }
+    }
+
+    #[test]
+    fn equal_weights_change_nothing_of_what_is_promised() {
+        let samples: Vec<u16> = (0..81).map(|i| (i * i / 3 % 64) as u16).collect();
+        let seeds: Vec<(usize, usize)> = (0..12).map(|i| (i * 5 % 9, i * 7 % 9)).collect();
+        let (plain, points) = picture(9, 9, &samples, &seeds);
+        let weighted = plain.clone().with_weights(vec![77; 81]).unwrap();
+        let measures = [&plain, &weighted]
+            .map(|image| Measure::with_foresight(image, ErrorMetric::MeanCompSe));
+        let [mut plain_mesh, mut weighted_mesh] =
+            [0, 1].map(|i| measured(&measures[i], &plain, points.clone()));
+        assert_eq!(weighted_mesh.total_error(), 77 * plain_mesh.total_error());
+        let mut refused = 0;
+        for v in (0..points.len() as u32).filter(|&v| plain_mesh.is_movable(v)).collect::<Vec<_>>()
+        {
+            let promised = [&mut plain_mesh, &mut weighted_mesh].map(|mesh| {
+                let (mut any, mut likely) = (Vec::new(), Vec::new());
+                mesh.look_at(v);
+                assert!(mesh.find_promising(&offsets(2), (24, f32::MAX), &mut any));
+                assert!(mesh.find_promising(&offsets(2), (24, DOUBT), &mut likely));
+                refused += any.len() - likely.len();
+                (any, likely)
+            });
+            assert_eq!(promised[0], promised[1]);
+        }
+        assert!(refused > 0);
     }
 
     #[test]
