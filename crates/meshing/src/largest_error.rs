@@ -123,11 +123,16 @@ mod tests {
                 removals_within(&image, lattice.clone(), &faces, &removals, most, &Unattended);
             assert_eq!(within, Ok(expected), "{most}");
         }
-        // A mesh that breaks the bound before any removal.
+        // Meshes that break the bound before any removal, one of them more than after it.
         let corners = [(0, 0), (8, 0), (0, 8), (4, 4), (8, 8)].map(|(x, y)| Point::new(x, y));
         let faces = Triangulation::new(corners.to_vec(), &Unattended).unwrap().faces();
         let removal = Removal { point: Point::new(4, 4), change: 0 };
-        let within = removals_within(&image, corners.to_vec(), &faces, &[removal], 1, &Unattended);
-        assert_eq!(within, Ok(0));
+        let sample = |i| if i == 4 * side + 4 { 40 } else { 0 };
+        let peak = Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap();
+        for image in [&image, &peak] {
+            let points = corners.to_vec();
+            let within = removals_within(image, points, &faces, &[removal], 1, &Unattended);
+            assert_eq!(within, Ok(0));
+        }
     }
 }

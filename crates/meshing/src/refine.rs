@@ -319,6 +319,33 @@ mod tests {
     }
 
     #[test]
+    fn growth_is_repeated_up_to_the_first_time_that_takes_off_less_than_the_5000th_part() {
+        let image = shaded(64);
+        let measure = measure_of(&image);
+        let seeds = (0..200).map(|i| Point::new(i * 37 % 64, i * 23 % 61));
+        let points: BTreeSet<Point> = seeds.chain(corner_points(64, 64)).collect();
+        let points: Vec<Point> = points.into_iter().collect();
+        let new = || {
+            let mesh = measured(&measure, &image, points.clone());
+            let relocation = Relocation::new(&mesh);
+            Refinement { mesh, relocation, error_at_first: 0 }
+        };
+        let (mut at_once, mut in_turn) = (new(), new());
+        at_once.take(Step::GrowWhileItPays(10), &Unattended).unwrap();
+        let mut errors = vec![in_turn.mesh.total_error()];
+        let mut paid = true;
+        while paid {
+            paid = in_turn.grow(10, THOROUGH, &Unattended).unwrap();
+            let (before, after) = (errors[errors.len() - 1], in_turn.mesh.total_error());
+            assert_eq!(paid, (before - after) * 5000 >= before, "{before} to {after}");
+            errors.push(after);
+        }
+        assert_eq!(at_once.mesh.triangulation.points, in_turn.mesh.triangulation.points);
+        let last: Vec<u64> = errors[errors.len() - 2..].to_vec();
+        assert!(errors.len() > 4 && last[1] < last[0], "{errors:?}");
+    }
+
+    #[test]
     fn the_progress_of_a_step_is_a_part_of_all_and_never_goes_back() {
         #[derive(Default)]
         struct Told(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
@@ -401,6 +428,27 @@ mod tests {
                 prop_assert_eq!(mesh.total_error(), error);
                 prop_assert!(error <= last);
                 last = error;
+            }
+        }
+
+        #[test]
+        fn growth_that_does_not_lower_the_error_leaves_everything_as_it_was(
+            (width, height) in (2usize..12, 2usize..12),
+            samples in prop::collection::vec(0u16..3, 144),
+            seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let measure = measure_of(&image);
+            let mesh = measured(&measure, &image, points);
+            let relocation = Relocation::new(&mesh);
+            let mut refinement = Refinement { mesh, relocation, error_at_first: 0 };
+            for _ in 0..4 {
+                let before = (refinement.mesh.total_error(), refinement.mesh.triangulation.mesh());
+                let paid = refinement.grow(30, THOROUGH, &Unattended).unwrap();
+                if refinement.mesh.total_error() == before.0 {
+                    prop_assert!(!paid);
+                    prop_assert_eq!(refinement.mesh.triangulation.mesh(), before.1);
+                }
             }
         }
     }

@@ -96,10 +96,9 @@ impl NormalEquations {
         let mut product = vec![0.0; values.len()];
         self.multiply(values, &mut product);
         let mut residual: Vec<f64> = side.iter().zip(&product).map(|(b, p)| b - p).collect();
-        // A vertex that no point belongs to has no equation.
+        // The diagonal is 1 at least: each vertex is a point of which it alone counts.
         let scaled = |residual: &[f64]| -> Vec<f64> {
-            let pairs = residual.iter().zip(&self.diagonal);
-            pairs.map(|(r, d)| if *d > 0.0 { r / d } else { 0.0 }).collect()
+            residual.iter().zip(&self.diagonal).map(|(r, d)| r / d).collect()
         };
         let mut direction = scaled(&residual);
         let mut slope = dot(&residual, &direction);
@@ -211,6 +210,7 @@ mod tests {
     use crate::refine::valued_mesh::tests::{error_of_rebuilt, faces_of};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// The interpolation weights of every lattice point: its place among the points, and what each
     /// vertex of the face that owns it counts there.
@@ -269,7 +269,7 @@ mod tests {
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
             let equations = NormalEquations::new(&mesh);
             for c in 0..2 {
                 let mut values = vec![0.0; points.len()];
@@ -278,11 +278,74 @@ mod tests {
                     prop_assert!((value - expected).abs() < 1e-3, "{value} is not {expected}");
                 }
             }
-            let before = mesh.total_error;
+        }
+
+        #[test]
+        fn the_values_are_the_best_ones_rounded_where_these_lower_the_error_and_else_stay(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let [first, second] = [0, 1].map(|c| solved_by_elimination(&mesh, c));
+            let best: Vec<f64> = first.iter().zip(&second).flat_map(|(a, b)| [*a, *b]).collect();
+            // Where one is as near to another whole number either will do.
+            prop_assume!(best.iter().all(|value| (value.rem_euclid(1.0) - 0.5).abs() > 1e-3));
+            let rounded: Vec<u16> =
+                best.iter().map(|value| value.round().clamp(0.0, 7.0) as u16).collect();
+            let error = |values: &[u16]| {
+                error_of_rebuilt(&image, &points, values, &faces_of(&mesh))
+            };
+            let before = mesh.values.clone();
+            let lowers = error(&rounded) < error(&before);
+            let expected = if lowers { rounded } else { before };
+            let expected_error = error(&expected);
             fit_values(&mut mesh, &Unattended).unwrap();
-            let error = error_of_rebuilt(&image, &points, &mesh.values, &faces_of(&mesh));
-            prop_assert_eq!(mesh.total_error, error);
-            prop_assert!(error <= before);
+            prop_assert_eq!(&mesh.values, &expected);
+            prop_assert_eq!(mesh.total_error, expected_error);
+            prop_assert_eq!(mesh.face_errors.iter().sum::<u64>(), expected_error);
+        }
+    }
+
+    /// Solves equations from some values on; tells the values and how many steps were made.
+    fn solved(equations: &NormalEquations, mut values: Vec<f64>) -> (Vec<f64>, usize) {
+        struct Steps(AtomicUsize);
+        impl Control for Steps {
+            fn poll(&self, _: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                assert_eq!(total, MOST_STEPS);
+                self.0.store(done, Ordering::Relaxed);
+                Ok(())
+            }
+        }
+        let steps = Steps(AtomicUsize::new(0));
+        equations.solve(0, &mut values, &steps).unwrap();
+        (values, steps.0.into_inner())
+    }
+
+    #[test]
+    fn vertices_of_few_points_and_of_many_are_solved_for_in_as_few_steps() {
+        let diagonal = vec![1.0, 1024.0, 65536.0, 3.0 * 65536.0];
+        let sides = vec![vec![7.0, 2048.0, 65536.0 * 9.0, 65536.0 * 15.0]];
+        let mut equations = NormalEquations { diagonal, edges: vec![], right_hand_sides: sides };
+        assert_eq!(solved(&equations, vec![0.0; 4]), (vec![7.0, 2.0, 9.0, 5.0], 1));
+        // Two vertices that have to do with each other take a step more.
+        equations.edges = vec![(0, 1, 16.0)];
+        equations.right_hand_sides[0][0] += 16.0 * 2.0;
+        equations.right_hand_sides[0][1] += 16.0 * 7.0;
+        let (values, steps) = solved(&equations, vec![0.0; 4]);
+        assert!(values.iter().zip([7.0, 2.0, 9.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-5));
+        assert!(steps <= 3, "{steps}");
+    }
+
+    #[test]
+    fn values_are_improved_until_a_millionth_of_the_equations_is_left() {
+        let (diagonal, right_hand_sides) = (vec![4.0, 4.0], vec![vec![8000.0, 4000.0]]);
+        let equations = NormalEquations { diagonal, edges: vec![], right_hand_sides };
+        for (off, steps) in [(1e-7, 0), (1e-5, 1)] {
+            let values = vec![2000.0 * (1.0 + off), 1000.0 * (1.0 - off)];
+            let (found, made) = solved(&equations, values.clone());
+            assert_eq!((made, found == values), (steps, steps == 0), "{off}");
         }
     }
 

@@ -66,6 +66,7 @@ mod tests {
     use crate::image::Image;
     use crate::mesh::Point;
     use crate::triangulation::triangulate;
+    use std::sync::atomic::Ordering;
 
     /// A picture of discs on a slope, and points that know nothing of them.
     fn picture() -> (Image, Vec<Point>) {
@@ -122,5 +123,30 @@ mod tests {
         assert_eq!(freed(freedom, 2, &Unattended).0, errors[5]);
         // Half the effort is half the rounds.
         assert_eq!(freed(freedom, 1, &Unattended).0, errors[2]);
+    }
+
+    #[test]
+    fn the_first_round_that_takes_off_less_than_the_5000th_part_is_the_last() {
+        /// Notes the last round told of, and cancels when so many are over.
+        struct Until(usize, AtomicUsize);
+        impl Control for Until {
+            fn poll(&self, _: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                let round = done * 27 / total;
+                self.1.fetch_max(round + 1, Ordering::Relaxed);
+                if round >= self.0 { Err(Cancelled) } else { Ok(()) }
+            }
+        }
+        for (connectivity, values) in [(true, false), (false, true), (true, true)] {
+            let freedom = Freedom { connectivity, values };
+            let all = Until(27, AtomicUsize::new(0));
+            freed(freedom, 9, &all);
+            let made = all.1.into_inner();
+            let after = |rounds| freed(freedom, 9, &Until(rounds, AtomicUsize::new(0))).0;
+            let errors: Vec<u64> = (0..=made).map(after).collect();
+            let pays = |pair: &[u64]| (pair[0] - pair[1]) * 5000 >= pair[0];
+            let paid: Vec<bool> = errors.windows(2).map(pays).collect();
+            assert!(made > 2 && made < 27, "{made} rounds, {errors:?}");
+            assert_eq!(paid.iter().position(|&pays| !pays), Some(made - 1), "{errors:?}");
+        }
     }
 }

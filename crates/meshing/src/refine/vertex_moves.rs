@@ -37,7 +37,8 @@ impl Parabola {
 
     /// The whole number from 0 to `largest` nearest to where it is least.
     fn best(self, largest: u16) -> u16 {
-        let best = if self.square > 0.0 { self.linear / self.square } else { 0.0 };
+        // The vertex is a point of which it alone counts, so that the square is 1 at least.
+        let best = self.linear / self.square;
         (best + 0.5).floor().clamp(0.0, largest.into()) as u16
     }
 }
@@ -234,8 +235,7 @@ mod tests {
     use super::*;
     use crate::control::Unattended;
     use crate::image::Image;
-    use crate::mesh::Face;
-    use crate::mesh::{Mesh, Shape};
+    use crate::mesh::{Face, Mesh, Shape, corner_points};
     use crate::rasterize::rasterize;
     use crate::refine::tests::picture;
     use crate::refine::valued_mesh::tests::{error_of_rebuilt, faces_of};
@@ -318,7 +318,11 @@ mod tests {
             let mut moves = VertexMoves::new(points.len(), Freedom { connectivity, values });
             let mut last = mesh.total_error;
             for _ in 0..3 {
+                let before = (mesh.triangulation.points.clone(), mesh.values.clone());
                 moves.pass(&mut mesh, &Unattended).unwrap();
+                if mesh.total_error == last {
+                    prop_assert_eq!((&mesh.triangulation.points, &mesh.values), (&before.0, &before.1));
+                }
                 let places = &mesh.triangulation.points;
                 let error = error_of_rebuilt(&image, places, &mesh.values, &faces_of(&mesh));
                 prop_assert_eq!(mesh.total_error, error);
@@ -334,6 +338,71 @@ mod tests {
                 let (points, faces, _): (Vec<Point>, Vec<Face>, _) = mesh.triangulation.mesh();
                 prop_assert_eq!(faces, triangulate(&points));
             }
+        }
+    }
+
+    /// A picture of one component, and the mesh of its corners and other vertices, which may be
+    /// anything.
+    fn free_mesh(image: &Image, inner: &[(i32, i32)]) -> (Vec<Point>, Vec<Face>) {
+        let corners = corner_points(image.width(), image.height());
+        let inner = inner.iter().map(|&(x, y)| Point::new(x, y));
+        let mut points: Vec<Point> = inner.chain(corners).collect();
+        points.sort_unstable();
+        let faces = triangulate(&points);
+        (points, faces)
+    }
+
+    #[test]
+    fn of_places_that_promise_as_much_the_first_is_taken() {
+        let sample = |i| if i == 5 * 11 + 5 { 63 } else { 0 };
+        let image = Image::new(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
+        // Wherever the vertex goes from its odd point, that alone is wrong then.
+        for (taken, expected) in [
+            (&[][..], (5, 4)),
+            (&[(5, 4)], (4, 5)),
+            (&[(5, 4), (4, 5)], (6, 5)),
+            (&[(5, 4), (4, 5), (6, 5)], (5, 6)),
+        ] {
+            let (points, faces) = free_mesh(&image, &[&[(5, 5)], taken].concat());
+            let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            let freedom = Freedom { connectivity: true, values: false };
+            VertexMoves::new(points.len(), freedom).look_at(&mut mesh, vertex as u32);
+            let place = mesh.triangulation.points[vertex];
+            assert_eq!((place.x, place.y), expected);
+            assert_eq!(mesh.total_error, 63 * 63);
+        }
+    }
+
+    #[test]
+    fn a_vertex_goes_where_the_value_is_what_it_was() {
+        let sample = |i: usize| (i % 11).saturating_sub(5) as u16 * 10;
+        let image = Image::new(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
+        let (points, faces) = free_mesh(&image, &[(5, 0), (4, 5), (5, 10)]);
+        let vertex = points.iter().position(|p| (p.x, p.y) == (4, 5)).unwrap();
+        for values in [false, true] {
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            assert!(mesh.total_error > 0);
+            let freedom = Freedom { connectivity: true, values };
+            VertexMoves::new(points.len(), freedom).look_at(&mut mesh, vertex as u32);
+            assert_eq!(mesh.triangulation.points[vertex], Point::new(5, 5));
+            assert_eq!((mesh.values[vertex], mesh.total_error), (0, 0));
+        }
+    }
+
+    #[test]
+    fn a_value_that_is_wrong_is_put_right_where_the_vertex_stays() {
+        let (points, faces, image) = modelled();
+        let right = ValuedMesh::new(&image, points.clone(), &faces);
+        for vertex in 0..points.len() {
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            mesh.values[2 * vertex + vertex % 2] += 2;
+            mesh.measure();
+            assert!(mesh.total_error > 0);
+            let freedom = Freedom { connectivity: true, values: true };
+            VertexMoves::new(points.len(), freedom).look_at(&mut mesh, vertex as u32);
+            assert_eq!((&mesh.values, mesh.total_error), (&right.values, 0));
+            assert_eq!(mesh.triangulation.points, points);
         }
     }
 

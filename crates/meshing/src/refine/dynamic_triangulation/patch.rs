@@ -115,7 +115,7 @@ fn block_end(count: usize, block: usize, halvings: u32) -> usize {
 }
 
 /// Orders vertices so that each half of each half, so often, is a block of the plane, cut across its
-/// longer side; `at` gives their places.
+/// longer side, of equal ones across the first; `at` gives their places.
 fn halve(vertices: &mut [u32], at: &impl Fn(u32) -> [i32; 2], halvings: u32) {
     halve_blocks(vertices, at, (0, vertices.len()), (0, 1 << halvings), halvings);
 }
@@ -264,22 +264,53 @@ mod tests {
                     assert_eq!(part.slots[from as usize], to);
                 });
             }
-            // A cut goes across the longer side: of two halves one is at the left of the other, or below
-            // it, be it along the diagonals.
-            if halvings == 1 {
-                let half = |p: usize| partition.parts[p].vertices.iter().map(|&v| points[v as usize]);
-                let axes: [fn(Point) -> i32; 2] = match cuts {
-                    Cuts::Straight => [|p| p.x, |p| p.y],
-                    Cuts::Diagonal => [|p| p.x + p.y, |p| p.x - p.y],
+            let places = |part: &Part| {
+                let across = |v: &u32| {
+                    let [x, y] = cuts.coordinates(points[*v as usize]);
+                    Point::new(x, y)
                 };
-                let extents = axes.map(|of| {
-                    let places = || points.iter().map(|&p| of(p));
-                    places().max().unwrap() - places().min().unwrap()
-                });
-                let of = axes[usize::from(extents[1] > extents[0])];
-                prop_assert!(half(0).map(of).max() <= half(1).map(of).min());
+                part.vertices.iter().map(across).collect()
+            };
+            let blocks: Vec<Vec<Point>> = partition.parts.iter().map(places).collect();
+            if halvings > 0 {
+                assert_cut_across_the_longer_side(&blocks);
             }
             prop_assert_eq!(whole.mesh().1, faces);
+        }
+
+        #[test]
+        fn a_few_vertices_are_parted_into_more_parts_than_there_are_of_them(
+            seeds in prop::collection::vec((0i32..20, 0i32..20), 0..12),
+        ) {
+            let seeds = seeds.iter().map(|&(x, y)| Point::new(x, y));
+            let points: BTreeSet<Point> = seeds.chain(corner_points(20, 20)).collect();
+            let points: Vec<Point> = points.into_iter().collect();
+            let whole = DynamicTriangulation::new(points.clone(), &triangulate(&points), 20, 20);
+            let parts = Partition::new(&whole, Cuts::Straight, 4).parts;
+            prop_assert_eq!(parts.len(), 16);
+            prop_assert_eq!(parts.iter().map(|part| part.vertices.len()).sum::<usize>(), points.len());
+            prop_assert!(parts.iter().all(|part| part.vertices.len() <= 1));
+        }
+    }
+
+    /// Of each two halves one is at the left of the other, or below it where together they are higher
+    /// than wide.
+    fn assert_cut_across_the_longer_side(blocks: &[Vec<Point>]) {
+        let [low, high] = [0, 1].map(|half| {
+            let half_count = blocks.len() / 2;
+            &blocks[half * half_count..][..half_count]
+        });
+        let side = |of: fn(&Point) -> i32| {
+            let all = || blocks.iter().flatten().map(of);
+            all().max().zip(all().min()).map_or(0, |(most, least)| most - least)
+        };
+        let is_wide = side(|p| p.x) >= side(|p| p.y);
+        let key = |p: &Point| if is_wide { (p.x, p.y) } else { (p.y, p.x) };
+        let last = low.iter().flatten().map(key).max();
+        let first = high.iter().flatten().map(key).min();
+        assert!(last.zip(first).is_none_or(|(last, first)| last < first), "{blocks:?}");
+        for half in [low, high].into_iter().filter(|half| half.len() > 1) {
+            assert_cut_across_the_longer_side(half);
         }
     }
 }
