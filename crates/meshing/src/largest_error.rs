@@ -124,7 +124,7 @@ mod tests {
             assert_eq!(within, Ok(expected), "{most}");
         }
         // Meshes that break the bound before any removal, one of them more than after it.
-        let corners = [(0, 0), (8, 0), (0, 8), (4, 4), (8, 8)].map(|(x, y)| Point::new(x, y));
+        let corners = [(0, 0), (8, 0), (4, 4), (0, 8), (8, 8)].map(|(x, y)| Point::new(x, y));
         let faces = Triangulation::new(corners.to_vec(), &Unattended).unwrap().faces();
         let removal = Removal { point: Point::new(4, 4), change: 0 };
         let sample = |i| if i == 4 * side + 4 { 40 } else { 0 };
