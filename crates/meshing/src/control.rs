@@ -140,9 +140,29 @@ impl<C: Control + Send + ?Sized> Control for std::sync::Arc<C> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
-    use std::sync::Arc;
+    use std::sync::{Arc, Mutex};
+
+    /// Notes what it is told of progress.
+    #[derive(Default)]
+    pub(crate) struct Told(Mutex<Vec<(Stage, usize, usize)>>);
+
+    impl Control for Told {
+        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+            self.0.lock().unwrap().push((stage, done, total));
+            Ok(())
+        }
+    }
+
+    impl Told {
+        /// How much was done each time, in the one stage and of the one total that were told of.
+        pub(crate) fn done(self, stage: Stage, total: usize) -> Vec<usize> {
+            let told = self.0.into_inner().unwrap();
+            assert!(told.iter().all(|told| (told.0, told.2) == (stage, total)), "{told:?}");
+            told.into_iter().map(|(_, done, _)| done).collect()
+        }
+    }
 
     /// Answers that the work is not wanted, on three threads.
     struct Unwanted;

@@ -297,6 +297,7 @@ impl Density {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::Told;
     use crate::parameters::Target;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -324,6 +325,21 @@ mod tests {
         let control = Patience(AtomicUsize::new(usize::MAX));
         let marks = diffuse_to_size(&density, 90, &parameters, &control).unwrap();
         assert!(marks.iter().map(|&mark| usize::from(mark)).sum::<usize>().abs_diff(90) <= 10);
+    }
+
+    #[test]
+    fn the_control_is_asked_at_every_32nd_row_of_a_pass() {
+        let field: Vec<f64> = (0..4 * 1000).map(|i| f64::from(i % 7) / 6.0).collect();
+        let density = Density { width: 4, height: 1000, fields: vec![field] };
+        let parameters =
+            Parameters { startup: Startup::Classic, ..Parameters::new(Target::Size(900)) };
+        let told = Told::default();
+        let mut diffusion = Diffusion::new(&density, 900, &parameters, &told).unwrap();
+        diffusion.run(&[0.1]).unwrap();
+        diffusion.tries = 3;
+        diffusion.run(&[0.2]).unwrap();
+        let done = told.done(Stage::Diffuse, MAX_TRIES);
+        assert_eq!(done, [[0; 1000_usize.div_ceil(32)], [3; 1000_usize.div_ceil(32)]].concat());
     }
 
     #[test]

@@ -155,10 +155,22 @@ impl FaceMeasure for FlatFaces<'_> {
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::control::tests::Told;
     use crate::mesh::{Face, corner_points};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
     use std::collections::BTreeSet;
+
+    #[test]
+    fn the_control_is_told_of_every_64_faces() {
+        let image = Image::new(20, 15, 9, vec![(0..300).collect()]).unwrap();
+        let inner: Vec<(usize, usize)> = (0..300).map(|i| (i % 20, i / 20)).collect();
+        let (mesh, told) = (mesh_of(&image, &inner), Told::default());
+        FlatColors::new(&image, &mesh, &told).unwrap();
+        let multiples: Vec<usize> = (0..mesh.faces().len()).step_by(64).collect();
+        assert!(multiples.len() > 4);
+        assert_eq!(told.done(Stage::Rasterize, mesh.faces().len()), multiples);
+    }
 
     /// A mesh of the corners and other points, which carries the image's samples.
     fn mesh_of(image: &Image, inner: &[(usize, usize)]) -> Mesh {

@@ -308,6 +308,7 @@ impl Image {
 mod tests {
     use super::*;
     use crate::choices::Policy;
+    use crate::control::tests::Told;
     use crate::method::Method;
     use crate::parameters::Target;
 
@@ -348,6 +349,19 @@ mod tests {
         let mut errors = FaceErrors::new(&measure);
         let sum: u64 = corners.map(|corners| errors.error(corners)).sum();
         assert_eq!(simplified.fidelity.squared_error, sum);
+    }
+
+    #[test]
+    fn the_control_is_told_of_every_8192_faces_that_are_measured() {
+        let (width, height) = (120, 90);
+        let samples = (0..width * height).map(|i| (i * 37 % 101) as u16).collect();
+        let image = Image::new(width, height, 8, vec![samples]).unwrap();
+        let lattice =
+            (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y)));
+        let triangulation = Triangulation::new(lattice.collect(), &Unattended).unwrap();
+        let (faces, told) = (triangulation.faces(), Told::default());
+        assert_eq!(measure(&image, &triangulation.points, &faces, &told), Ok(0));
+        assert_eq!(told.done(Stage::Measure, faces.len()), [0, 8192, 16384]);
     }
 
     #[test]

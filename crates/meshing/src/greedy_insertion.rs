@@ -157,6 +157,7 @@ fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::control::tests::Told;
     use crate::mesh::Face;
     use proptest::prelude::*;
 
@@ -246,21 +247,11 @@ mod tests {
 
     #[test]
     fn the_control_is_asked_before_the_first_insertion_and_every_64_points() {
-        use std::sync::Mutex;
-
-        struct Notes(Mutex<Vec<usize>>);
-        impl Control for Notes {
-            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-                assert_eq!((stage, total), (Stage::Insert, 200));
-                self.0.lock().unwrap().push(done);
-                Ok(())
-            }
-        }
         let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
         let image = Image::new(30, 30, 8, vec![samples]).unwrap();
-        let notes = Notes(Mutex::default());
-        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &notes).unwrap();
-        assert_eq!((points.len(), notes.0.into_inner().unwrap()), (200, vec![0, 64, 128, 192]));
+        let told = Told::default();
+        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &told).unwrap();
+        assert_eq!((points.len(), told.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
     }
 
     #[test]

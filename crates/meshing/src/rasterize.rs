@@ -133,9 +133,23 @@ fn fill_row<S: Simd>(
 mod tests {
     use super::*;
     use crate::control::Unattended;
+    use crate::control::tests::Told;
     use crate::mesh::{Point, corner_points};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
+
+    #[test]
+    fn the_control_is_told_of_every_64_faces() {
+        let points: Vec<Point> = (0..300).map(|i| Point::new(i % 20, i / 20)).collect();
+        let faces = triangulate(&points);
+        let (count, samples) = (faces.len(), vec![0; points.len()]);
+        let shape = Shape { width: 20, height: 15, component_count: 1, precision: 8 };
+        let mesh = Mesh::new(shape, points, samples, faces).unwrap();
+        let told = Told::default();
+        rasterize(&mesh, &told).unwrap();
+        let multiples: Vec<usize> = (0..count).step_by(64).collect();
+        assert_eq!(told.done(Stage::Rasterize, count), multiples);
+    }
 
     #[test]
     fn two_triangles_rebuild_a_plane() {

@@ -2,6 +2,7 @@
 //! points from random to as bad as can be.
 
 use super::*;
+use crate::control::tests::Told;
 use crate::mesh::corner_points;
 use crate::predicates::{in_circle, orientation};
 use proptest::prelude::*;
@@ -291,6 +292,25 @@ fn the_worst_places_for_points_take_no_longer_than_others() {
     }
     let seconds = start.elapsed().as_secs_f64();
     assert!(seconds < 30.0, "{seconds} s");
+}
+
+#[test]
+fn the_control_is_told_of_the_points_every_thousand_steps_or_so() {
+    let points = random(20_000, 512, 512);
+    let (sweeping, merging) = (Told::default(), Told::default());
+    sweep::triangulate(&points, &sweeping).unwrap().unwrap();
+    divide_and_conquer::triangulate(&points, &merging).unwrap();
+    for told in [sweeping, merging] {
+        let done = told.done(Stage::Triangulate, points.len());
+        // A few steps are made for each point.
+        let least = points.len() / POINTS_PER_POLL;
+        assert!((least..20 * least).contains(&done.len()), "{} times", done.len());
+        assert!(done.is_sorted() && done[0] < points.len() / 10);
+        let last = done[done.len() - 1];
+        assert!((points.len() * 9 / 10..=points.len()).contains(&last), "{last}");
+        let leaps = done.windows(2).filter(|pair| pair[1] - pair[0] > 2 * POINTS_PER_POLL);
+        assert_eq!(leaps.count(), 0, "{done:?}");
+    }
 }
 
 /// Cancels at the poll with this number.

@@ -3,6 +3,7 @@
 use super::*;
 use crate::choices::ErrorMetric;
 use crate::control::Unattended;
+use crate::control::tests::Told;
 use crate::face_error::{FaceErrors, Measure};
 use crate::image::Image;
 use crate::mesh::corner_points;
@@ -11,7 +12,6 @@ use crate::triangulation::triangulate;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
-use std::sync::Mutex;
 
 /// The places after one look at each vertex, each candidate triangulated and measured afresh.
 fn relocated_by_brute_force(
@@ -252,30 +252,6 @@ fn of_places_that_are_as_good_a_vertex_takes_the_nearest_then_the_leftmost() {
     }
 }
 
-/// Notes what is told of progress.
-#[derive(Default)]
-struct Notes(Mutex<Vec<(usize, usize)>>);
-
-impl Control for Notes {
-    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-        assert_eq!(stage, Stage::Refine);
-        self.0.lock().unwrap().push((done, total));
-        Ok(())
-    }
-}
-
-impl Notes {
-    /// How much was done each time that it was told, of this total.
-    fn done(self, expected: usize) -> Vec<usize> {
-        let told = self.0.into_inner().unwrap().into_iter();
-        told.map(|(done, total)| {
-            assert_eq!(total, expected);
-            done
-        })
-        .collect()
-    }
-}
-
 /// A picture, and a mesh of it of at least as many vertices as patches take.
 fn large() -> (Image, Vec<Point>) {
     let (columns, rows) = (50, LEAST_PATCH / 50 + 1);
@@ -293,11 +269,11 @@ fn a_third_of_the_progress_of_a_pass_is_that_in_patches_each_time_and_a_third_th
     let mut relocation = Relocation::new(&mesh);
     let count = points.len();
     for (third, cuts) in [Cuts::Straight, Cuts::Diagonal].into_iter().enumerate() {
-        let in_patches = Notes::default();
+        let in_patches = Told::default();
         let looked_at = relocation
             .look_in_patches(&mut mesh, Look::Foresighted, (cuts, 2), &in_patches)
             .unwrap();
-        let done = in_patches.done(3 * count);
+        let done = in_patches.done(Stage::Refine, 3 * count);
         assert!(done.is_sorted_by(|a, b| a < b));
         assert!(done.iter().all(|done| (third * count..(third + 1) * count).contains(done)));
         // Where the vertices at fences are passed over, nothing is told.
@@ -305,13 +281,13 @@ fn a_third_of_the_progress_of_a_pass_is_that_in_patches_each_time_and_a_third_th
         // Nearly all are looked at the first time.
         assert!(third > 0 || done[done.len() / 2] > count / 4);
     }
-    let in_order = Notes::default();
+    let in_order = Told::default();
     let (image, points) = level_but_for(&[(5, 9)], &[(5, 5), (2, 3), (7, 8)]);
     let measure = measure_of(&image);
     let mut mesh = measured(&measure, &image, points.clone());
     let mut relocation = Relocation::new(&mesh);
     let looked_at = relocation.pass(&mut mesh, Look::Thorough, &in_order).unwrap();
-    let done = in_order.done(3 * points.len());
+    let done = in_order.done(Stage::Refine, 3 * points.len());
     assert_eq!((looked_at, done.len()), (3, 3));
     assert!(done.is_sorted_by(|a, b| a < b));
     assert!(done.iter().all(|done| (2 * points.len()..3 * points.len()).contains(done)));
