@@ -170,8 +170,24 @@ mod tests {
         (1000.0 / threshold - 20.0 * (1.0 + (1.0 / threshold).sin())).max(0.0) as usize
     }
 
+    /// The same, less smooth and by what every machine computes alike.
+    fn uneven_count(threshold: f64) -> usize {
+        let points = 1000.0 / threshold;
+        let wave = (2.0 * (0.03 * points).fract() - 1.0).abs();
+        (points * (0.99 - 0.02 * wave)) as usize
+    }
+
     /// The thresholds that the search comes to, and in how many passes.
     fn steps(first: f64, size: usize, per_pass: usize) -> (Vec<f64>, usize) {
+        steps_by(count, first, size, per_pass)
+    }
+
+    fn steps_by(
+        count: fn(f64) -> usize,
+        first: f64,
+        size: usize,
+        per_pass: usize,
+    ) -> (Vec<f64>, usize) {
         let mut search = ThresholdSearch::new(first, size);
         let (mut steps, mut passes) = (Vec::new(), 0);
         loop {
@@ -199,6 +215,34 @@ mod tests {
                 assert_eq!(steps(first, 2_000, per_pass).0, one_by_one);
             }
         }
+    }
+
+    /// A guess that is changed for a better one makes these numbers smaller.
+    #[test]
+    fn guesses_save_as_many_passes_as_ever() {
+        let passes = [1, 2, 3, 5, 7, 15].map(|per_pass| {
+            let sizes = (1..60).map(|i| 30 * i * i).chain([4, 5, 7, 2_000_000]);
+            let searches = sizes.flat_map(|size| [0.01, 0.3, 0.5, 0.7, 20.0].map(|at| (size, at)));
+            searches
+                .map(|(size, at)| {
+                    let first = at * 1000.0 / size as f64;
+                    steps_by(uneven_count, first, size, per_pass).1
+                })
+                .sum::<usize>()
+        });
+        assert_eq!(passes, [5430, 3046, 2274, 1725, 1509, 1267]);
+    }
+
+    #[test]
+    fn the_nearest_threshold_is_the_first_of_those_that_chose_the_number_nearest_to_that_wanted() {
+        let mut search = ThresholdSearch::new(1.0, 100);
+        let mut nearest = Vec::new();
+        // The thresholds are 1, 2, 4, 3, 3.5 and 3.75.
+        for count in [150, 130, 90, 110, 109, 92] {
+            search.learn(count);
+            nearest.push(search.nearest());
+        }
+        assert_eq!(nearest, [1.0, 2.0, 4.0, 4.0, 3.5, 3.75]);
     }
 
     #[test]
