@@ -329,8 +329,8 @@ mod tests {
 
     #[test]
     fn the_control_is_asked_at_every_32nd_row_of_a_pass() {
-        let field: Vec<f64> = (0..4 * 1000).map(|i| f64::from(i % 7) / 6.0).collect();
-        let density = Density { width: 4, height: 1000, fields: vec![field] };
+        let field: Vec<f64> = (0..4 * 2000).map(|i| f64::from(i % 7) / 6.0).collect();
+        let density = Density { width: 4, height: 2000, fields: vec![field] };
         let parameters =
             Parameters { startup: Startup::Classic, ..Parameters::new(Target::Size(900)) };
         let told = Told::default();
@@ -338,8 +338,9 @@ mod tests {
         diffusion.run(&[0.1]).unwrap();
         diffusion.tries = 3;
         diffusion.run(&[0.2]).unwrap();
+        let rows = 2000_usize.div_ceil(32);
         let done = told.done(Stage::Diffuse, MAX_TRIES);
-        assert_eq!(done, [[0; 1000_usize.div_ceil(32)], [3; 1000_usize.div_ceil(32)]].concat());
+        assert_eq!(done, [vec![0; rows], vec![3; rows]].concat());
     }
 
     #[test]

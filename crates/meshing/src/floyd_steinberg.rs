@@ -302,6 +302,24 @@ mod tests {
     use fearless_simd::{Level, dispatch};
 
     #[test]
+    fn a_number_that_reaches_the_threshold_exactly_is_chosen() {
+        let pairs = [[1.0, 2.0], [3.0, 4.0]];
+        for (number, chosen) in [(0.25, ([2.0, 4.0], 1)), (0.25_f64.next_down(), ([1.0, 3.0], 0))] {
+            assert_eq!(number.choose(0.25, pairs), chosen);
+            dispatch!(Level::new(), simd => {
+                let of = |number| Lanes::<_, 1>::splat(simd, number);
+                let (lanes, bits) = of(number).choose(of(0.25), pairs.map(|pair| pair.map(of)));
+                for (lane, expected) in lanes.into_iter().zip(chosen.0) {
+                    let mut stored = [[0.0; 8]];
+                    lane.store(&mut stored);
+                    assert_eq!(stored, [[expected; 8]]);
+                }
+                assert_eq!(bits, 0xff * chosen.1);
+            });
+        }
+    }
+
+    #[test]
     fn every_lane_is_as_a_single_number() {
         for (leaky, rightwards) in [(false, true), (false, false), (true, true), (true, false)] {
             let weights = Weights::new(leaky);

@@ -282,6 +282,44 @@ mod tests {
     }
 
     #[test]
+    fn boundaries_are_narrow_where_coordinates_differ_by_less_than_two_to_the_14() {
+        let near = NARROW / 2 - 1;
+        for (x, y) in [(0, 0), (7, 900_000), (900_000, 7), (1_000_000, 1_000_000)] {
+            let at = |dx: i32, dy: i32| Point::new(x + dx, y + dy);
+            let is_narrow_to = |dx, dy| is_narrow(&[at(0, 0), at(1, 0), at(dx, dy), at(0, 1)]);
+            for (dx, dy) in [(1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (1, -1)] {
+                assert!(is_narrow_to(dx * near, dy * near), "{dx} {dy}");
+                assert!(!is_narrow_to(dx * (near + 1), dy * (near + 1)), "{dx} {dy}");
+                assert!(!is_narrow_to(dx * 40_000, dy * 40_000), "{dx} {dy}");
+            }
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn boundaries_that_reach_far_are_filled_as_near_ones_of_the_same_shape_are(
+            kept in proptest::collection::vec(proptest::bool::weighted(0.3), 49),
+            scale in proptest::sample::select(vec![2730, 2731, 10_000, 21_845, 170_000]),
+        ) {
+            let lattice = (0..7).flat_map(|y| (0..7).map(move |x| (x, y)));
+            let points: Vec<Point> = lattice
+                .zip(&kept)
+                .filter(|&((x, y), &kept)| kept || (x, y) == (3, 3) || (x % 6, y % 6) == (0, 0))
+                .map(|((x, y), _)| Point::new(x, y))
+                .collect();
+            let v = points.iter().position(|&p| p == Point::new(3, 3)).unwrap() as u32;
+            let near = boundary_around(v, &points);
+            let far: Vec<Point> = near.iter().map(|p| Point::new(p.x * scale, p.y * scale)).collect();
+            let [near, far] = [near, far].map(|boundary| {
+                let mut triangles = HoleFiller::default().fill(&boundary).to_vec();
+                triangles.sort_unstable();
+                triangles
+            });
+            proptest::prop_assert_eq!(near, far);
+        }
+    }
+
+    #[test]
     fn a_concave_boundary_is_filled_inside_only() {
         let boundary = [(0, 0), (6, 0), (3, 1), (6, 6), (0, 6)].map(|(x, y)| Point::new(x, y));
         let mut filler = HoleFiller::default();

@@ -183,5 +183,11 @@ mod tests {
         let interpolant = Interpolant::new(face, [0, 1, 2]);
         assert_eq!(value(&interpolant, Point::new(1, 0)), 1);
         assert_eq!(value(&interpolant, Point::new(1, 1)), 2);
+        // Of a face so large that its numerators have more digits than a floating-point number.
+        let side = 1 << 19;
+        let face = [Point::new(0, 0), Point::new(side, 0), Point::new(0, side)];
+        let interpolant = Interpolant::new(face, [40_000, 40_001, 40_000]);
+        assert_eq!(value(&interpolant, Point::new(side / 2, 0)), 40_001);
+        assert_eq!(value(&interpolant, Point::new(side / 2 - 1, 0)), 40_000);
     }
 }

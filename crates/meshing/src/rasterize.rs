@@ -170,6 +170,7 @@ mod tests {
             (width, height) in (2usize..90, 2usize..90),
             places in prop::collection::vec((0i32..90, 0i32..90), 0..60),
             component_count in 1usize..5,
+            precision in prop::sample::select(vec![3, 8, 9, 16]),
         ) {
             let inner = places.iter().map(|&(x, y)| {
                 Point::new(x % width as i32, y % height as i32)
@@ -178,8 +179,8 @@ mod tests {
             points.sort_unstable();
             points.dedup();
             let count = points.len() * component_count;
-            let samples = (0..count).map(|i| (i * 7919 % 256) as u16).collect();
-            let shape = Shape { width, height, component_count, precision: 8 };
+            let samples = (0..count).map(|i| (i * 40_503 % (1 << precision)) as u16).collect();
+            let shape = Shape { width, height, component_count, precision };
             let faces = triangulate(&points);
             let mesh = Mesh::new(shape, points, samples, faces).unwrap();
             let vectors = rasterize(&mesh, &Unattended).unwrap();

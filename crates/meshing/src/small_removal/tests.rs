@@ -141,8 +141,14 @@ fn places_below_2_to_the_14_are_near_enough_for_32_bits() {
     let net = vertices.net(&stars);
     assert!(net.is_narrow());
     let far = 1 << 14;
+    let (mut few, mut errors) = (FewHoles::default(), FaceErrors::new(&measure));
+    let is_inside = |p: &Point| (1..3).contains(&p.x) && (1..3).contains(&p.y);
+    let vertex = net.points.iter().position(is_inside).unwrap() as u32;
     for (right, top, is_narrow) in [(far - 1, far - 1, true), (far, 3, false), (3, far, false)] {
-        assert_eq!(Net { right, top, ..net }.is_narrow(), is_narrow, "{right} {top}");
+        let net = Net { right, top, ..net };
+        assert_eq!(net.is_narrow(), is_narrow, "{right} {top}");
+        assert_eq!(few.evaluate(vertex, &net, &mut errors).is_some(), is_narrow);
+        assert_eq!(few.prepare(vertex, &net, &mut errors, &mut Vec::new()).is_some(), is_narrow);
     }
 }
 
