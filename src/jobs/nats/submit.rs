@@ -169,7 +169,7 @@ impl Nats {
         }
         let info = self.owners.info(owner).await?;
         let counted = info.num_pending as usize;
-        if counted + JUST_CAME_IN < limit {
+        if !may_be_full(counted, limit) {
             return Ok(counted);
         }
         let unfinished = self.streams.work.names(&format!("work.{}.*", owner_word(owner))).await?;
@@ -188,6 +188,11 @@ impl Nats {
         }
         Ok(unfinished.saturating_sub(self.running().await?))
     }
+}
+
+/// Whether as many may wait as may, of whom a consumer has counted so many.
+fn may_be_full(counted: usize, limit: usize) -> bool {
+    counted.saturating_add(JUST_CAME_IN) >= limit
 }
 
 impl StoredWord {
@@ -220,4 +225,18 @@ impl StoredWord {
 /// The name under which a client's word is kept: of the word only its digest, whatever is in it.
 fn word_name(owner: &Owner, word: &str) -> String {
     format!("word.{}", Digest::of_texts(&[owner.as_str(), word]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_owner_s_jobs_are_counted_anew_where_those_that_just_came_in_may_be_the_last() {
+        for (counted, limit, is_near) in
+            [(0, 2, true), (0, 65, false), (935, 1000, false), (936, 1000, true), (9, 9, true)]
+        {
+            assert_eq!(may_be_full(counted, limit), is_near, "{counted} of {limit}");
+        }
+    }
 }

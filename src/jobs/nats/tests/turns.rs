@@ -20,7 +20,7 @@ async fn one_node_sweeps_until_it_falls_silent_and_another_takes_over() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_sweep_counts_the_jobs_whose_last_worker_fell_silent() {
     let Some(engine) = engine("exhausted") else { return };
-    let terms = Terms { lease: Duration::from_secs(1), ..terms() };
+    let terms = Terms { lease: InServers::LEASE, ..terms() };
     let open = async || Nats::open(engine.broker().await, terms).await.unwrap();
     let (one, other, sweeper) = (open().await, open().await, open().await);
     let poison = job("poison", None);
