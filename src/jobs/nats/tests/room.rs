@@ -37,3 +37,18 @@ async fn a_stream_of_work_that_takes_no_more_bytes_is_a_full_broker() {
     let error = queue.submit(job("image", None)).await.unwrap_err();
     assert!(matches!(error, QueueError::BrokerFull(_)), "{error}");
 }
+
+/// A consumer hears of a job a moment after its submission; who submits on within it is counted all the
+/// same.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_owner_is_quick_enough_to_have_one_more_waiting_than_may() {
+    let Some(engine) = engine("quick") else { return };
+    let caps = crate::jobs::fairness::Caps { queued_per_owner: 1, ..terms().caps };
+    let queue = Nats::open(engine.broker().await, Terms { caps, ..terms() }).await.unwrap();
+    for name in (0..50).map(|n| format!("owner {n}")) {
+        let own = || NewJob { owner: Owner::named(&name), ..job(&name, None) };
+        let first = queue.submit(own()).await.unwrap();
+        assert!(matches!(first, Submitted::Created(_)), "{first:?}");
+        assert_eq!(queue.submit(own()).await.unwrap(), Submitted::OwnerFull { limit: 1 }, "{name}");
+    }
+}
