@@ -51,16 +51,21 @@ async fn streams_are_made_as_the_terms_say_and_follow_other_terms() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_stream_of_somebody_else_is_left_alone_and_the_prefix_named() {
     let Some(engine) = engine("foreign") else { return };
-    let broker = engine.broker().await;
-    let name = broker.stream_name("work");
-    let foreign = async_nats::jetstream::stream::Config {
-        name: name.clone(),
-        subjects: vec![format!("{}.other", broker.prefix)],
-        ..Default::default()
-    };
-    broker.context.create_stream(foreign).await.unwrap();
-    let error = Nats::open(broker, terms()).await.unwrap_err().to_string();
-    assert!(error.contains(&name) && error.contains("--queue-prefix"), "{error}");
+    use async_nats::jetstream::stream::{Config, RetentionPolicy};
+    // Another retention, other subjects, and both.
+    for (prefix, retention, subject) in [
+        ("a", RetentionPolicy::Limits, "a.work.*.*"),
+        ("b", RetentionPolicy::WorkQueue, "b.other"),
+        ("c", RetentionPolicy::Limits, "c.other"),
+    ] {
+        let broker = engine.broker_under(prefix).await;
+        let name = broker.stream_name("work");
+        let subjects = vec![subject.into()];
+        let foreign = Config { name: name.clone(), subjects, retention, ..Config::default() };
+        broker.context.create_stream(foreign).await.unwrap();
+        let error = Nats::open(broker, terms()).await.unwrap_err().to_string();
+        assert!(error.contains(&name) && error.contains("--queue-prefix"), "{error}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -102,3 +102,14 @@ async fn a_queue_that_is_let_go_listens_no_more() {
     };
     timeout(Duration::from_secs(60), forgotten).await.expect("nobody has them");
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_known_of_a_job_may_be_old_and_is_looked_at_anew() {
+    let Some(engine) = engine("old-record") else { return };
+    let (queue, job) = (opened(&engine).await, job("image", None));
+    queue.submit(job.clone()).await.unwrap();
+    let old = queue.record(&job.owner, job.id).await.unwrap();
+    claimed(&queue).await;
+    let seen = queue.change(&job.owner, job.id, old, |job| records::Step::Leave(job.attempt()));
+    assert_eq!(seen.await.unwrap().unwrap().0, 1);
+}
