@@ -239,6 +239,7 @@ mod tests {
     use crate::choices::ErrorMetric;
     use crate::control::Unattended;
     use crate::face_error::{FaceErrors, Measure};
+    use crate::flat_color::{FlatFaces, RowSums};
     use crate::image::Image;
     use crate::mesh::{Face, Point, corner_points};
     use crate::triangulation::triangulate;
@@ -316,6 +317,46 @@ mod tests {
             [f64::NAN, -1.0, 0.4, 0.45, 0.5, 0.55, 9.0].map(|decibels| FIRST.percent(decibels));
         assert_eq!(first, [20, 20, 20, 21, 23, 25, 25]);
         assert_eq!(refined(f64::NAN).0, at_first);
+    }
+
+    #[test]
+    fn what_is_lacking_is_that_of_the_error_at_first() {
+        let image = shaded(64);
+        let seeds = (0..100).map(|i| Point::new(i % 10 * 6 + i / 10 % 2 * 3 + 2, i / 10 * 6 + 3));
+        let points: BTreeSet<Point> = seeds.chain(corner_points(64, 64)).collect();
+        let measure = measure_of(&image);
+        for (step, part, more) in [
+            (Step::GrowForDecibel, 1, 26),
+            (Step::GrowForDecibel, 2, 21),
+            (Step::ReachDecibel, 1, 11),
+            (Step::ReachDecibel, 2, 0),
+        ] {
+            let mesh = measured(&measure, &image, points.iter().copied().collect());
+            // All of the decibel is lacking, or twice the error has been there.
+            let (relocation, error_at_first) = (Relocation::new(&mesh), part * mesh.total_error());
+            let mut refinement = Refinement { mesh, relocation, error_at_first };
+            refinement.take(step, &Unattended).unwrap();
+            // 25, 20, 10 and 0 percent of 104.
+            let numbered = refinement.mesh.triangulation.points.len();
+            assert_eq!(numbered - points.len(), more, "{step:?}, {part}");
+        }
+    }
+
+    #[test]
+    fn a_mesh_of_flat_faces_is_refined_by_their_errors() {
+        let image = shaded(40);
+        let sums = RowSums::new(&image);
+        let seeds = (0..60).map(|i| Point::new(i * 37 % 40, i * 23 % 39));
+        let points: BTreeSet<Point> = seeds.chain(corner_points(40, 40)).collect();
+        let points: Vec<Point> = points.into_iter().collect();
+        let faces = triangulate(&points);
+        let mesh = MeasuredMesh::new(points, &faces, (40, 40), FlatFaces::new(&sums));
+        let before = mesh.total_error();
+        let refined = refine(mesh, 5, &Unattended).unwrap();
+        let (points, faces, _) = refined.triangulation.mesh();
+        let error = |face: &Face| FlatFaces::new(&sums).error(face.map(|v| points[v as usize]));
+        assert_eq!(refined.total_error(), faces.iter().map(error).sum::<u64>());
+        assert!(refined.total_error() < before);
     }
 
     #[test]

@@ -266,8 +266,11 @@ mod tests {
             }
             let places = |part: &Part| {
                 let across = |v: &u32| {
-                    let [x, y] = cuts.coordinates(points[*v as usize]);
-                    Point::new(x, y)
+                    let Point { x, y } = points[*v as usize];
+                    match cuts {
+                        Cuts::Straight => Point::new(x, y),
+                        Cuts::Diagonal => Point::new(x + y, x - y),
+                    }
                 };
                 part.vertices.iter().map(across).collect()
             };
