@@ -38,9 +38,9 @@ const PAYS: f64 = 2e-4;
 /// Rounds of growth of one kind at most.
 const MOST_ROUNDS: usize = 40;
 
-/// The part of the error that is left when 1.02 dB have been gained: a decibel over MGPRFS, whose exact
+/// The part of the error that is left when 1.03 dB have been gained: a decibel over MGPRFS, whose exact
 /// order may leave a mesh a little better than the tiles do that refinement begins with.
-const GOAL: f64 = 0.790_68;
+const GOAL: f64 = 0.788_86;
 
 /// Decibels for each part of the error to be gained, where these are few: `10 / ln 10`.
 const DECIBELS_PER_PART: f64 = 4.343;
@@ -61,7 +61,7 @@ const FIRST: Rate = Rate { per_decibel: 45.0, least: 20, most: 25 };
 
 /// In the round that is to reach the goal: by 8 percent it gains some 0.1 dB, as vertices find better
 /// places in it too.
-const LAST: Rate = Rate { per_decibel: 55.0, least: 4, most: 10 };
+const LAST: Rate = Rate { per_decibel: 80.0, least: 4, most: 10 };
 
 impl Rate {
     fn percent(&self, decibels: f64) -> usize {
@@ -281,10 +281,10 @@ mod tests {
     #[test]
     fn what_is_lacking_of_a_decibel_is_told_to_a_hundredth_where_it_is_little() {
         let first = 1u64 << 40;
-        for gained in [0.9, 0.95, 1.0, 1.02, 1.2] {
+        for gained in [0.9, 0.95, 1.0, 1.03, 1.2] {
             let error = (first as f64 * 10f64.powf(-gained / 10.0)) as u64;
             let lacking = decibels_to_goal(first, error);
-            assert!((lacking - (1.02 - gained)).abs() < 0.01, "{lacking} after {gained}");
+            assert!((lacking - (1.03 - gained)).abs() < 0.01, "{lacking} after {gained}");
         }
         assert!(decibels_to_goal(first, first) > 1.0);
         // Nothing is lacking where there is no error.
@@ -311,8 +311,8 @@ mod tests {
         let (looked, more) = refined(LITTLE);
         assert!(looked < at_first && more == 0, "{looked} of {at_first}, {more} more");
         let more = [0.061, 0.1, 0.12, 1.0, f64::INFINITY].map(|decibels| refined(decibels).1);
-        // 4, 6, 7, 10 and 10 percent of 104.
-        assert_eq!(more, [5, 7, 8, 11, 11]);
+        // 5, 8, 10, 10 and 10 percent of 104.
+        assert_eq!(more, [6, 9, 11, 11, 11]);
         let first =
             [f64::NAN, -1.0, 0.4, 0.45, 0.5, 0.55, 9.0].map(|decibels| FIRST.percent(decibels));
         assert_eq!(first, [20, 20, 20, 21, 23, 25, 25]);
