@@ -2,7 +2,7 @@
 //!
 //! Greedy removal looks at one vertex at a time and never puts one back. Here the mesh it leaves is
 //! improved by descent: vertices move (`relocation`), change places with better ones (`swaps`), and
-//! the mesh grows and shrinks again (`growth`), each step scored by the true change of the error
+//! the mesh grows and shrinks again (`growth`, quickly by `batch_removal`), each step scored by the true change of the error
 //! over the faces that change (`measured_mesh`, on a `dynamic_triangulation`). The model stays
 //! what it is, a preferred-directions Delaunay triangulation of points that carry the image's own
 //! samples. Beyond that model `liberation` flips edges, fits values (`fitted_values`) and moves

@@ -28,6 +28,8 @@ use tokio_util::io::ReaderStream;
 const STORE: &str = "JetStream";
 /// How long a piece is waited for before it is asked whether there is still one to come.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
+/// How often in a row it is asked: a piece that has not come in half a minute is lost.
+const MOST_LOOKS: u32 = 60;
 /// The size of the pieces that a blob is read in.
 const PIECE: usize = 128 << 10;
 
@@ -35,6 +37,7 @@ const PIECE: usize = 128 << 10;
 #[derive(Clone)]
 pub(super) struct BrokerBucket {
     bucket: Bucket,
+    most_looks: u32,
 }
 
 impl BrokerBucket {
@@ -44,7 +47,7 @@ impl BrokerBucket {
     ) -> Result<Self, Box<dyn std::error::Error + Send + Sync>> {
         let bucket = broker.stream_name("blobs-store");
         if let Ok(bucket) = broker.context.get_object_store(&bucket).await {
-            return Ok(Self { bucket });
+            return Ok(Self { bucket, most_looks: MOST_LOOKS });
         }
         let config = Config {
             bucket: bucket.clone(),
@@ -56,7 +59,8 @@ impl BrokerBucket {
         let made = broker.made(|| broker.context.create_object_store(config.clone())).await;
         let what =
             format!("bucket {bucket} cannot be made with --queue-replicas {}", broker.replicas);
-        Ok(Self { bucket: made.map_err(|error| failure(&what, &error))? })
+        let bucket = made.map_err(|error| failure(&what, &error))?;
+        Ok(Self { bucket, most_looks: MOST_LOOKS })
     }
 
     async fn read(
@@ -74,6 +78,7 @@ impl BrokerBucket {
         let pieces = ReaderStream::with_capacity(part, PIECE);
         let reading = (self.clone(), pieces, name, copy_read);
         Ok(stream::try_unfold(reading, |(bucket, mut pieces, name, copy_read)| async {
+            let mut looks = 0;
             loop {
                 match timeout(LOOK_AGAIN, pieces.next()).await {
                     Ok(None) => return Ok(None),
@@ -81,7 +86,7 @@ impl BrokerBucket {
                         let piece = piece.map_err(failed)?;
                         return Ok(Some((piece, (bucket, pieces, name, copy_read))));
                     }
-                    Err(_) => bucket.must_have(&name, &copy_read).await?,
+                    Err(_) => bucket.must_have(&name, &copy_read, &mut looks).await?,
                 }
             }
         })
@@ -93,22 +98,28 @@ impl BrokerBucket {
         let (copy_read, mut nowhere) = (object.info.nuid.clone(), sink());
         let mut first = object.take(bytes);
         let mut dropping = pin!(copy(&mut first, &mut nowhere));
+        let mut looks = 0;
         loop {
             if let Ok(dropped) = timeout(LOOK_AGAIN, &mut dropping).await {
                 return dropped.map(|_| ()).map_err(failed);
             }
-            self.must_have(name, &copy_read).await?;
+            self.must_have(name, &copy_read, &mut looks).await?;
         }
     }
 
     /// A blob that is put once more is another copy, and the pieces of the one before are deleted:
-    /// whoever reads that one would wait for them for ever.
-    async fn must_have(&self, name: &str, copy_read: &str) -> Result<()> {
+    /// whoever reads that one would wait for them for ever. So would whoever reads a blob whose pieces
+    /// the broker has lost, and is told so after the most looks.
+    async fn must_have(&self, name: &str, copy_read: &str, looks: &mut u32) -> Result<()> {
         let info = self.bucket.info(name).await.map_err(failed)?;
-        match info.nuid == copy_read && !info.deleted {
-            true => Ok(()),
-            false => Err(failed(io::Error::other("it was replaced while it was read"))),
+        *looks += 1;
+        if info.nuid != copy_read || info.deleted {
+            return Err(failed(io::Error::other("it was replaced while it was read")));
         }
+        if *looks >= self.most_looks {
+            return Err(failed(io::Error::other("a piece of it does not come: it is lost")));
+        }
+        Ok(())
     }
 }
 

@@ -125,3 +125,19 @@ async fn whoever_wants_a_blob_reads_the_copy_that_replaces_the_one_begun() {
     let read = timeout(Duration::from_secs(60), reading).await.expect("it is there");
     assert_eq!(read.unwrap().unwrap(), bytes);
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn pieces_that_are_lost_are_not_waited_for_without_end() {
+    let Some((_server, broker, bucket)) = bucket_of_a_server().await else { return };
+    let bucket = BrokerBucket { most_looks: 3, ..bucket };
+    let place = Path::from("blob");
+    bucket.put(&place, vec![1; 1000].into()).await.unwrap();
+    lose_pieces(&broker).await;
+    for begin in [0, 7] {
+        let begun = std::time::Instant::now();
+        let read = timeout(Duration::from_secs(60), bucket.get_range(&place, begin..1000)).await;
+        let error = read.expect("it is given up").unwrap_err().to_string();
+        assert!(error.contains("lost"), "{error}");
+        assert!(begun.elapsed() >= 3 * LOOK_AGAIN);
+    }
+}
