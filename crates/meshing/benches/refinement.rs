@@ -13,7 +13,7 @@
 mod picture;
 
 use image::DynamicImage;
-use pixmesh_meshing::{Cancelled, Control, Image, Method, Stage, Target, generate};
+use pixmesh_meshing::{Image, Method, OnThreads, Target, Unattended, generate};
 use std::error::Error;
 use std::num::NonZeroUsize;
 use std::str::FromStr;
@@ -165,7 +165,7 @@ fn run(
     let mut parameters = method.parameters(Target::Density(density));
     parameters.effort = effort;
     let begun = Instant::now();
-    let model = generate(image, &parameters, &Threads(threads))?;
+    let model = generate(image, &parameters, &OnThreads(Unattended, threads))?;
     Ok((begun.elapsed().as_secs_f64(), model.fidelity.psnr_db()))
 }
 
@@ -173,17 +173,4 @@ fn run(
 fn beside(times: &[Times], effort: usize) -> String {
     let part = |times: &Times| times.refined[effort] / times.plain - 1.0;
     times.iter().map(|times| format!("{:>13.2}", part(times))).collect()
-}
-
-/// Never cancels, and has some threads.
-struct Threads(NonZeroUsize);
-
-impl Control for Threads {
-    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
-        Ok(())
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        self.0
-    }
 }

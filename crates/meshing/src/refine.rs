@@ -258,14 +258,19 @@ mod tests {
         Image::new(side, side, 8, vec![component(0), component(1)]).unwrap()
     }
 
+    /// 104 points of a picture 64 columns wide and high, the corners among them.
+    fn scattered() -> Vec<Point> {
+        let seeds = (0..100).map(|i| Point::new(i % 10 * 6 + i / 10 % 2 * 3 + 2, i / 10 * 6 + 3));
+        let points: BTreeSet<Point> = seeds.chain(corner_points(64, 64)).collect();
+        points.into_iter().collect()
+    }
+
     /// Changes of the schedule, of what a step does, and of the order of vertices and places change
     /// these numbers; nothing else may.
     #[test]
     fn each_effort_comes_to_the_same_error_on_every_machine() {
         let image = shaded(64);
-        let seeds = (0..100).map(|i| Point::new(i % 10 * 6 + i / 10 % 2 * 3 + 2, i / 10 * 6 + 3));
-        let points: BTreeSet<Point> = seeds.chain(corner_points(64, 64)).collect();
-        let points: Vec<Point> = points.into_iter().collect();
+        let points = scattered();
         let measure = measure_of(&image);
         let errors: Vec<u64> = (0..=9)
             .map(|effort| {
@@ -294,11 +299,10 @@ mod tests {
     #[test]
     fn a_mesh_looks_again_or_grows_for_a_decibel_that_it_lacks_and_rests_when_it_has_it() {
         let image = shaded(64);
-        let seeds = (0..100).map(|i| Point::new(i % 10 * 6 + i / 10 % 2 * 3 + 2, i / 10 * 6 + 3));
-        let points: BTreeSet<Point> = seeds.chain(corner_points(64, 64)).collect();
+        let points = scattered();
         let measure = measure_of(&image);
         let refined = |decibels: f64| {
-            let mesh = measured(&measure, &image, points.iter().copied().collect());
+            let mesh = measured(&measure, &image, points.clone());
             let (relocation, error_at_first) = (Relocation::new(&mesh), mesh.total_error());
             let mut refinement = Refinement { mesh, relocation, error_at_first };
             refinement.reach(decibels, &Unattended).unwrap();
@@ -322,8 +326,7 @@ mod tests {
     #[test]
     fn what_is_lacking_is_that_of_the_error_at_first() {
         let image = shaded(64);
-        let seeds = (0..100).map(|i| Point::new(i % 10 * 6 + i / 10 % 2 * 3 + 2, i / 10 * 6 + 3));
-        let points: BTreeSet<Point> = seeds.chain(corner_points(64, 64)).collect();
+        let points = scattered();
         let measure = measure_of(&image);
         for (step, part, more) in [
             (Step::GrowForDecibel, 1, 26),
@@ -331,7 +334,7 @@ mod tests {
             (Step::ReachDecibel, 1, 11),
             (Step::ReachDecibel, 2, 0),
         ] {
-            let mesh = measured(&measure, &image, points.iter().copied().collect());
+            let mesh = measured(&measure, &image, points.clone());
             // All of the decibel is lacking, or twice the error has been there.
             let (relocation, error_at_first) = (Relocation::new(&mesh), part * mesh.total_error());
             let mut refinement = Refinement { mesh, relocation, error_at_first };

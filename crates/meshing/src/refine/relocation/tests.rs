@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::choices::ErrorMetric;
-use crate::control::Unattended;
 use crate::control::tests::Told;
+use crate::control::{OnThreads, Unattended};
 use crate::face_error::{FaceErrors, Measure};
 use crate::image::Image;
 use crate::mesh::corner_points;
@@ -96,7 +96,7 @@ proptest! {
         let (image, points) = picture(width, height, &samples, &seeds);
         let measure = measure_of(&image);
         let new_mesh = || measured(&measure, &image, points.clone());
-        let threads = Threads(NonZeroUsize::new(threads).unwrap());
+        let threads = OnThreads(Unattended, NonZeroUsize::new(threads).unwrap());
         let mut mesh = new_mesh();
         let mut relocation = Relocation::new(&mesh);
         // The same looks on the whole mesh, one patch after the other, then at what is left.
@@ -368,19 +368,6 @@ fn sum_of_errors_of_corners(image: &Image) -> u64 {
     let mut corners = corner_points(image.width(), image.height());
     corners.sort_unstable();
     sum_of_errors(image, &corners, &triangulate(&corners))
-}
-
-/// Never cancels, and has some threads.
-struct Threads(NonZeroUsize);
-
-impl Control for Threads {
-    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
-        Ok(())
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        self.0
-    }
 }
 
 /// The error of a face, measured afresh.
