@@ -141,6 +141,7 @@ fn a_file_that_is_of_no_use_is_named_with_its_setting() {
     for (certificate, key, flag, named) in [
         (&missing, &node.key, "--queue-cert", &missing),
         (&empty, &node.key, "--queue-cert", &empty),
+        (&nonsense, &node.key, "--queue-cert", &nonsense),
         (&node.certificate, &missing, "--queue-key", &missing),
         (&node.certificate, &ca, "--queue-key", &ca),
         (&node.certificate, &other.key, "--queue-key", &other.key),

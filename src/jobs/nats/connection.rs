@@ -88,11 +88,14 @@ fn check_certificates(settings: &BrokerSettings) -> Result<(), String> {
         return Ok(());
     };
     let chain = certificates("--queue-cert", certificate)?;
-    let named = |error: &dyn Error| unusable("--queue-key", key, error);
-    let secret = PrivateKeyDer::from_pem_file(key).map_err(|error| named(&error))?;
+    let unusable_key = |error: &dyn Error| unusable("--queue-key", key, error);
+    let secret = PrivateKeyDer::from_pem_file(key).map_err(|error| unusable_key(&error))?;
     let provider = rustls::crypto::ring::default_provider();
-    CertifiedKey::from_der(chain, secret, &provider).map_err(|error| named(&error))?;
-    Ok(())
+    let pair = CertifiedKey::from_der(chain, secret, &provider);
+    pair.map(|_| ()).map_err(|error| match error {
+        TlsError::InvalidCertificate(_) => unusable("--queue-cert", certificate, &error),
+        _ => unusable_key(&error),
+    })
 }
 
 /// The certificates in a file, at least one.
