@@ -1,11 +1,11 @@
 //! What refinement gains over MGPRFS, and its time beside that of MGPRFS.
 //!
-//! `cargo bench -p pixmesh-meshing --bench refinement -- [PICTURE.png...] [--densities 0.5,1,2,3,4]
+//! `cargo bench -p pixmesh-meshing --bench refinement -- [PICTURE...] [--densities 0.5,1,2,3,4]
 //! [--efforts 1,2,3] [--threads 1,2] [--rounds 3]`
 //!
 //! MGPRFS and `optimal` with each effort run in turns in one process, the whole once in each round;
 //! times are the least of all rounds. An effort's time is that of the whole run less that of MGPRFS
-//! on as many threads, as a part of the latter. Without a picture one is made up.
+//! on as many threads, as a part of the latter. Pictures are PNGs and JPEGs; without one it is made up.
 
 #![allow(clippy::print_stdout, reason = "a program whose result is a table on standard output")]
 
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         paths => paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?,
     };
     let threads = choice.threads.iter().map(|t| format!("{t:>8} thr.")).collect::<String>();
-    println!("{:<28} {:>5} {:>6} {:>8} {:>8}{threads}", "picture", "%", "effort", "dB", "gain, dB");
+    println!("{:<32} {:>5} {:>6} {:>8} {:>8}{threads}", "picture", "%", "effort", "dB", "gain, dB");
     let mut sums: Vec<Times> = choice.threads.iter().map(|_| choice.no_times(0.0)).collect();
     let mut gains = vec![Vec::new(); choice.efforts.len()];
     for (name, image) in &pictures {
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             for (e, (&effort, gain)) in choice.efforts.iter().zip(gained).enumerate() {
                 let beside = beside(&times, e);
                 let psnr = plain + gain;
-                println!("{name:<28} {density:>5} {effort:>6} {psnr:>8.2} {gain:>8.3}{beside}");
+                println!("{name:<32} {density:>5} {effort:>6} {psnr:>8.2} {gain:>8.3}{beside}");
                 gains[e].push(gain);
             }
             for (sum, times) in sums.iter_mut().zip(times) {
@@ -123,11 +123,15 @@ fn list<T: FromStr>(text: &str) -> Result<Vec<T>, T::Err> {
 
 /// A picture's name and its components: one of a gray file, three of any other.
 fn read(path: &str) -> Result<(String, Image), Box<dyn Error>> {
-    let name = path.rsplit('/').next().unwrap_or(path).trim_end_matches(".png");
+    let name = path.rsplit('/').next().unwrap_or(path);
     let image = match image::load_from_memory(&std::fs::read(path)?)? {
         DynamicImage::ImageLuma8(gray) => {
             let samples = gray.iter().map(|&sample| sample.into()).collect();
             Image::from_top_down(gray.width() as usize, gray.height() as usize, 8, vec![samples])?
+        }
+        DynamicImage::ImageLuma16(gray) => {
+            let (width, height) = (gray.width() as usize, gray.height() as usize);
+            Image::from_top_down(width, height, 16, vec![gray.into_raw()])?
         }
         other => picture::colour(&other.to_rgb8())?,
     };
