@@ -9,6 +9,7 @@ use crate::interpolant::Interpolant;
 use crate::mesh::Point;
 use crate::predicates::orientation;
 use crate::small_face::{Pixels, TOO_LARGE};
+use crate::small_face_forecast::Outlook;
 use crate::weighted_error::weighted_error;
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -24,6 +25,8 @@ pub(crate) struct Measure<'a> {
     weights: Option<&'a [u8]>,
     /// The points by which moves are foreseen where weights keep errors from being taken on them.
     foreseen_on: Option<Pixels>,
+    /// The same where they have too many bits for that.
+    words: Option<Pixels<u16>>,
 }
 
 impl<'a> Measure<'a> {
@@ -47,14 +50,19 @@ impl<'a> Measure<'a> {
             level: Level::new(),
             weights: None,
             foreseen_on: None,
+            words: None,
         }
     }
 
     /// The same as [`new`](Self::new) where vertices are to move, by the forecast of the error of
     /// all points alike.
     pub(crate) fn with_foresight(image: &'a Image, metric: ErrorMetric) -> Self {
-        let foreseen_on = image.weights().and_then(|_| Pixels::new(image));
-        Self { foreseen_on, ..Self::new(image, metric) }
+        let measure = Self::new(image, metric);
+        if image.weights().is_some() {
+            return Self { foreseen_on: Pixels::new(image), ..measure };
+        }
+        let needs_words = measure.metric.is_none() && measure.pixels.is_none();
+        Self { words: needs_words.then(|| Pixels::new(image)).flatten(), ..measure }
     }
 }
 
@@ -112,7 +120,7 @@ impl<'m> FaceErrors<'m> {
     }
 
     /// The same where it is less than `limit`; otherwise `limit` or more, which is known sooner.
-    pub(crate) fn error_below(&mut self, corners: [Point; 3], limit: u64) -> u64 {
+    fn error_below(&mut self, corners: [Point; 3], limit: u64) -> u64 {
         if self.measure.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
             return 0;
         }
@@ -125,10 +133,39 @@ impl<'m> FaceErrors<'m> {
         self.error_of_any(corners, limit)
     }
 
-    /// The points of the picture, where the squared error of small faces is measured or foreseen on
-    /// them.
-    pub(crate) fn pixels(&self) -> Option<&Pixels> {
-        self.measure.pixels.as_ref().or(self.measure.foreseen_on.as_ref())
+    /// The errors of faces in order as long as their sum is less than `limit`, and the sum; where it
+    /// reaches the limit, that or more.
+    pub(crate) fn errors_below(
+        &mut self,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+    ) -> u64 {
+        let (mut sum, measure) = (0, self.measure);
+        errors.clear();
+        while errors.len() < faces.len() && sum < limit {
+            let first = errors.len();
+            match &measure.pixels {
+                Some(pixels) if measure.flat.is_none() => {
+                    pixels.squared_errors_below(&faces[first..], limit - sum, errors);
+                }
+                _ => errors.push(self.error_below(faces[first], limit - sum)),
+            }
+            if errors.last() == Some(&TOO_LARGE) {
+                errors.pop();
+                let below = limit - sum - errors[first..].iter().sum::<u64>();
+                errors.push(self.error_of_any(faces[errors.len()], below));
+            }
+            sum += errors[first..].iter().sum::<u64>();
+        }
+        sum
+    }
+
+    /// The points of the picture, where the squared error of small faces can be foreseen by them.
+    pub(crate) fn outlook(&self) -> Option<Outlook<'_>> {
+        let Measure { pixels, foreseen_on, words, .. } = self.measure;
+        let bytes = pixels.as_ref().or(foreseen_on.as_ref()).map(Outlook::Bytes);
+        bytes.or(words.as_ref().map(Outlook::Words))
     }
 
     /// Tells whether some points matter more than others.
@@ -260,6 +297,79 @@ mod tests {
                 prop_assert!(is_right, "{} below {}, told {}", error, limit, below);
             }
         }
+    }
+
+    proptest! {
+        #[test]
+        fn errors_of_faces_are_told_in_order_until_their_sum_reaches_the_limit(
+            places in prop::collection::vec((0i32..90, 0i32..90), 3..24),
+            (component_count, precision, flat) in (1usize..6, 7u8..10, prop::bool::ANY),
+            part in 0u64..150,
+        ) {
+            let image = if flat {
+                let samples = (0..90 * 90).map(|i| if i % 90 < 70 { 5 } else { i as u16 % 64 });
+                Image::new(90, 90, precision, vec![samples.collect(); component_count]).unwrap()
+            } else {
+                picture(90, component_count, precision)
+            };
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            prop_assert_eq!(measure.flat.is_some(), flat);
+            let mut of_faces = FaceErrors::new(&measure);
+            let mut faces: Vec<[Point; 3]> = Vec::new();
+            for places in places.chunks_exact(3) {
+                let [a, b, c] = [0, 1, 2].map(|i| Point::new(places[i].0, places[i].1));
+                match orientation(a, b, c) {
+                    0 => {}
+                    1.. => faces.push([a, b, c]),
+                    _ => faces.push([a, c, b]),
+                }
+            }
+            let alone: Vec<u64> = faces.iter().map(|&face| of_faces.error(face)).collect();
+            let all = alone.iter().sum::<u64>();
+            let mut errors = vec![7];
+            prop_assert_eq!(of_faces.errors_below(&faces, u64::MAX, &mut errors), all);
+            prop_assert_eq!(&errors, &alone);
+            let limit = all * part / 100;
+            let sum = of_faces.errors_below(&faces, limit, &mut errors);
+            let told = errors.len();
+            prop_assert_eq!(sum, errors.iter().sum::<u64>());
+            prop_assert_eq!(sum < limit, told == faces.len() && all < limit);
+            // All but the last of those told are below the limit, and exact.
+            let exact = if sum < limit { told } else { told.saturating_sub(1) };
+            prop_assert_eq!(&errors[..exact], &alone[..exact]);
+            prop_assert!(alone[..exact].iter().sum::<u64>() < limit.max(1));
+            if sum >= limit && told > 0 {
+                prop_assert!(alone[..told].iter().sum::<u64>() >= limit);
+            }
+        }
+    }
+
+    #[test]
+    fn moves_are_foreseen_by_squared_errors_of_up_to_four_components_and_weighted_ones_of_8_bits() {
+        let outlook = |component_count, precision, is_weighted, metric| {
+            let mut image = picture(8, component_count, precision);
+            if is_weighted {
+                image = image.with_weights(vec![3; 64]).unwrap();
+            }
+            let measure = Measure::with_foresight(&image, metric);
+            match FaceErrors::new(&measure).outlook() {
+                None => 0,
+                Some(Outlook::Bytes(_)) => 8,
+                Some(Outlook::Words(_)) => 16,
+            }
+        };
+        let squared = ErrorMetric::MeanCompSe;
+        assert_eq!(outlook(1, 8, false, squared), 8);
+        assert_eq!(outlook(4, 8, true, squared), 8);
+        assert_eq!(outlook(1, 9, false, squared), 16);
+        assert_eq!(outlook(4, 16, false, squared), 16);
+        assert_eq!(outlook(1, 9, true, squared), 0);
+        assert_eq!(outlook(5, 8, false, squared), 0);
+        assert_eq!(outlook(3, 9, false, ErrorMetric::MeanCompAe), 0);
+        // Without foresight nothing is kept for it.
+        let image = picture(8, 1, 9);
+        let measure = Measure::new(&image, squared);
+        assert!(FaceErrors::new(&measure).outlook().is_none());
     }
 
     #[test]

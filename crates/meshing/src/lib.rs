@@ -37,7 +37,7 @@
 //! the order of `removal_queue`, from the `star`s of all vertices, numbered in `tile_order`: for
 //! each one `removal` fills its `hole`, remembered in `hole_memory`, and asks `face_error` for the
 //! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
-//! `small_face` (with its rows and planes) and `flat_areas` compute; where neighbours are few,
+//! `small_face` (with its rows, planes and samples) and `flat_areas` compute; where neighbours are few,
 //! `small_removal` does the same in less time. `tiled_removal` is the same tile by tile, for large
 //! images. [`rasterize`] rebuilds the picture, [`Fidelity`] and
 //! [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as
@@ -92,6 +92,7 @@ mod small_face;
 mod small_face_forecast;
 mod small_face_plane;
 mod small_face_rows;
+mod small_face_samples;
 mod small_removal;
 mod ssim;
 mod star;

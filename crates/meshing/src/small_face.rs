@@ -12,7 +12,8 @@ use crate::image::Image;
 use crate::mesh::Point;
 use crate::small_face_plane::Plane;
 use crate::small_face_rows::{Edges, LARGEST_EXTENT, ROWS, Rows};
-use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u32x4};
+use crate::small_face_samples::Sample;
+use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*};
 
 /// Stands for the error of a face that is not small.
 pub(crate) const TOO_LARGE: u64 = u64::MAX;
@@ -20,38 +21,47 @@ pub(crate) const TOO_LARGE: u64 = u64::MAX;
 /// Samples side by side in a vector.
 pub(crate) const LANES: usize = 8;
 
-/// Bytes read at each point.
-const BYTES_READ: usize = 16;
+/// Samples read at each point.
+pub(crate) const SAMPLES_READ: usize = 16;
 
 /// Points whose squared differences a lane can sum up exactly: `256 * 255^2 < 2^24`.
 const POINTS_PER_SUM: usize = 256;
 
-/// A picture of up to four components and 8 bits, the samples of each point side by side, a byte
-/// each.
-pub(crate) struct Pixels {
+/// A picture of up to four components, the samples of each point side by side, of 8 bits where errors
+/// are measured on them.
+pub(crate) struct Pixels<T = u8> {
     pub(crate) level: Level,
     pub(crate) width: usize,
-    /// Bytes of each point: 1, 2 or 4; the fourth of three components is 0.
+    /// Samples of each point: 1, 2 or 4; the fourth of three components is 0.
     pub(crate) stride: usize,
-    /// So many bytes more than the points have that a vector can be read at each of them.
-    pub(crate) bytes: Vec<u8>,
+    /// So many more than the points have that a vector can be read at each of them.
+    pub(crate) samples: Vec<T>,
 }
 
-impl Pixels {
+impl<T: Sample> Pixels<T> {
     /// The points of a picture; `None` when it has more components or bits.
     pub(crate) fn new(image: &Image) -> Option<Self> {
-        if image.precision() > 8 || image.component_count() > 4 {
+        if image.precision() > T::PRECISION || image.component_count() > 4 {
             return None;
         }
         let stride = image.component_count().next_power_of_two();
-        let mut bytes = vec![0; image.pixel_count() * stride + BYTES_READ];
+        let mut samples = vec![T::default(); image.pixel_count() * stride + SAMPLES_READ];
         for (c, component) in image.components().iter().enumerate() {
-            let bytes = bytes[c..].iter_mut().step_by(stride);
-            bytes.zip(component).for_each(|(byte, &sample)| *byte = sample as u8);
+            let places = samples[c..].iter_mut().step_by(stride);
+            places.zip(component).for_each(|(place, &sample)| *place = T::of(sample));
         }
-        Some(Self { level: Level::new(), width: image.width(), stride, bytes })
+        Some(Self { level: Level::new(), width: image.width(), stride, samples })
     }
 
+    /// The samples of one point, again and again.
+    #[inline(always)]
+    pub(crate) fn repeat<S: Simd, const STRIDE: usize>(&self, simd: S, point: Point) -> f32x8<S> {
+        let at = (point.y as usize * self.width + point.x as usize) * STRIDE;
+        T::repeated::<S, STRIDE>(simd, &self.samples[at..])
+    }
+}
+
+impl Pixels {
     /// The errors of counter-clockwise faces, [`TOO_LARGE`] for those that are: sums over the
     /// lattice points and components of the squared differences between the rounded interpolant and
     /// the picture.
@@ -76,6 +86,40 @@ impl Pixels {
         }
     }
 
+    /// Adds the same to `errors` until their sum reaches `limit` or one face is not small.
+    pub(crate) fn squared_errors_below(
+        &self,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+    ) {
+        match self.stride {
+            1 => dispatch!(self.level, simd => self.below_by::<_, 1>(simd, faces, limit, errors)),
+            2 => dispatch!(self.level, simd => self.below_by::<_, 2>(simd, faces, limit, errors)),
+            _ => dispatch!(self.level, simd => self.below_by::<_, 4>(simd, faces, limit, errors)),
+        }
+    }
+
+    #[inline(always)]
+    fn below_by<S: Simd, const STRIDE: usize>(
+        &self,
+        simd: S,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+    ) {
+        let mut sum = 0u64;
+        for &face in faces {
+            let error = self.squared_error::<S, STRIDE>(simd, face);
+            errors.push(error);
+            // One that is too large reaches any limit.
+            sum = sum.saturating_add(error);
+            if sum >= limit {
+                return;
+            }
+        }
+    }
+
     /// The error of a small face.
     #[inline(always)]
     fn squared_error<S: Simd, const STRIDE: usize>(&self, simd: S, corners: [Point; 3]) -> u64 {
@@ -84,7 +128,12 @@ impl Pixels {
             plane: Plane::new(
                 simd,
                 corners,
-                corners.map(|p| self.repeat::<S, STRIDE>(simd, p)),
+                // In a closure for `map` it would not always be compiled for the machine's vectors.
+                [
+                    self.repeat::<S, STRIDE>(simd, corners[0]),
+                    self.repeat::<S, STRIDE>(simd, corners[1]),
+                    self.repeat::<S, STRIDE>(simd, corners[2]),
+                ],
                 i32x8::simd_from(simd, std::array::from_fn(|lane| (lane / STRIDE) as i32)),
             ),
             lanes: f32x8::splat(simd, 0.0),
@@ -109,27 +158,6 @@ impl Pixels {
         sum.empty();
         sum.total
     }
-
-    /// The samples of one point, again and again.
-    #[inline(always)]
-    pub(crate) fn repeat<S: Simd, const STRIDE: usize>(&self, simd: S, point: Point) -> f32x8<S> {
-        let at = (point.y as usize * self.width + point.x as usize) * STRIDE;
-        if STRIDE == 1 {
-            return f32x8::splat(simd, self.bytes[at].into());
-        }
-        let mut bytes = [0; 4];
-        bytes[..STRIDE].copy_from_slice(&self.bytes[at..at + STRIDE]);
-        let repetitions = u32::MAX / (u32::MAX >> (32 - 8 * STRIDE));
-        let samples = u32::from_le_bytes(bytes) * repetitions;
-        first_bytes(u32x4::splat(simd, samples).to_bytes())
-    }
-}
-
-/// The first of so many bytes as numbers.
-#[inline(always)]
-pub(crate) fn first_bytes<S: Simd>(bytes: u8x16<S>) -> f32x8<S> {
-    let (first, second) = bytes.widen().0.widen();
-    first.combine(second).to_float()
 }
 
 /// A sum of squared differences over the rows of a face.
@@ -162,7 +190,7 @@ impl<S: Simd> Sum<S> {
             let ahead = (first - self.plane.a.x) as f32;
             let numerators = self.plane.row(y) + self.plane.per_column * ahead;
             let at = (y as usize * pixels.width + first as usize) * STRIDE;
-            self.add_row::<STRIDE>(numerators, &pixels.bytes[at..], end - first);
+            self.add_row::<STRIDE>(numerators, &pixels.samples[at..], end - first);
         }
         self.empty();
         self.total
@@ -184,7 +212,7 @@ impl<S: Simd> Sum<S> {
             let numerators_from_first = numerators + self.plane.per_column * ahead;
             self.add_row::<STRIDE>(
                 numerators_from_first,
-                &pixels.bytes[(start + first as usize) * STRIDE..],
+                &pixels.samples[(start + first as usize) * STRIDE..],
                 points,
             );
             numerators += self.plane.per_row;
@@ -204,7 +232,7 @@ impl<S: Simd> Sum<S> {
         let mut at = 0;
         loop {
             let values = plane.rounded(numerators);
-            let samples = first_bytes(u8x16::from_slice(plane.simd, &bytes[at..at + BYTES_READ]));
+            let samples = u8::first(plane.simd, &bytes[at..]);
             let counts: mask32x8<S> = plane.offsets.simd_lt(points);
             let differences = counts.select(values - samples, f32x8::splat(plane.simd, 0.0));
             self.lanes += differences * differences;

@@ -12,21 +12,52 @@
 //! ([`Plane`]).
 //!
 //! These are the first and second derivatives, so the nearer the place, the truer the forecast; it
-//! says where to look, and what is true is measured there. It is the same on every machine: the lanes
-//! are eight everywhere, and each does the same operations in the same order.
+//! says where to look, and what is true is measured there. So samples of 16 bits will do too, whose
+//! products are rounded. It is the same on every machine: the lanes are eight everywhere, and each does
+//! the same operations in the same order.
+
+pub(crate) mod around;
 
 use crate::mesh::Point;
-use crate::small_face::{LANES, Pixels, first_bytes};
+use crate::small_face::{LANES, Pixels};
 use crate::small_face_plane::Plane;
 use crate::small_face_rows::{Edges, ROWS};
-use fearless_simd::{Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16};
+use crate::small_face_samples::Sample;
+use around::Foreseen;
+use fearless_simd::{Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*};
+
+/// The points of a picture by which moves are foreseen.
+#[derive(Clone, Copy)]
+pub(crate) enum Outlook<'a> {
+    /// Of up to 8 bits.
+    Bytes(&'a Pixels),
+    /// Of more.
+    Words(&'a Pixels<u16>),
+}
+
+impl Outlook<'_> {
+    /// Foresees moves of a vertex at `place` whose neighbours are `ring`, counter-clockwise, with
+    /// `face_count` faces between each and the next, to the places around; `None` when one of the faces
+    /// is not small.
+    pub(crate) fn foresee(
+        self,
+        place: Point,
+        ring: &[Point],
+        face_count: usize,
+    ) -> Option<Foreseen> {
+        match self {
+            Self::Bytes(pixels) => pixels.foresee(place, ring, face_count),
+            Self::Words(pixels) => pixels.foresee(place, ring, face_count),
+        }
+    }
+}
 
 /// Components that a picture of small faces has at most.
 const COMPONENTS: usize = 4;
 
 /// The coefficients of the change of the squared error, those of missing components 0.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct MoveForecast {
+struct MoveForecast {
     /// Of the differences of the samples.
     samples: [f32; COMPONENTS],
     /// Of the columns and the rows gone.
@@ -61,15 +92,15 @@ struct Weight<S: Simd> {
     per_row: f32,
 }
 
-impl Pixels {
+impl<T: Sample> Pixels<T> {
+    fn foresee(&self, place: Point, ring: &[Point], face_count: usize) -> Option<Foreseen> {
+        let forecast = self.forecast(place, ring, face_count)?;
+        Some(self.foreseen_around(&forecast, place))
+    }
+
     /// Foresees moves of a vertex at `place` whose neighbours are `ring`, counter-clockwise, with
     /// `face_count` faces between each and the next; `None` when one of them is not small.
-    pub(crate) fn forecast(
-        &self,
-        place: Point,
-        ring: &[Point],
-        face_count: usize,
-    ) -> Option<MoveForecast> {
+    fn forecast(&self, place: Point, ring: &[Point], face_count: usize) -> Option<MoveForecast> {
         match self.stride {
             1 => {
                 dispatch!(self.level, simd => self.forecast_by::<_, 1>(simd, place, ring, face_count))
@@ -85,15 +116,15 @@ impl Pixels {
 
     /// The change of the squared error foreseen for a move from one place to another.
     #[inline]
-    pub(crate) fn foreseen(&self, forecast: &MoveForecast, from: Point, to: Point) -> f32 {
+    fn foreseen(&self, forecast: &MoveForecast, from: Point, to: Point) -> f32 {
         let at = |p: Point| (p.y as usize * self.width + p.x as usize) * self.stride;
-        let [before, after] = [from, to].map(|p| &self.bytes[at(p)..at(p) + COMPONENTS]);
+        let [before, after] = [from, to].map(|p| &self.samples[at(p)..at(p) + COMPONENTS]);
         let (x, y) = ((to.x - from.x) as f32, (to.y - from.y) as f32);
         let [xx, xy, yy] = forecast.of_way;
         let way = forecast.columns * x + forecast.rows * y + xx * x * x + xy * x * y + yy * y * y;
         let mut terms = [0.0; COMPONENTS];
         for (c, term) in terms.iter_mut().enumerate() {
-            let difference = f32::from(after[c]) - f32::from(before[c]);
+            let difference = after[c].into() - before[c].into();
             let with_way = forecast.by_columns[c] * x + forecast.by_rows[c] * y;
             *term =
                 difference * (forecast.samples[c] + forecast.squares[c] * difference + with_way);
@@ -160,7 +191,7 @@ impl Pixels {
         sum
     }
 
-    /// The same over a row of so many points from the byte `at` on.
+    /// The same over a row of so many points from the sample `at` on.
     #[inline(always)]
     fn leaning_of_row<S: Simd, const STRIDE: usize>(
         &self,
@@ -173,8 +204,7 @@ impl Pixels {
         let (mut sum, points_per_vector) = (zero, LANES / STRIDE);
         while points > 0 {
             let values = numerators * plane.quarter_reciprocal;
-            let samples =
-                first_bytes(u8x16::from_slice(plane.simd, &self.bytes[at..at + 2 * LANES]));
+            let samples = T::first(plane.simd, &self.samples[at..]);
             let counts: mask32x8<S> = plane.offsets.simd_lt(points);
             sum += counts.select((values - samples) * weights, zero);
             points -= points_per_vector as i32;
@@ -310,15 +340,15 @@ mod tests {
         fn the_forecast_is_what_its_definition_gives_point_by_point(
             reach in prop::array::uniform8(1i32..14),
             (dx, dy) in (-2i32..=2, -2i32..=2),
-            component_count in 1usize..=4,
+            (component_count, bits) in (1usize..=4, prop::sample::select(&[8u8, 16][..])),
             seed in 0usize..1000,
         ) {
             // A star around the middle, away from column 0 and row 0.
             let plane = |c: usize| {
-                let sample = |i: usize| (((i + seed) * 40_503 + c * 9_973) >> 5) as u16 % 256;
-                (0..32 * 32).map(sample).collect()
+                let sample = |i: usize| ((i + seed) * 40_503 + c * 9_973) >> 5 & 0xffff;
+                (0..32 * 32).map(|i| (sample(i) >> (16 - bits)) as u16).collect()
             };
-            let image = Image::new(32, 32, 8, (0..component_count).map(plane).collect()).unwrap();
+            let image = Image::new(32, 32, bits, (0..component_count).map(plane).collect()).unwrap();
             let ways = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
             let place = Point::new(16, 16);
             let ring: Vec<Point> = ways
@@ -327,19 +357,25 @@ mod tests {
                 .map(|((x, y), far)| Point::new(16 + x * far, 16 + y * far))
                 .collect();
             let to = Point::new(16 + dx, 16 + dy);
-            let pixels = Pixels::new(&image).unwrap();
-            let forecast = pixels.forecast(place, &ring, ring.len()).unwrap();
-            let found = f64::from(pixels.foreseen(&forecast, place, to));
+            let words = Pixels::<u16>::new(&image).unwrap();
+            let foreseen = Outlook::Words(&words).foresee(place, &ring, ring.len()).unwrap();
+            let found = f64::from(foreseen.change((dx, dy)));
             let expected = foreseen_point_by_point(&image, place, &ring, to);
-            let size = 255.0 * 255.0 * 32.0;
+            let size = f64::from(1u32 << bits).powi(2) * 32.0;
             prop_assert!((found - expected).abs() < 1e-4 * size, "{found} for {expected}");
+            let bytes = Pixels::<u8>::new(&image);
+            prop_assert_eq!(bytes.is_some(), bits == 8);
+            if let Some(bytes) = bytes {
+                let again = Outlook::Bytes(&bytes).foresee(place, &ring, ring.len()).unwrap();
+                prop_assert_eq!(f64::from(again.change((dx, dy))), found);
+            }
         }
     }
 
     #[test]
     fn faces_that_are_not_small_have_no_forecast() {
         let image = Image::new(80, 80, 8, vec![vec![7; 6400]]).unwrap();
-        let pixels = Pixels::new(&image).unwrap();
+        let pixels = Pixels::<u8>::new(&image).unwrap();
         let ring = [(79, 2), (2, 79), (1, 1)].map(|(x, y)| Point::new(x, y));
         assert!(pixels.forecast(Point::new(20, 20), &ring, 3).is_none());
     }

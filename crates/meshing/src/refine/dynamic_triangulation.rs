@@ -140,6 +140,12 @@ impl DynamicTriangulation {
         self.vertices_of(slot).map(|v| self.points[v as usize])
     }
 
+    /// The faces that a vertex at `place` has when it takes the place of the triangles of a ring.
+    pub(crate) fn fan_around(&self, place: Point, ring: &Ring) -> impl Iterator<Item = [Point; 3]> {
+        let at = |v: u32| self.points[v as usize];
+        ring.edges().map(move |(from, to)| [at(from), at(to), place])
+    }
+
     /// A triangle's vertices.
     #[inline]
     pub(crate) fn vertices_of(&self, slot: u32) -> Face {

@@ -9,7 +9,7 @@ use super::dynamic_triangulation::DynamicTriangulation;
 use super::occupancy::Occupancy;
 use crate::control::{Cancelled, Control};
 use crate::mesh::{Face, Point};
-use crate::small_face::Pixels;
+use crate::small_face_forecast::Outlook;
 use crate::triangulation::NONE;
 use moves::Trial;
 use probe::{Probe, Surface, find_all};
@@ -19,9 +19,20 @@ pub(crate) trait FaceMeasure: Send + Sync {
     /// Sum of the errors of the lattice points of a counter-clockwise face.
     fn error(&mut self, corners: [Point; 3]) -> u64;
 
-    /// The same where it is less than `limit`; otherwise `limit` or more, which may be known sooner.
-    fn error_below(&mut self, corners: [Point; 3], _limit: u64) -> u64 {
-        self.error(corners)
+    /// The errors of faces in order as long as their sum is less than `limit`, and the sum; where it
+    /// reaches the limit, that or more.
+    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        let mut sum = 0;
+        errors.clear();
+        for &face in faces {
+            let error = self.error(face);
+            errors.push(error);
+            sum += error;
+            if sum >= limit {
+                break;
+            }
+        }
+        sum
     }
 
     /// Another one of the same errors, for another thread.
@@ -30,7 +41,7 @@ pub(crate) trait FaceMeasure: Send + Sync {
         Self: Sized;
 
     /// The points by which moves can be foreseen, where the error is the squared one on them.
-    fn pixels(&self) -> Option<&Pixels> {
+    fn outlook(&self) -> Option<Outlook<'_>> {
         None
     }
 
@@ -45,16 +56,16 @@ impl FaceMeasure for crate::face_error::FaceErrors<'_> {
         Self::error(self, corners)
     }
 
-    fn error_below(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        Self::error_below(self, corners, limit)
+    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        Self::errors_below(self, faces, limit, errors)
     }
 
     fn another(&self) -> Self {
         Self::another(self)
     }
 
-    fn pixels(&self) -> Option<&Pixels> {
-        Self::pixels(self)
+    fn outlook(&self) -> Option<Outlook<'_>> {
+        Self::outlook(self)
     }
 
     fn is_weighted(&self) -> bool {
@@ -185,6 +196,11 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         let triangulation = &self.triangulation;
         triangulation.outgoing[vertex as usize] != NONE
             && !triangulation.is_corner(triangulation.points[vertex as usize])
+    }
+
+    /// Tells whether moves of vertices at small faces can be foreseen.
+    pub(crate) fn can_be_foreseen(&self) -> bool {
+        self.probe.measure.outlook().is_some()
     }
 
     /// Tells whether a point may become a vertex: it lies in the image and is none.

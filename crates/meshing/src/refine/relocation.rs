@@ -32,6 +32,10 @@ const LEAST_PARTED: usize = 256;
 /// near to their edges.
 const LEAST_PATCH: usize = 2048;
 
+/// Where a mesh has a vertex for so many points at most, the few faces too large for a forecast lie in
+/// areas without much error.
+const DENSE: usize = 1024;
+
 /// Looks at each vertex whose surroundings have changed, pass after pass.
 #[derive(Clone)]
 pub(crate) struct Relocation {
@@ -41,15 +45,30 @@ pub(crate) struct Relocation {
     is_due: Vec<bool>,
     /// The vertices tile by tile, as they were at first.
     order: Vec<u32>,
+    /// Whether foresighted looks pass over vertices at faces too large for a forecast.
+    passes_over_large: bool,
     /// What a foresighted look has found.
     promising: Vec<(f32, Point)>,
+}
+
+/// Which vertices a pass looks at, of a mesh that is large enough for patches. The others are left to
+/// the passes that follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Scope {
+    /// Those well inside the patches.
+    Inner,
+    /// Those too that are well inside of patches cut askew to the first ones.
+    Most,
+    /// All; the last of them on one thread.
+    All,
 }
 
 /// How to look for a better place for a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Look {
     /// The first that is better of the most promising places up to two columns and rows away; where
-    /// none can be foreseen, the best of the 8 lattice points around.
+    /// none can be foreseen, the best of the 8 lattice points around, or none where few faces of the
+    /// mesh are too large for that.
     Foresighted,
     /// The best of the 24 lattice points up to two columns and rows away.
     Thorough,
@@ -73,7 +92,13 @@ impl Relocation {
         let (width, height) = mesh.size();
         let (count, order) = (points.len(), tile_order(points, width, height));
         let changed = vec![true; count];
-        Self { is_due: changed.clone(), changed, order, promising: Vec::new() }
+        Self {
+            is_due: changed.clone(),
+            changed,
+            order,
+            passes_over_large: mesh.can_be_foreseen() && width * height <= DENSE * count,
+            promising: Vec::new(),
+        }
     }
 
     /// Has one more vertex, the next by number, looked at too.
@@ -95,25 +120,30 @@ impl Relocation {
         }
     }
 
-    /// Looks once at each vertex whose surroundings have changed, and tells how many there were: first
-    /// at those well inside the patches of a large mesh, patch by patch on all threads, then in the same
-    /// way at those inside of patches that are cut askew to the first ones, then at the others. What
-    /// comes of it does not depend on the threads.
+    /// Looks once at each vertex whose surroundings have changed, as far as they are in the scope, and
+    /// tells how many there were: first at those well inside the patches of a large mesh, patch by patch
+    /// on all threads, then in the same way at those inside of patches that are cut askew to the first
+    /// ones, then at the others. What comes of it does not depend on the threads.
     pub(crate) fn pass<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
-        look: Look,
+        (look, scope): (Look, Scope),
         control: &dyn Control,
     ) -> Result<usize, Cancelled> {
         let halvings = halvings(mesh.vertex_count());
         let mut looked_at = 0;
         if halvings > 0 {
             looked_at = self.look_in_patches(mesh, look, (Cuts::Straight, halvings), control)?;
-            looked_at += self.look_in_patches(mesh, look, (Cuts::Diagonal, halvings), control)?;
+            if scope != Scope::Inner {
+                looked_at +=
+                    self.look_in_patches(mesh, look, (Cuts::Diagonal, halvings), control)?;
+            }
         }
-        let count = self.order.len();
-        let poll = |i| control.poll(Stage::Refine, 2 * count + i, 3 * count);
-        looked_at += self.look_in_order(mesh, look, &poll)?;
+        if halvings == 0 || scope == Scope::All {
+            let count = self.order.len();
+            let poll = |i| control.poll(Stage::Refine, 2 * count + i, 3 * count);
+            looked_at += self.look_in_order(mesh, look, &poll)?;
+        }
         self.is_due.fill(true);
         Ok(looked_at)
     }
@@ -176,6 +206,7 @@ impl Relocation {
             changed: part.vertices.iter().map(|&v| self.changed[v as usize]).collect(),
             is_due: part.vertices.iter().map(|&v| self.is_due[v as usize]).collect(),
             order,
+            passes_over_large: self.passes_over_large,
             promising: Vec::new(),
         }
     }
@@ -227,7 +258,11 @@ impl Relocation {
             return Moved::Fenced;
         }
         if !mesh.find_promising(window, (PROMISING, DOUBT), &mut self.promising) {
-            return move_to_best(mesh, vertex, near);
+            return if self.passes_over_large {
+                Moved::No
+            } else {
+                move_to_best(mesh, vertex, near)
+            };
         }
         if self.promising.is_empty() {
             return Moved::No;

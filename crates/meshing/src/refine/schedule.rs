@@ -18,7 +18,8 @@ pub(crate) enum Step {
     GrowQuickly(usize),
     /// The same by a little more where a decibel is far.
     GrowForDecibel,
-    /// Where no decibel has been gained yet, what that is foreseen to take: one more look, or growth.
+    /// Where not a little more than a decibel has been gained yet, what that is foreseen to take: one
+    /// more look, or growth.
     ReachDecibel,
     /// So many percent of the vertices more for a while.
     Grow(usize),
@@ -44,6 +45,8 @@ const STEPS: &[(u8, Step)] = {
     &[
         (1, Relocate(Foresighted)),
         (1, GrowForDecibel),
+        (1, ReachDecibel),
+        (1, ReachDecibel),
         (1, ReachDecibel),
         (2, GrowQuickly(20)),
         (3, GrowQuickly(20)),

@@ -9,6 +9,7 @@ use super::super::dynamic_triangulation::Ring;
 use super::probe::Probe;
 use super::{FaceMeasure, MeasuredMesh};
 use crate::mesh::Point;
+use crate::small_face_forecast::Outlook;
 
 /// The error of a triangle of a fill that has not been measured.
 const UNMEASURED: u64 = u64::MAX;
@@ -65,7 +66,8 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         !star.is_fenced()
     }
 
-    /// Finds the places around the vertex looked at that promise most, at most `count`, the best first,
+    /// Finds the places around the vertex looked at, at most [`REACH`](crate::small_face_forecast::around::REACH)
+    /// columns and rows away, that promise most, at most `count`, the best first,
     /// among those where the error is foreseen to rise by less than `doubt` times that of the faces
     /// around the vertex; `false` when nothing can be foreseen.
     pub(crate) fn find_promising(
@@ -75,13 +77,15 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         promising: &mut Vec<(f32, Point)>,
     ) -> bool {
         promising.clear();
-        let Some(pixels) = self.probe.measure.pixels() else { return false };
+        let Some(outlook) = self.probe.measure.outlook() else { return false };
         let from = self.triangulation.points[self.trial.vertex as usize];
         let face_count = self.probe.star.beyond.len();
-        let Some(forecast) = pixels.forecast(from, &self.probe.boundary, face_count) else {
+        let Some(foreseen) = outlook.foresee(from, &self.probe.boundary, face_count) else {
             return false;
         };
-        let around: u64 = if self.probe.measure.is_weighted() {
+        let around: u64 = if let Outlook::Bytes(pixels) = outlook
+            && self.probe.measure.is_weighted()
+        {
             // Forecasts know no weights, so that equal ones change nothing.
             let faces = self.probe.star.triangles.iter().map(|&t| self.triangulation.corners(t));
             self.trial.tried.clear();
@@ -90,17 +94,16 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         } else {
             self.probe.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum()
         };
-        let limit = doubt * around as f32;
+        let mut limit = doubt * around as f32;
         for &(dx, dy) in offsets {
-            let place = Point::new(from.x + dx, from.y + dy);
-            if !self.is_vacant(place) {
-                continue;
-            }
-            let change = pixels.foreseen(&forecast, from, place);
-            let rank = promising.partition_point(|better| better.0 <= change);
-            if change < limit && rank < count {
+            let (change, place) = (foreseen.change((dx, dy)), Point::new(from.x + dx, from.y + dy));
+            if change < limit && self.is_vacant(place) {
+                let rank = promising.partition_point(|better| better.0 <= change);
                 promising.truncate(count - 1);
                 promising.insert(rank, (change, place));
+                if promising.len() == count {
+                    limit = promising[count - 1].0;
+                }
             }
         }
         true
@@ -161,7 +164,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     /// vacant place, if by less than `limit`.
     fn change_at(&mut self, place: Point, limit: i64) -> Result<Option<i64>, Fenced> {
         let Self { triangulation, probe, face_errors, trial, .. } = self;
-        let Probe { cavity, measure, star, .. } = probe;
+        let Probe { cavity, measure, star, faces, .. } = probe;
         let slot = triangulation.locate_in_patch(place, star.triangles[0]).ok_or(Fenced)?;
         triangulation.cavity(place, slot, cavity);
         if cavity.is_fenced() {
@@ -176,16 +179,12 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
                 change -= face_errors[*triangle as usize] as i64;
             }
         }
-        trial.tried.clear();
-        for (from, to) in cavity.edges() {
-            let ends = [from, to].map(|v| triangulation.points[v as usize]);
-            let left = limit.saturating_sub(change).max(0) as u64;
-            let error = measure.error_below([ends[0], ends[1], place], left);
-            trial.tried.push(error);
-            change += error as i64;
-            if change >= limit {
-                return Ok(None);
-            }
+        faces.clear();
+        faces.extend(triangulation.fan_around(place, cavity));
+        let left = limit.saturating_sub(change).max(0) as u64;
+        change += measure.errors_below(faces, left, &mut trial.tried) as i64;
+        if change >= limit {
+            return Ok(None);
         }
         if replaced < fill.len() {
             for &triangle in fill.iter().filter(|triangle| !cavity.triangles.contains(triangle)) {

@@ -23,6 +23,10 @@ pub(crate) struct Probe<M> {
     pub(super) fill_errors: Vec<u64>,
     /// The ring of the place looked at last.
     pub(super) cavity: Ring,
+    /// The faces measured last: of a fan or a fill.
+    pub(super) faces: Vec<[Point; 3]>,
+    /// Errors of those of a fan.
+    errors: Vec<u64>,
 }
 
 /// A mesh that does not change while it is probed.
@@ -42,6 +46,8 @@ impl<M: FaceMeasure> Probe<M> {
             filler: HoleFiller::default(),
             fill_errors: Vec::new(),
             cavity: Ring::default(),
+            faces: Vec::new(),
+            errors: Vec::new(),
         }
     }
 }
@@ -60,17 +66,16 @@ impl Surface<'_> {
 
     /// By how much the error changes when a movable vertex goes.
     pub(crate) fn removal_change<M: FaceMeasure>(self, vertex: u32, probe: &mut Probe<M>) -> i64 {
-        let Probe { measure, star, boundary, filler, fill_errors, .. } = probe;
+        let Probe { measure, star, boundary, filler, fill_errors, faces, .. } = probe;
         self.triangulation.star(vertex, star);
         boundary.clear();
         boundary.extend(star.vertices.iter().map(|&v| self.triangulation.points[v as usize]));
-        fill_errors.clear();
-        for triangle in filler.fill(boundary) {
-            let corners = triangle.map(|place| boundary[place as usize]);
-            fill_errors.push(measure.error(corners));
-        }
+        faces.clear();
+        let corners = |triangle: &[_; 3]| triangle.map(|place| boundary[place as usize]);
+        faces.extend(filler.fill(boundary).iter().map(corners));
+        let after = measure.errors_below(faces, u64::MAX, fill_errors);
         let before: u64 = star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
-        fill_errors.iter().sum::<u64>() as i64 - before as i64
+        after as i64 - before as i64
     }
 
     /// By how much the error would change with a vertex at a vacant place, if by less than `limit`;
@@ -82,20 +87,15 @@ impl Surface<'_> {
         limit: i64,
         probe: &mut Probe<M>,
     ) -> Option<i64> {
-        let Probe { measure, cavity, .. } = probe;
+        let Probe { measure, cavity, faces, errors, .. } = probe;
         let slot = self.triangulation.locate(place, hint);
         self.triangulation.cavity(place, slot, cavity);
         let before: u64 = cavity.triangles.iter().map(|&t| self.face_errors[t as usize]).sum();
-        let mut change = -(before as i64);
-        for (from, to) in cavity.edges() {
-            let ends = [from, to].map(|v| self.triangulation.points[v as usize]);
-            let left = limit.saturating_sub(change).max(0) as u64;
-            change += measure.error_below([ends[0], ends[1], place], left) as i64;
-            if change >= limit {
-                return None;
-            }
-        }
-        Some(change)
+        faces.clear();
+        faces.extend(self.triangulation.fan_around(place, cavity));
+        let left = limit.saturating_add_unsigned(before).max(0) as u64;
+        let change = measure.errors_below(faces, left, errors) as i64 - before as i64;
+        (change < limit).then_some(change)
     }
 }
 

@@ -73,7 +73,7 @@ proptest! {
         let mut mesh = measured(&measure, &image, points.clone());
         let mut relocation = Relocation::new(&mesh);
         let order = relocation.order.clone();
-        relocation.pass(&mut mesh, look, &Unattended).unwrap();
+        relocation.pass(&mut mesh, (look, Scope::All), &Unattended).unwrap();
         let expected = relocated_by_brute_force(&image, points, &order, look);
         prop_assert_eq!(&mesh.triangulation.points, &expected);
         let total = sum_of_errors(&image, &expected, &triangulate(&expected));
@@ -286,7 +286,7 @@ fn a_third_of_the_progress_of_a_pass_is_that_in_patches_each_time_and_a_third_th
     let measure = measure_of(&image);
     let mut mesh = measured(&measure, &image, points.clone());
     let mut relocation = Relocation::new(&mesh);
-    let looked_at = relocation.pass(&mut mesh, Look::Thorough, &in_order).unwrap();
+    let looked_at = relocation.pass(&mut mesh, (Look::Thorough, Scope::All), &in_order).unwrap();
     let done = in_order.done(Stage::Refine, 3 * points.len());
     assert_eq!((looked_at, done.len()), (3, 3));
     assert!(done.is_sorted_by(|a, b| a < b));
@@ -294,23 +294,79 @@ fn a_third_of_the_progress_of_a_pass_is_that_in_patches_each_time_and_a_third_th
 }
 
 #[test]
-fn a_large_mesh_is_looked_at_in_patches_and_then_in_order() {
+fn a_large_mesh_is_looked_at_in_patches_and_then_in_order_as_far_as_the_scope_goes() {
     let (image, points) = large();
     let measure = measure_of(&image);
-    let [mut whole, mut in_steps, mut in_order] =
-        [(); 3].map(|()| measured(&measure, &image, points.clone()));
-    let mut relocation = Relocation::new(&whole);
-    let all = relocation.pass(&mut whole, Look::Foresighted, &Unattended).unwrap();
-    let mut relocation = Relocation::new(&in_steps);
+    let new_mesh = || measured(&measure, &image, points.clone());
     let look = Look::Foresighted;
-    let [straight, askew] = [Cuts::Straight, Cuts::Diagonal].map(|cuts| {
-        relocation.look_in_patches(&mut in_steps, look, (cuts, 1), &Unattended).unwrap()
-    });
-    let after = relocation.look_in_order(&mut in_steps, look, &|_| Ok(())).unwrap();
-    assert_eq!(all, straight + askew + after);
-    assert_eq!(whole.triangulation.points, in_steps.triangulation.points);
+    let (mut in_steps, mut in_turn) = (new_mesh(), 0);
+    let mut relocation = Relocation::new(&in_steps);
+    for scope in [Scope::Inner, Scope::Most, Scope::All] {
+        in_turn += match scope {
+            Scope::All => relocation.look_in_order(&mut in_steps, look, &|_| Ok(())).unwrap(),
+            _ => {
+                let cuts = if scope == Scope::Inner { Cuts::Straight } else { Cuts::Diagonal };
+                relocation.look_in_patches(&mut in_steps, look, (cuts, 1), &Unattended).unwrap()
+            }
+        };
+        let mut whole = new_mesh();
+        let mut at_once = Relocation::new(&whole);
+        let looked_at = at_once.pass(&mut whole, (look, scope), &Unattended).unwrap();
+        assert_eq!(looked_at, in_turn, "{scope:?}");
+        assert_eq!(whole.triangulation.points, in_steps.triangulation.points, "{scope:?}");
+        // What was left out is due in the next pass, like all that has changed.
+        assert_eq!(at_once.changed, relocation.changed, "{scope:?}");
+        assert!(at_once.is_due.iter().all(|&is_due| is_due));
+        assert_eq!(relocation.is_due.contains(&true), scope != Scope::All, "{scope:?}");
+    }
+    assert_eq!(in_turn, points.len() - 4);
+    let mut in_order = new_mesh();
     Relocation::new(&in_order).look_in_order(&mut in_order, look, &|_| Ok(())).unwrap();
-    assert_ne!(whole.triangulation.points, in_order.triangulation.points);
+    assert_ne!(in_steps.triangulation.points, in_order.triangulation.points);
+}
+
+#[test]
+fn a_mesh_too_small_for_patches_is_looked_at_whole_in_every_scope() {
+    let (image, points) = level_but_for(&[(5, 9)], &[(5, 5), (2, 3), (7, 8)]);
+    let measure = measure_of(&image);
+    for scope in [Scope::Inner, Scope::Most, Scope::All] {
+        let mut mesh = measured(&measure, &image, points.clone());
+        let mut relocation = Relocation::new(&mesh);
+        let looked_at =
+            relocation.pass(&mut mesh, (Look::Foresighted, scope), &Unattended).unwrap();
+        assert_eq!(looked_at, 3);
+    }
+}
+
+#[test]
+fn a_foresighted_look_passes_over_large_faces_where_they_are_few_and_forecasts_are_made() {
+    // One vertex at large faces, at the foot of a slope that it should climb, and others together
+    // elsewhere.
+    let (width, height) = (112_usize, 64);
+    let samples: Vec<u16> =
+        (0..width * height).map(|i| (i % width).saturating_sub(60) as u16).collect();
+    let far = Point::new(66, 40);
+    for (others, precision, component_count, passes_over) in
+        [(1, 8, 1, false), (2, 8, 1, true), (2, 16, 3, true), (2, 8, 5, false)]
+    {
+        let components = vec![samples.clone(); component_count];
+        let image = Image::new(width, height, precision, components).unwrap();
+        let measure = Measure::with_foresight(&image, ErrorMetric::MeanCompSe);
+        let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
+        let mut points: Vec<Point> =
+            near.chain(corner_points(width, height)).chain([far]).collect();
+        points.sort_unstable();
+        // With two others there are just as many as it takes.
+        assert_eq!(points.len() * DENSE == width * height, others == 2);
+        let is_moved = |look| {
+            let mut mesh = measured(&measure, &image, points.clone());
+            let mut relocation = Relocation::new(&mesh);
+            relocation.pass(&mut mesh, (look, Scope::All), &Unattended).unwrap();
+            !mesh.triangulation.points.contains(&far)
+        };
+        assert_eq!(is_moved(Look::Foresighted), !passes_over, "{others} others, {precision} bits");
+        assert!(is_moved(Look::Thorough));
+    }
 }
 
 #[test]
