@@ -205,13 +205,18 @@ impl<'a> Footprint<'a> {
         self.image() + self.meshed_luma() + measured_by + working + mesh
     }
 
-    /// Pictures of few bits are measured against a copy with the samples of a point side by side.
+    /// Pictures of few bits are measured against a copy with the samples of a point side by side; of
+    /// others there is one of twice the bytes where moves are foreseen.
     fn copy_per_pixel(&self) -> u64 {
-        match self.components {
-            _ if self.header.precision > MAX_COPIED_BITS => 0,
+        let copy = match self.components {
             1 => COPY_OF_ONE,
             2..=MAX_COPIED_COMPONENTS => COPY_OF_SEVERAL,
             _ => 0,
+        };
+        match self.header.precision > MAX_COPIED_BITS {
+            true if self.parameters.effort == 0 => 0,
+            true => 2 * copy,
+            false => copy,
         }
     }
 
@@ -390,12 +395,19 @@ mod tests {
     }
 
     #[test]
-    fn faces_of_pictures_of_many_bits_are_measured_without_a_copy() {
-        let parameters = Method::Med.parameters(Target::Density(1.0));
+    fn pictures_of_many_bits_are_copied_only_where_moves_are_foreseen() {
         let deep = Header { precision: 16, ..header(1024, 1024, 3) };
-        let plan = parameters.plan(deep.shape()).unwrap();
-        let of = |header| Footprint::new(header, &plan, &parameters, Format::Model).triangulating();
-        assert_eq!(of(&header(1024, 1024, 3)) - of(&deep), 4 << 20);
+        let more_than_of_8_bits = |method: Method| {
+            let parameters = method.parameters(Target::Density(1.0));
+            let plan = parameters.plan(deep.shape()).unwrap();
+            let of = |header| {
+                let footprint = Footprint::new(header, &plan, &parameters, Format::Model);
+                footprint.triangulating() as i64
+            };
+            of(&deep) - of(&header(1024, 1024, 3))
+        };
+        assert_eq!(more_than_of_8_bits(Method::Med), -(4 << 20));
+        assert_eq!(more_than_of_8_bits(Method::Optimal), 4 << 20);
     }
 
     #[test]
