@@ -1,6 +1,7 @@
 //! Nodes: processes of the program under test that share a queue; killed when dropped.
 
 use crate::client::{Answer, connect, send};
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::SocketAddr;
@@ -137,6 +138,12 @@ impl Node {
     /// How many jobs it says it has completed.
     pub(crate) fn completions(&self) -> usize {
         self.log().matches("state=\"completed\"").count()
+    }
+
+    /// Stops the process where it is, as if its machine hung: what it has, it keeps until its lease ends.
+    pub(crate) fn pause(&self) {
+        let process = Pid::from_child(&self.child);
+        kill_process(process, Signal::STOP).unwrap();
     }
 
     /// Ends the process as if the machine had failed.

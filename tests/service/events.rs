@@ -80,7 +80,7 @@ fn states(events: &[Event]) -> Vec<&str> {
 #[test]
 fn a_job_is_followed_from_its_beginning_to_its_end() {
     let server = Server::start(&["--workers", "1"]);
-    let job = server.job("method=mgpr&density=1", &noise(512));
+    let job = server.job("method=mgpr&density=1", &noise(1024));
     let events = Stream::of(&server, &job, None).rest();
     assert_eq!(states(&events), ["queued", "running", "completed"]);
     assert!(events.is_sorted_by(|a, b| a.id < b.id));
@@ -123,7 +123,7 @@ fn who_comes_back_hears_what_was_missed_and_nothing_twice() {
 #[test]
 fn followers_do_not_keep_a_service_from_stopping() {
     let mut server = Server::start(&["--workers", "1"]);
-    let running = server.job("method=mgpr&density=1", &noise(512));
+    let running = server.job("method=mgpr&density=1", &noise(1024));
     let waiting = server.job("", &disc(20, 20, 1));
     let streams = [Stream::of(&server, &running, None), Stream::of(&server, &waiting, None)];
     server.wait_for(&running, "running");

@@ -50,7 +50,7 @@ fn a_clock_that_jumps_neither_loses_jobs_nor_runs_them_twice() {
     let server = clock.start(&folder, &library, &["--workers", "1"]);
     let image = disc(40, 40, 1);
     for (n, offset) in ["+1h", "-1h", "+20h", "-2h", "+0"].into_iter().enumerate() {
-        let running = server.job(super::SLOW, &noise(250 + n));
+        let running = server.job(super::SLOW, &noise(500 + n));
         server.wait_for(&running, "running");
         let waiting = server.job("size=30", &disc(40 + n, 40, 1));
         clock.jump(offset);

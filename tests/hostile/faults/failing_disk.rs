@@ -78,7 +78,7 @@ fn a_disk_that_turns_read_only_is_told_and_no_accepted_job_is_lost() {
     let done = server.job("size=20", &small);
     server.wait_for(&done, "completed");
     let mesh = server.get(&format!("{done}/mesh")).body;
-    let running = server.job(SLOW, &noise(300));
+    let running = server.job(SLOW, &noise(700));
     server.wait_for(&running, "running");
     let waiting = server.job("size=30", &small);
 

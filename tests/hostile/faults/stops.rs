@@ -39,7 +39,7 @@ const STATES: [(&str, Enter, &[&str]); 8] = [
     (
         "work",
         |server| {
-            let image = noise(300);
+            let image = noise(700);
             let stream = begin(server, &post(&format!("/v1/meshes?{SLOW}"), image.len()), &image);
             server.wait_until("it runs", || server.metric("pixmesh_jobs_in_progress") == 1.0);
             Some(stream)
@@ -64,7 +64,7 @@ const STATES: [(&str, Enter, &[&str]); 8] = [
     (
         "a job",
         |server| {
-            let job = server.job(SLOW, &noise(300));
+            let job = server.job(SLOW, &noise(700));
             server.wait_for(&job, "running");
             None
         },
@@ -73,7 +73,7 @@ const STATES: [(&str, Enter, &[&str]); 8] = [
     (
         "followed events",
         |server| {
-            let job = server.job(SLOW, &noise(300));
+            let job = server.job(SLOW, &noise(700));
             Some(begin(server, &format!("GET {job}/events HTTP/1.1\r\nHost: a\r\n\r\n"), b""))
         },
         &["HTTP/1.1 200"],
