@@ -7,7 +7,8 @@
 //! already, a request is refused without waiting, and told when the queue will have drained.
 //! The seconds are estimates; what has really waited for twice as long is refused too. Slots and
 //! memory belong to a [`Ticket`], which the work itself holds: a handler that is dropped cannot
-//! free what its work still uses.
+//! free what its work still uses. Workers that have none of their own help those that do: each piece
+//! of work is told its [`Share`] of the threads.
 //!
 //! An answer holds a part of its work's memory until its bytes are sent, so that slow readers use
 //! the budget and not what is beyond it. While they read, less work is admitted; the server cuts
@@ -28,6 +29,7 @@ use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
 use backlog::Backlog;
 use gate::{Capacity, Gate};
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::timeout_at;
@@ -44,6 +46,8 @@ pub struct Admission {
 pub struct Limits {
     /// Pieces of work at a time.
     pub workers: usize,
+    /// Threads that they may work on together, where there are fewer of them.
+    pub threads: usize,
     /// Memory for all of them and for answers that are not sent yet.
     pub memory_bytes: u64,
     /// Seconds of waiting work.
@@ -61,6 +65,10 @@ pub struct Slot {
     waited: Duration,
 }
 
+/// Tells a piece of work its share of the threads, which those that come and go change.
+#[derive(Clone, Debug)]
+pub struct Share(Arc<Gate>);
+
 /// The right to work: one slot and memory, given back when dropped.
 #[derive(Debug)]
 pub struct Ticket {
@@ -71,7 +79,7 @@ pub struct Ticket {
     backlog: Arc<Backlog>,
     memory: Memory,
     /// Freed after `drop` has counted the end, so that what is counted never exceeds the slots.
-    _slot: gate::Slot,
+    slot: gate::Slot,
 }
 
 impl Admission {
@@ -82,6 +90,7 @@ impl Admission {
         telemetry::memory_total_mib(memory_mib);
         let capacity = Capacity {
             slots: limits.workers,
+            threads: limits.threads,
             memory_mib,
             slots_per_key: limits.running_per_key.min(limits.workers),
         };
@@ -162,7 +171,7 @@ impl Admission {
         telemetry::queue_wait(waited);
         telemetry::jobs_in_progress(1.0);
         let backlog = Arc::clone(&self.backlog);
-        Ticket { waited, cost, started: Instant::now(), backlog, memory, _slot: slot }
+        Ticket { waited, cost, started: Instant::now(), backlog, memory, slot }
     }
 
     /// Refuses what could never run.
@@ -194,7 +203,21 @@ impl Admission {
     }
 }
 
+impl Share {
+    /// How many threads the work may use at the moment, its own among them.
+    #[must_use]
+    pub fn threads(&self) -> NonZeroUsize {
+        self.0.threads_of_each()
+    }
+}
+
 impl Ticket {
+    /// What tells the work its share of the threads.
+    #[must_use]
+    pub fn share(&self) -> Share {
+        Share(self.slot.gate())
+    }
+
     /// Says that the work was done to its end, so that its time counts in the average.
     pub fn completed(&self) {
         self.backlog.learn(self.cost, self.started.elapsed());
@@ -232,6 +255,7 @@ mod tests {
     fn gate(queue_s: f64) -> Admission {
         Admission::new(&Limits {
             workers: 1,
+            threads: 1,
             memory_bytes: 1 << 20,
             queue_s,
             running_per_key: 1,

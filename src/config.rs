@@ -41,7 +41,8 @@ pub struct Settings {
     /// Allow a public listener on other than loopback although anyone may then use the service.
     #[arg(long, env = "PIXMESH_INSECURE_NO_AUTH")]
     pub insecure_no_auth: bool,
-    /// Meshes made at the same time [default: the number of cores, or that of the container's quota].
+    /// Meshes made at the same time; while there are fewer, they use the cores of the others too
+    /// [default: the number of cores, or that of the container's quota].
     #[arg(long, env = "PIXMESH_WORKERS", hide_env_values = true)]
     pub workers: Option<NonZeroUsize>,
     /// Memory for bodies (a quarter), and for work and answers not sent yet (the rest) [default: 1GiB,
@@ -184,8 +185,7 @@ impl Settings {
     /// Meshes made at the same time.
     #[must_use]
     pub fn worker_count(&self) -> usize {
-        let cores = || available_parallelism().unwrap_or(NonZeroUsize::MIN);
-        self.workers.unwrap_or_else(cores).get()
+        self.workers.map_or_else(cores, NonZeroUsize::get)
     }
 
     /// Memory for bodies, work and answers.
@@ -226,6 +226,7 @@ impl Settings {
         let workers = self.worker_count();
         admission::Limits {
             workers,
+            threads: workers.min(cores()),
             memory_bytes: self.work_budget().0,
             queue_s: self.queue_seconds,
             running_per_key: self.access.running(workers),
@@ -238,6 +239,11 @@ impl Settings {
     pub fn deadline(&self) -> Duration {
         self.sync_deadline.0
     }
+}
+
+/// The processor's cores, or the part of them that a container's quota leaves.
+fn cores() -> usize {
+    available_parallelism().map_or(1, NonZeroUsize::get)
 }
 
 impl JobSettings {

@@ -2,9 +2,11 @@
 //!
 //! The threads are a pool of their own, which yields to the threads that answer requests and write
 //! jobs: these have little to do and must not wait for it, while work takes every core. How many
-//! work at a time, the tickets of [`crate::admission`] decide. When the deadline passes or the client goes away, the waiting
-//! future is dropped, and with it a guard that raises the work's flag; kernels, decoders and encoders
-//! look at it through [`Watch`] and stop within milliseconds. Only then is the ticket given back.
+//! pieces work at a time, the tickets of [`crate::admission`] decide; while there are fewer, kernels
+//! start threads of their own, as many as are the work's share of the cores. When the deadline passes
+//! or the client goes away, the waiting future is dropped, and with it a guard that raises the work's
+//! flag; kernels, decoders and encoders look at it through [`Watch`] and stop within milliseconds.
+//! Only then is the ticket given back.
 //!
 //! Three decoders, which are others' code, do not read while they work, and cannot be stopped there:
 //! large pictures of those kinds are decoded by processes that are killed instead, see
@@ -75,6 +77,7 @@ fn reporting<T: Send + 'static>(
     watch: Arc<Watch>,
     work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
 ) -> (Work, Receiver<Result<T, Problem>>) {
+    watch.share_threads(ticket.share());
     let span = Span::current();
     let (said, heard) = oneshot::channel();
     let work = move || {
@@ -156,7 +159,7 @@ mod tests {
     use crate::extract::accept::Format;
     use crate::extract::owner::Owner;
     use pixmesh_codec::probe;
-    use pixmesh_meshing::{Method, Target};
+    use pixmesh_meshing::{Control, Method, Target};
     use std::sync::atomic::{AtomicBool, Ordering};
 
     const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
@@ -164,6 +167,7 @@ mod tests {
     fn gate() -> Admission {
         Admission::new(&Limits {
             workers: 1,
+            threads: 1,
             memory_bytes: 1 << 20,
             queue_s: 1.0,
             running_per_key: 1,
@@ -189,6 +193,29 @@ mod tests {
             assert_eq!(problem.kind(), Kind::Internal);
             assert!(!problem.document(None).contains("on purpose"));
         }
+    }
+
+    #[tokio::test]
+    async fn work_uses_the_threads_of_workers_that_have_none() {
+        let gate = Admission::new(&Limits {
+            workers: 4,
+            threads: 3,
+            memory_bytes: 4 << 20,
+            queue_s: 1.0,
+            running_per_key: 4,
+            queued_per_key: 1,
+        });
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let admit = async || gate.admit(&Owner::anonymous(), cost(), deadline).await;
+        let threads = async |ticket| {
+            run(ticket, deadline, |watch, _| Ok(watch.threads().get())).await.unwrap()
+        };
+        assert_eq!(threads(admit().await.unwrap()).await, 3);
+        let other = admit().await.unwrap();
+        assert_eq!(threads(admit().await.unwrap()).await, 1);
+        drop(other);
+        assert_eq!(threads(admit().await.unwrap()).await, 3);
+        assert_eq!(Watch::new(deadline).threads().get(), 1, "without a ticket");
     }
 
     #[tokio::test]

@@ -234,6 +234,7 @@ mod tests {
     fn backlog(workers: usize) -> Backlog {
         Backlog::new(&Limits {
             workers,
+            threads: 1,
             memory_bytes: 1 << 20,
             queue_s: 1.0,
             running_per_key: 1,

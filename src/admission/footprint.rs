@@ -18,8 +18,9 @@ const FIELD: u64 = 8;
 const TENSOR: u64 = 24;
 /// Bytes per pixel that smoothing apart from differentiating adds: 8 for each of three derivatives.
 const SMOOTHED: u64 = 24;
-/// Bytes per pixel of the marks of chosen points: two while thresholds are tried, one of the result.
-const MARK: u64 = 3;
+/// Bytes per pixel of the marks of chosen points: two for each of two threads while thresholds are
+/// tried, one of the result.
+const MARK: u64 = 5;
 /// Bytes per pixel of the places that random points are drawn from: 4, in a list that is copied as
 /// it grows.
 const DRAWN: u64 = 12;
@@ -38,8 +39,8 @@ const POINT: u64 = 240;
 const TILED: u64 = 80;
 /// Bytes per final vertex while it is refined: twice what is known of it and its faces.
 const REFINED: u64 = 640;
-/// Bytes that the allocator keeps apart for the threads that refine, whatever the mesh.
-const REFINING_THREADS: u64 = 16 << 20;
+/// Bytes that the allocator keeps apart for the threads that refine, eight at most, whatever the mesh.
+const REFINING_THREADS: u64 = 32 << 20;
 /// Bytes per inserted point: what is known of it and its faces, twice, and of those that wait.
 const INSERTED: u64 = 1200;
 /// Bytes per pixel of the marks of vertices while they are refined: in the mesh, as it was before a
@@ -75,8 +76,8 @@ const TEXT_SAMPLE: u64 = 6;
 const SVG_GRADIENT: u64 = 700;
 /// Bytes per sample of an image that is shown: a copy of 8 bits, and its file.
 const SHOWN_SAMPLE: u64 = 4;
-/// What the allocator keeps back: so much per pixel, and at most.
-const SLACK_PER_PIXEL: u64 = 16;
+/// What the allocator keeps back, that of threads that have ended too: so much per pixel, and at most.
+const SLACK_PER_PIXEL: u64 = 32;
 const MAX_SLACK: u64 = 40 << 20;
 
 /// What decides how much memory the meshing of an image takes.

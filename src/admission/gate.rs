@@ -5,21 +5,29 @@
 //! the end of that order. A piece that finds no memory may be overtaken by other owners' for
 //! [`MAX_OVERTAKEN`] times, after which all wait until there is room for it; not, though, where its
 //! own owner's unread answers are what takes the room. The owner of a key has so many slots at most.
+//!
+//! Threads are nobody's: what has a slot is told, whenever it asks, its part of them at the moment.
 
 use super::Memory;
 use crate::extract::owner::Owner;
 use std::collections::{HashMap, VecDeque};
+use std::num::NonZeroUsize;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 
 /// How often a piece of work that finds no memory may be overtaken by others' smaller ones.
 const MAX_OVERTAKEN: u32 = 32;
 
+/// The most threads of a piece of work: with so many at most the memory that it takes was measured.
+const MOST_THREADS: usize = 8;
+
 /// What there is to give out.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Capacity {
     /// Pieces of work at a time.
     pub(super) slots: usize,
+    /// Threads that they may be worked on with together, where they are fewer than these.
+    pub(super) threads: usize,
     /// Memory for all of them.
     pub(super) memory_mib: usize,
     /// Pieces of work at a time of one key's owner.
@@ -103,6 +111,13 @@ impl Gate {
     pub(super) fn has_slot_for(&self, owner: &Owner) -> bool {
         let state = self.state();
         state.free_slots > 0 && state.held(owner).slots < self.slots_of(owner)
+    }
+
+    /// How many threads each piece of work may use at the moment, its own among them.
+    pub(super) fn threads_of_each(&self) -> NonZeroUsize {
+        let held_slots = self.capacity.slots - self.state().free_slots;
+        let threads = self.capacity.threads / held_slots.max(1);
+        NonZeroUsize::new(threads.min(MOST_THREADS)).unwrap_or(NonZeroUsize::MIN)
     }
 
     /// Waits for a slot and so many MiB; `None` when there will never be any.
@@ -287,6 +302,13 @@ impl Drop for Place {
     }
 }
 
+impl Slot {
+    /// The gate that gave it out.
+    pub(super) fn gate(&self) -> Arc<Gate> {
+        Arc::clone(&self.gate)
+    }
+}
+
 impl Drop for Slot {
     fn drop(&mut self) {
         self.gate.give_back(&self.owner, Held { slots: 1, mib: 0 });
@@ -300,7 +322,8 @@ mod tests {
     use tokio::time::{Duration, timeout};
 
     fn gate(slots: usize, memory_mib: usize, slots_per_key: usize) -> Arc<Gate> {
-        Arc::new(Gate::new(Capacity { slots, memory_mib, slots_per_key }))
+        let threads = slots;
+        Arc::new(Gate::new(Capacity { slots, threads, memory_mib, slots_per_key }))
     }
 
     fn owner(name: &str) -> Owner {
@@ -346,6 +369,23 @@ mod tests {
         for _ in 0..3 {
             all.push(at_once(gate.enter(&Owner::anonymous(), 1)).await.unwrap());
         }
+    }
+
+    #[tokio::test]
+    async fn work_shares_the_threads_of_those_that_do_nothing() {
+        let capacity = Capacity { slots: 20, threads: 18, memory_mib: 20, slots_per_key: 20 };
+        let gate = Arc::new(Gate::new(capacity));
+        let mut held = Vec::new();
+        let mut told = Vec::new();
+        for _ in 0..20 {
+            held.push(gate.enter(&Owner::anonymous(), 1).await.unwrap());
+            told.push(gate.threads_of_each().get());
+        }
+        assert_eq!(told, [8, 8, 6, 4, 3, 3, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
+        held.truncate(1);
+        assert_eq!(gate.threads_of_each().get(), 8);
+        held.clear();
+        assert_eq!(gate.threads_of_each().get(), 8, "of work that has just ended");
     }
 
     #[tokio::test]

@@ -1,9 +1,12 @@
-//! What a piece of work is watched by: a flag and a deadline to stop it, and a clock per stage.
+//! What a piece of work is watched by: a flag and a deadline to stop it, and a clock per stage. It
+//! tells the work on how many threads it may go on, too.
 
+use crate::admission::Share;
 use crate::telemetry;
 use pixmesh_meshing::{Cancelled, Control, Stage};
+use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tracing::Span;
 
@@ -12,6 +15,8 @@ use tracing::Span;
 pub struct Watch {
     cancelled: AtomicBool,
     deadline: Instant,
+    /// Unset where the work has one thread.
+    share: OnceLock<Share>,
     /// Steps of the present stage, behind and in all; 0 in all where they are not counted.
     done: AtomicUsize,
     total: AtomicUsize,
@@ -33,10 +38,17 @@ impl Watch {
         Self {
             cancelled: AtomicBool::new(false),
             deadline,
+            share: OnceLock::new(),
             done: AtomicUsize::new(0),
             total: AtomicUsize::new(0),
             stages: Mutex::default(),
         }
+    }
+
+    /// Lets the work use its share of the threads, from now on.
+    pub fn share_threads(&self, share: Share) {
+        // It has one ticket, and this is called once.
+        let _ = self.share.set(share);
     }
 
     /// Asks the work to stop.
@@ -120,6 +132,10 @@ impl Control for Watch {
         self.done.store(done, Ordering::Relaxed);
         self.total.store(total, Ordering::Relaxed);
         self.check()
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.share.get().map_or(NonZeroUsize::MIN, Share::threads)
     }
 }
 

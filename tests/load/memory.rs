@@ -119,7 +119,8 @@ fn admitted_mib(query: &str, format: Format, picture: &[u8]) -> u64 {
 
 /// By how much the resident memory of a new process rises at most while it does the work.
 fn taken_mib(query: &str, picture: &[u8]) -> u64 {
-    let server = Server::start(&["--workers", "1", "--sync-deadline", "120s"]);
+    // Two, so that the work may take both cores.
+    let server = Server::start(&["--workers", "2", "--sync-deadline", "120s"]);
     let before = server.memory_kib("VmRSS");
     let answer = server.mesh(query, &[], picture);
     assert_eq!(answer.status, 200, "{}", answer.text());

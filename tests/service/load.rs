@@ -5,6 +5,7 @@ use crate::pictures::{colour_noise, disc, flat, noise};
 use crate::server::Server;
 use std::io::Write;
 use std::net::TcpStream;
+use std::num::NonZeroUsize;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -182,6 +183,38 @@ fn no_more_work_runs_than_there_are_workers_even_when_clients_leave() {
     }
     assert!((1.0..=2.0).contains(&most), "{most} at once");
     server.wait_until_idle();
+}
+
+/// How many threads of a process do work.
+fn working_threads(process: u32) -> usize {
+    let names = std::fs::read_dir(format!("/proc/{process}/task")).unwrap().flatten();
+    let names = names.filter_map(|task| std::fs::read_to_string(task.path().join("comm")).ok());
+    names.filter(|name| name.trim_end() == "work").count()
+}
+
+#[test]
+fn a_request_that_is_alone_uses_the_other_workers_cores_too_and_its_mesh_is_the_same() {
+    let image = noise(600);
+    let [alone, helped] = ["1", "2"].map(|workers| {
+        let server = Server::start(&["--workers", workers]);
+        thread::scope(|scope| {
+            let request = scope.spawn(|| server.mesh("effort=1&density=4", &[], &image));
+            let mut most = 0;
+            while !request.is_finished() {
+                most = most.max(working_threads(server.process_id()));
+            }
+            let answer = request.join().unwrap();
+            assert_eq!(answer.status, 200, "{}", answer.text());
+            (answer.body, most)
+        })
+    });
+    assert!(alone.0 == helped.0, "the meshes differ");
+    assert_eq!(alone.1, 1);
+    match thread::available_parallelism().map_or(1, NonZeroUsize::get) {
+        1 => println!("skipped: there is one core, which no other worker can lend"),
+        // One that has done its part may still be there when the next begins.
+        _ => assert!(helped.1 > 1),
+    }
 }
 
 /// What answers and work hold of the memory budget, in MiB.

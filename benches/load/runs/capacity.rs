@@ -7,7 +7,7 @@ use crate::row;
 use crate::server::Server;
 use crate::statistics::percentile;
 use crate::work::{Work, mesh_alone, picture_of};
-use pixmesh_meshing::Method;
+use pixmesh_meshing::{Method, Target};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -78,13 +78,14 @@ pub(super) fn rate(server: &Server, work: &Work, clients: usize, period: Duratio
 /// Meshes per second without a service, on as many threads as it has workers.
 pub(super) fn kernels_rate(period: Duration) -> f64 {
     let pictures: Vec<Vec<u8>> = (0..16).map(|seed| picture_of(0.2, seed)).collect();
+    let parameters = Method::Mgprfs.parameters(Target::Density(2.0));
     let (done, began) = (AtomicUsize::new(0), Instant::now());
     thread::scope(|scope| {
         for _ in 0..workers() {
             scope.spawn(|| {
                 while began.elapsed() < period {
                     let number = done.fetch_add(1, Ordering::Relaxed);
-                    mesh_alone(&pictures[number % pictures.len()], Method::Mgprfs, 2.0);
+                    mesh_alone(&pictures[number % pictures.len()], &parameters);
                 }
             });
         }

@@ -103,6 +103,7 @@ async fn end(jobs: &Jobs, id: JobId) -> Record {
 fn worker(jobs: &Jobs) -> Worker {
     let admission = Admission::new(&WorkLimits {
         workers: 1,
+        threads: 1,
         memory_bytes: 64 << 20,
         queue_s: 10.0,
         running_per_key: 1,
