@@ -202,6 +202,7 @@ fn a_request_that_is_alone_uses_the_other_workers_cores_too_and_its_mesh_is_the_
             let mut most = 0;
             while !request.is_finished() {
                 most = most.max(working_threads(server.process_id()));
+                thread::sleep(Duration::from_millis(1));
             }
             let answer = request.join().unwrap();
             assert_eq!(answer.status, 200, "{}", answer.text());

@@ -30,8 +30,10 @@ pub(crate) struct Prepared {
 
 /// The removals prepared, in the order of their turns.
 pub(crate) struct Foresight<'m> {
-    threads: NonZeroUsize,
+    /// One for each thread that there may be.
     removers: Vec<Remover<'m>>,
+    /// How many vertices remain when it is asked for threads again, where there was one alone.
+    rests_down_to: usize,
     prepared: Vec<Prepared>,
     /// The first one whose turn has not come.
     next: usize,
@@ -41,15 +43,15 @@ pub(crate) struct Foresight<'m> {
 }
 
 impl<'m> Foresight<'m> {
-    /// Foresight on so many threads; `None` on one, or for few vertices.
+    /// Foresight on at most so many threads; `None` on one, or for few vertices.
     pub(crate) fn new(
         measure: &'m Measure<'m>,
         vertex_count: usize,
         threads: NonZeroUsize,
     ) -> Option<Self> {
         (threads.get() > 1 && vertex_count >= LEAST_VERTICES).then(|| Self {
-            threads,
             removers: (0..threads.get()).map(|_| Remover::new(measure)).collect(),
+            rests_down_to: usize::MAX,
             prepared: Vec::new(),
             next: 0,
             changed: vec![0; vertex_count],
@@ -57,15 +59,23 @@ impl<'m> Foresight<'m> {
         })
     }
 
-    /// Prepares the next removals when the turns of all those prepared are over.
+    /// Prepares the next removals when the turns of all those prepared are over, on the threads that
+    /// there are at the moment; with one alone it rests for as many removals as it prepares at most.
     pub(crate) fn look_ahead(
         &mut self,
         net: &Net<'_, Stars>,
         queue: &RemovalQueue,
         remaining: usize,
+        threads: impl Fn() -> NonZeroUsize,
     ) {
         self.skip_changed();
-        if self.next < self.prepared.len() || remaining < LEAST_VERTICES {
+        let has_prepared = self.next < self.prepared.len();
+        if has_prepared || remaining < LEAST_VERTICES || remaining > self.rests_down_to {
+            return;
+        }
+        let threads = threads();
+        if threads.get() == 1 {
+            self.rests_down_to = remaining - MOST_AT_ONCE;
             return;
         }
         self.round += 1;
@@ -81,12 +91,13 @@ impl<'m> Foresight<'m> {
                 }
             }
         }
-        let share = self.prepared.len().div_ceil(self.removers.len()).max(1);
+        let share_count = self.removers.len().min(threads.get());
+        let share = self.prepared.len().div_ceil(share_count).max(1);
         let shares = self.prepared.chunks_mut(share).zip(&mut self.removers);
         let prepare = |(share, remover): (&mut [Prepared], &mut Remover<'m>)| {
             prepare_all(share, remover, net);
         };
-        share_out_all(self.threads, shares, prepare);
+        share_out_all(threads, shares, prepare);
     }
 
     /// What was prepared for the vertex whose turn it is, if that still holds.
@@ -131,6 +142,7 @@ mod tests {
     use crate::mesh::Point;
     use crate::simplify::{Prepared as Begun, StopRule, prepare};
     use crate::triangulation::Triangulation;
+    use std::cell::Cell;
     use std::collections::HashSet;
 
     const SIDE: usize = 40;
@@ -184,13 +196,38 @@ mod tests {
         let (net, some) = (vertices.net(&stars), LEAST_VERTICES);
         for (remaining, count) in [(some - 1, 0), (some, some / 64), (some + 640, some / 64 + 10)] {
             let mut foresight = Foresight::new(&measure, LEAST_VERTICES, two()).unwrap();
-            foresight.look_ahead(&net, &queue, remaining);
+            foresight.look_ahead(&net, &queue, remaining, two);
             assert_eq!(foresight.prepared.len(), count, "of {remaining}");
             // Nothing is prepared anew before all of it had its turn.
             foresight.next = 1;
-            foresight.look_ahead(&net, &queue, remaining);
+            foresight.look_ahead(&net, &queue, remaining, two);
             assert_eq!(foresight.next, 1);
         }
+    }
+
+    #[test]
+    fn with_one_thread_nothing_is_prepared_until_there_may_be_more() {
+        let image = picture();
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let Begun { vertices, stars, entries, .. } = begun(&image, &measure);
+        let stars = stars.into_one();
+        let queue = RemovalQueue::new(entries, SIDE * SIDE);
+        let (net, many) = (vertices.net(&stars), 2 * LEAST_VERTICES);
+        let mut foresight = Foresight::new(&measure, LEAST_VERTICES, two()).unwrap();
+        let asked = Cell::new(0);
+        let mut look = |remaining, threads| {
+            let threads = || {
+                asked.set(asked.get() + 1);
+                NonZeroUsize::new(threads).unwrap()
+            };
+            foresight.look_ahead(&net, &queue, remaining, threads);
+            (foresight.prepared.len(), asked.get())
+        };
+        assert_eq!(look(many, 1), (0, 1));
+        assert_eq!(look(many - MOST_AT_ONCE + 1, 2), (0, 1));
+        assert_eq!(look(many - MOST_AT_ONCE, 1), (0, 2));
+        // More than it has removers for.
+        assert_eq!(look(many - 2 * MOST_AT_ONCE, 3), (MOST_AT_ONCE, 3));
     }
 
     #[test]
@@ -208,7 +245,7 @@ mod tests {
         while let Some(first) = queue.first() {
             let net = vertices.net(&stars);
             let round = foresight.round;
-            foresight.look_ahead(&net, &queue, LEAST_VERTICES);
+            foresight.look_ahead(&net, &queue, LEAST_VERTICES, two);
             if foresight.round != round {
                 rounds += 1;
                 prepared = queue.least(LEAST_VERTICES / 64).iter().map(|e| e.vertex).collect();

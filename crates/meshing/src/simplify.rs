@@ -143,7 +143,8 @@ fn remove_in_order(
         }
         if let Some(foresight) = &mut foresight {
             let net = vertices.net(&simplification.stars);
-            foresight.look_ahead(&net, &simplification.queue, tally.remaining);
+            let threads = || control.threads();
+            foresight.look_ahead(&net, &simplification.queue, tally.remaining, threads);
         }
         simplification.remove_first(foresight.as_mut());
         tally.note(&vertices, first);

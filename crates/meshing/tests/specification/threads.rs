@@ -10,6 +10,7 @@ use pixmesh_meshing::{
 };
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 const WIDTH: usize = 128;
@@ -48,6 +49,39 @@ fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> 
         assert!(made == expected, "{title} on {threads} threads");
     }
     expected
+}
+
+/// Tells of one, two and three threads by turns.
+#[derive(Default)]
+struct MoreAndLess(AtomicUsize);
+
+impl Control for MoreAndLess {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        Ok(())
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        NonZeroUsize::MIN.saturating_add(self.0.fetch_add(1, Ordering::Relaxed) % 3)
+    }
+}
+
+#[test]
+fn threads_that_come_and_go_change_nothing() {
+    let picture = picture(3);
+    let tiles = |own| Parameters { parallel: Parallel::Tiles, ..own };
+    for parameters in [
+        Method::Med.parameters(Target::Density(10.0)),
+        Method::Mgprfs.parameters(Target::Density(18.0)),
+        tiles(Method::Mgprfs.parameters(Target::Density(18.0))),
+        Parameters { effort: 2, ..Method::Optimal.parameters(Target::Density(6.0)) },
+    ] {
+        let expected = model_on(1, &picture, &parameters);
+        for seed in 0..3 {
+            let control = MoreAndLess(AtomicUsize::new(seed));
+            assert!(generate(&picture, &parameters, &control).unwrap() == expected);
+            assert!(control.0.into_inner() > seed + 3, "it was asked");
+        }
+    }
 }
 
 #[test]
