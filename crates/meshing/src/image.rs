@@ -11,6 +11,36 @@ use thiserror::Error;
 /// product of two coordinates fit comfortably into 64 bits.
 pub const MAX_SIDE: usize = 1 << 20;
 
+/// A point of the image's lattice; `y` grows upwards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Point {
+    /// Row, `0..height`, 0 at the bottom. Declared first, so that points compare by row, then column.
+    pub y: i32,
+    /// Column, `0..width`.
+    pub x: i32,
+}
+
+impl Point {
+    /// The point in column `x` of row `y`.
+    #[must_use]
+    pub const fn new(x: i32, y: i32) -> Self {
+        Self { y, x }
+    }
+}
+
+/// Width, height, components and precision of the image that a mesh models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Columns, at least 2.
+    pub width: usize,
+    /// Rows, at least 2.
+    pub height: usize,
+    /// Components, at least 1.
+    pub component_count: usize,
+    /// Bits per sample, 1 to 16.
+    pub precision: u8,
+}
+
 /// An image of any number of components, each sample an integer of 1 to 16 bits.
 ///
 /// Components are stored one after the other, each row by row from the bottom.
@@ -87,6 +117,17 @@ pub enum ImageError {
 }
 
 impl Image {
+    /// Width, height, number of components and precision.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        Shape {
+            width: self.width(),
+            height: self.height(),
+            component_count: self.component_count(),
+            precision: self.precision(),
+        }
+    }
+
     /// Makes an image of components whose rows run from the bottom to the top.
     ///
     /// `components[c][y * width + x]` is the sample of component `c` at `(x, y)`, in
@@ -270,6 +311,12 @@ fn flip_rows(samples: &mut [u16], width: usize) {
     while let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {
         first.swap_with_slice(last);
     }
+}
+
+/// The four corners of an image's lattice, by row, then column.
+pub(crate) fn corner_points(width: usize, height: usize) -> [Point; 4] {
+    let (right, top) = (width as i32 - 1, height as i32 - 1);
+    [Point::new(0, 0), Point::new(right, 0), Point::new(0, top), Point::new(right, top)]
 }
 
 #[cfg(test)]

@@ -30,99 +30,67 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! In reading order: [`Image`] states the coordinate convention; `filter` and `significance`, for
-//! the thesis's own filter `second_derivatives`, give the [`Density`]; `threshold_search`,
-//! `floyd_steinberg` and `error_diffusion` choose [`sample_points`] of it; `predicates`
-//! ([`orientation`], [`in_circle`]) and [`triangulate`] connect them. `simplify` removes points, in
-//! the order of `removal_queue`, from the `star`s of all vertices, numbered in `tile_order`: for
-//! each one `removal` fills its `hole`, remembered in `hole_memory`, and asks `face_error` for the
-//! errors of the new faces, which `error_metric` defines and `face_rows`, `interpolant`,
-//! `small_face` (with its rows, planes and samples) and `flat_areas` compute; where neighbours are few,
-//! `small_removal` does the same in less time. `tiled_removal` is the same tile by tile, for large
-//! images. [`rasterize`] rebuilds the picture, [`Fidelity`] and
-//! [`structural_similarity`] say how close it is; [`generate`] is all of it in order, as
-//! [`Parameters`] say, whose values are in `choices` and whose named sets, the methods, in
-//! [`Method`]. Where the [`Control`] allows several threads, `parallel` shares out what is
-//! independent and `foresight` prepares removals ahead of their turn.
+//! # Modules
 //!
-//! `search` makes meshes of several sizes where a quality is asked for, and `largest_error` follows
-//! removals up to the first that breaks a bound. `refine` goes beyond the thesis: it moves the
-//! vertices that are left, where `small_face_forecast` promises a gain. Other ways: [`FlatColors`] gives each face one colour, `greedy_insertion`
-//! chooses points in a moment, [`Progression`] holds every size of a mesh, and `sensitivity` says which points
-//! matter to the structural similarity.
+//! ```text
+//! image ─▶ density ─▶ points ─▶ triangulation ─▶ removal ─▶ refinement ─▶ model ─▶ quality
+//!
+//! points (greedy insertion), removal (largest error), refinement and model (progression)
+//!     ─▶ dynamic_mesh ─▶ face_error ─▶ triangulation (holes, predicates) ─▶ image
+//! ```
+//!
+//! The first line is the flow of data through `pipeline`, the others tell what the engines rest on.
+//!
+//! - `image`: samples, lattice points and the coordinate convention; `control`: progress and
+//!   cancellation; `parallel`: work shared out to threads.
+//! - `parameters`: what a caller chooses, its bounds, and the named [`Method`]s.
+//! - `density`: second derivatives, significance, and the sampling [`Density`].
+//! - `points`: initial sample points by error diffusion, on a grid, at random or by insertion.
+//! - `triangulation`: preferred-directions Delaunay triangulation and exact predicates.
+//! - `face_error`: the error of a triangle's interpolant against the image, by each metric.
+//! - `dynamic_mesh`: a triangulation whose vertices move, enter and leave, with its faces' errors.
+//! - `removal`: greedy point removal.
+//! - `refinement`: vertices moved and exchanged; edges flipped and values fitted.
+//! - `model`: the [`Mesh`], the picture rebuilt from it, its [`Progression`] and [`FlatColors`].
+//! - `quality`: [`Fidelity`] and structural similarity.
+//! - `search`, `pipeline`: all of it in order.
 
-mod choices;
 mod control;
 mod density;
-mod error_diffusion;
-mod error_metric;
+mod dynamic_mesh;
 mod face_error;
-mod face_rows;
-mod filter;
-mod flat_areas;
-mod flat_color;
-mod floyd_steinberg;
-mod foresight;
-mod generate;
-mod greedy_insertion;
-mod hole;
-mod hole_memory;
 mod image;
-mod interpolant;
-mod largest_error;
-mod luma;
-mod mesh;
-mod method;
-mod metrics;
+mod model;
 mod parallel;
 mod parameters;
-mod predicates;
-mod progressive;
-mod rasterize;
-mod refine;
+mod pipeline;
+mod points;
+mod quality;
+mod refinement;
 mod removal;
-mod removal_queue;
-mod sample_points;
 mod search;
-mod second_derivatives;
-mod sensitivity;
-mod significance;
-mod simplify;
-mod small_face;
-mod small_face_forecast;
-mod small_face_plane;
-mod small_face_rows;
-mod small_face_samples;
-mod small_removal;
-mod ssim;
-mod star;
-mod threshold_search;
-mod tile_order;
-mod tiled_removal;
 mod triangulation;
-mod weighted_error;
 
-pub use choices::{
+pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
+pub use density::Density;
+pub use image::{Image, ImageError, MAX_SIDE, Point, Shape};
+pub use model::flat_color::FlatColors;
+pub use model::mesh::{Mesh, MeshError};
+pub use model::progression::{Progression, ProgressionError};
+pub use model::rasterize::rasterize;
+pub use parameters::choices::{
     Boundary, Connectivity, ErrorMetric, Generator, Meshed, Parallel, Policy, PscTie,
     Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
-pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
-pub use density::Density;
-pub use flat_color::FlatColors;
-pub use generate::{GenerateError, Model, generate};
-pub use image::{Image, ImageError, MAX_SIDE};
-pub use mesh::{Face, Mesh, MeshError, Point, Shape};
-pub use method::Method;
-pub use metrics::{Fidelity, ShapeMismatch};
+pub use parameters::method::Method;
 pub use parameters::{
-    ErrorBound, InitialSize, MAX_DENSITY, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PSNR_DB,
+    ErrorBound, InitialSize, MAX_DENSITY, MAX_EFFORT, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PSNR_DB,
     MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, ParameterError, Parameters, Plan, Target,
 };
-pub use predicates::{in_circle, orientation};
-pub use progressive::{Progression, ProgressionError};
-pub use rasterize::rasterize;
-pub use refine::schedule::MAX_EFFORT;
-pub use sample_points::sample_points;
-pub use simplify::Removal;
-pub use ssim::structural_similarity;
-pub use triangulation::triangulate;
+pub use pipeline::{GenerateError, Model, generate};
+pub use points::sample_points;
+pub use quality::fidelity::{Fidelity, ShapeMismatch};
+pub use quality::ssim::structural_similarity;
+pub use removal::Removal;
+pub use triangulation::predicates::{in_circle, orientation};
+pub use triangulation::{Face, triangulate};

@@ -2,45 +2,39 @@
 //! nothing in common: those that do not simplify, and those that refine.
 //!
 //! The quality of such meshes all but grows with their size, so the search doubles or halves the
-//! size until the side changes, then bisects. One-shot meshes are searched down to neighbouring
-//! sizes, refined ones to a part of the size that costs less than what another mesh gains.
+//! size until the side changes, then bisects.
 
-use crate::choices::Meshed;
 use crate::control::{Cancelled, Control, Stage};
-use crate::error_metric::mean_error;
-use crate::generate::{GenerateError, Model, generate};
-use crate::image::Image;
-use crate::mesh::Mesh;
-use crate::parameters::{ErrorBound, MIN_SIZE, Parameters, Target};
-use crate::rasterize::rasterize;
+use crate::parameters::MIN_SIZE;
 use std::num::NonZeroUsize;
 
 /// The first size tried is this part of the lattice points.
 const FIRST_PART: usize = 64;
 
-/// Refined meshes are searched until the sizes differ by less than this part.
-const REFINED_PART: usize = 200;
-
 /// What progress is counted in: more meshes than the search ever makes.
 const MOST_MESHES: usize = 64;
 
-/// The smallest mesh found that keeps the bound; that of all lattice points always does.
-pub(crate) fn smallest_within(
-    image: &Image,
-    parameters: &Parameters,
-    bound: ErrorBound,
-    control: &dyn Control,
-) -> Result<Model, GenerateError> {
-    let mut search = Search { image, parameters, bound, control, meshes: 0, best: None };
-    let all = image.pixel_count();
+/// Tries mesh sizes from [`MIN_SIZE`] to `all` until the smallest size that keeps a bound and the
+/// largest that does not are neighbours, or differ by at most one part in `precision`.
+///
+/// `keeps` makes a mesh of a size and tells whether it keeps the bound; the mesh of `all` points is
+/// taken to keep it.
+///
+/// # Errors
+/// The first error of `keeps`.
+pub(crate) fn bisect_size<E>(
+    all: usize,
+    precision: usize,
+    mut keeps: impl FnMut(usize) -> Result<bool, E>,
+) -> Result<(), E> {
     let mut size = (all / FIRST_PART).max(MIN_SIZE);
     // No mesh of `below` points keeps the bound, one of `above` does.
     let (mut below, mut above) = (MIN_SIZE - 1, all);
-    if search.keeps(size)? {
+    if keeps(size)? {
         above = size;
         while above > MIN_SIZE {
             size = (above / 2).max(MIN_SIZE);
-            if !search.keeps(size)? {
+            if !keeps(size)? {
                 below = size;
                 break;
             }
@@ -50,73 +44,32 @@ pub(crate) fn smallest_within(
         below = size;
         while below < all {
             size = (2 * below).min(all);
-            if search.keeps(size)? {
+            if keeps(size)? {
                 above = size;
                 break;
             }
             below = size;
         }
     }
-    let part = if parameters.refines() { REFINED_PART } else { usize::MAX };
-    while above > below + 1 + above / part {
+    while above > below + 1 + above / precision {
         let middle = below.midpoint(above);
-        if search.keeps(middle)? {
+        if keeps(middle)? {
             above = middle;
         } else {
             below = middle;
         }
     }
-    match search.best {
-        Some(model) => Ok(model),
-        None => search.mesh(all),
-    }
+    Ok(())
 }
 
-struct Search<'a> {
-    image: &'a Image,
-    parameters: &'a Parameters,
-    bound: ErrorBound,
-    control: &'a dyn Control,
+/// A control that reports the meshes made so far, not the stages of each.
+pub(crate) struct SearchProgress<'a> {
+    pub(crate) control: &'a dyn Control,
     /// Meshes made so far.
-    meshes: usize,
-    /// The smallest that keeps the bound.
-    best: Option<Model>,
+    pub(crate) meshes: usize,
 }
 
-impl Search<'_> {
-    /// Makes the mesh of a size, keeps it if it is the best so far, and tells whether it keeps the
-    /// bound.
-    fn keeps(&mut self, size: usize) -> Result<bool, GenerateError> {
-        let model = self.mesh(size)?;
-        let keeps = is_within(self.image, &model, self.parameters, self.bound, &self.quietly())?;
-        let is_smaller = |best: &Model| model.mesh.points().len() < best.mesh.points().len();
-        if keeps && self.best.as_ref().is_none_or(is_smaller) {
-            self.best = Some(model);
-        }
-        Ok(keeps)
-    }
-
-    fn mesh(&mut self, size: usize) -> Result<Model, GenerateError> {
-        let parameters = Parameters { target: Target::Size(size), ..self.parameters.clone() };
-        let control = self.quietly();
-        control.poll(Stage::Search, 0, 1)?;
-        let model = generate(self.image, &parameters, &control);
-        self.meshes += 1;
-        model
-    }
-
-    /// A control that tells of the meshes made, not of the stages of each.
-    fn quietly(&self) -> Quietly<'_> {
-        Quietly { control: self.control, meshes: self.meshes }
-    }
-}
-
-struct Quietly<'a> {
-    control: &'a dyn Control,
-    meshes: usize,
-}
-
-impl Control for Quietly<'_> {
+impl Control for SearchProgress<'_> {
     fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
         self.control.poll(Stage::Search, self.meshes.min(MOST_MESHES), MOST_MESHES)
     }
@@ -126,40 +79,15 @@ impl Control for Quietly<'_> {
     }
 }
 
-/// Tells whether a mesh keeps a bound.
-fn is_within(
-    image: &Image,
-    model: &Model,
-    parameters: &Parameters,
-    bound: ErrorBound,
-    control: &dyn Control,
-) -> Result<bool, Cancelled> {
-    Ok(match bound {
-        ErrorBound::PsnrDb(least) => model.fidelity.psnr_db() >= least,
-        ErrorBound::MeanError(most) => {
-            let metric = match parameters.meshed {
-                Meshed::Components => parameters.error_metric,
-                Meshed::Luma => parameters.error_metric.of_one_component(),
-            };
-            mean_error(image, &rasterize(&model.mesh, control)?, metric) <= most
-        }
-        ErrorBound::MaxError(most) => largest_difference(image, &model.mesh, control)? <= most,
-    })
-}
-
-/// The largest difference of any sample between an image and the picture that a mesh models.
-fn largest_difference(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<u16, Cancelled> {
-    let rebuilt = rasterize(mesh, control)?;
-    let pairs = image.components().iter().zip(rebuilt.components());
-    let differences = pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)));
-    Ok(differences.max().unwrap_or(0))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::control::Unattended;
-    use crate::method::Method;
+    use crate::image::Image;
+    use crate::model::rasterize::rasterize;
+    use crate::parameters::method::Method;
+    use crate::parameters::{ErrorBound, Target};
+    use crate::pipeline::{generate, is_within};
 
     /// A slope with a disc on it: more points make a better mesh of it, and few a fair one.
     fn slope_with_disc() -> Image {
@@ -220,7 +148,7 @@ mod tests {
         let notes = Notes::default();
         let parameters = Method::Preview.parameters(Target::Psnr(30.0));
         generate(&slope_with_disc(), &parameters, &notes).unwrap();
-        let quiet = Quietly { control: &notes, meshes: 3 };
+        let quiet = SearchProgress { control: &notes, meshes: 3 };
         assert_eq!(quiet.threads(), notes.threads());
         let told = notes.0.into_inner().unwrap();
         let is_of_search = |&(stage, done, total): &(Stage, usize, usize)| {

@@ -1,7 +1,7 @@
 //! What parameters mean, and which are refused.
 
 use super::*;
-use crate::method::Method;
+use crate::parameters::method::Method;
 
 fn shape(width: usize, height: usize, component_count: usize) -> Shape {
     Shape { width, height, component_count, precision: 8 }

@@ -4,10 +4,10 @@
 //! the computation of Voronoi diagrams", 1985. The points are halved in the order of their rows, so
 //! they need no sorting; what the paper calls left is below here.
 
-use super::{NONE, POINTS_PER_POLL};
 use crate::control::{Cancelled, Control, Stage};
-use crate::mesh::Point;
-use crate::predicates::{in_circle, orientation};
+use crate::image::Point;
+use crate::triangulation::predicates::{in_circle, orientation};
+use crate::triangulation::{NONE, POINTS_PER_POLL};
 
 /// On the way to triangles, marks the half-edges that have the outside at their left or are gone.
 const OUTSIDE: u32 = NONE - 1;

@@ -4,9 +4,9 @@
 //! they end, and where no edge asks for one the triangulation is the Delaunay triangulation, of the
 //! lift of `predicates` the one with preferred directions.
 
-use super::{NONE, next, previous};
-use crate::mesh::Point;
-use crate::predicates::in_circle;
+use crate::image::Point;
+use crate::triangulation::predicates::in_circle;
+use crate::triangulation::{NONE, next, previous};
 
 /// Half-edges in triples, and beyond them the numbers of outer half-edges, which belong to no
 /// triangle but know their twins; so an edge of the boundary needs no care when it moves.

@@ -1,8 +1,8 @@
 //! The upper boundary of a triangulation that grows upwards: a chain of edges from the left side
 //! to the right side with at most one vertex in each column.
 
-use super::NONE;
-use super::column_set::ColumnSet;
+use crate::triangulation::NONE;
+use crate::triangulation::column_set::ColumnSet;
 
 /// A vertex of the front.
 #[derive(Clone, Copy, Debug)]

@@ -10,12 +10,12 @@
 //! can be placed so that almost every one flips the edges to almost all others. So flips are
 //! counted, and too many of them end the sweep without a result.
 
-use super::flipping::Flipping;
-use super::front::{Front, Node};
-use super::{NONE, POINTS_PER_POLL};
 use crate::control::{Cancelled, Control, Stage};
-use crate::mesh::Point;
-use crate::predicates::orientation;
+use crate::image::Point;
+use crate::triangulation::flipping::Flipping;
+use crate::triangulation::front::{Front, Node};
+use crate::triangulation::predicates::orientation;
+use crate::triangulation::{NONE, POINTS_PER_POLL};
 
 /// Flips per point that end the sweep. With all of them it takes about as long as what then takes
 /// its place.

@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::control::tests::Told;
-use crate::mesh::corner_points;
-use crate::predicates::{in_circle, orientation};
+use crate::image::corner_points;
+use crate::triangulation::predicates::{in_circle, orientation};
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 use std::collections::BTreeSet;

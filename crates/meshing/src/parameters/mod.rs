@@ -1,0 +1,477 @@
+//! Everything that decides which mesh is made of an image, its bounds, and what it means for one.
+
+pub(crate) mod choices;
+pub(crate) mod method;
+
+use crate::image::{ImageError, MAX_SIDE, Shape, check_shape};
+use crate::parameters::choices::{
+    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Parallel, Policy, PscTie,
+    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
+};
+use thiserror::Error;
+
+/// The most effort that refinement may take.
+pub const MAX_EFFORT: u8 = 9;
+
+/// The fewest vertices a mesh may have: the image's corners.
+pub const MIN_SIZE: usize = 4;
+
+/// The most lattice points that an image may have.
+const MAX_POINTS: usize = MAX_SIDE * MAX_SIDE;
+
+/// The smallest density, in percent.
+pub const MIN_DENSITY: f64 = 1e-6;
+
+/// The largest density, in percent: every lattice point.
+pub const MAX_DENSITY: f64 = 100.0;
+
+/// The largest PSNR that may be asked for, in decibels.
+pub const MAX_PSNR_DB: f64 = 200.0;
+
+/// The largest mean error that may be asked for: more than any metric of 16 bits gives.
+pub const MAX_MEAN_ERROR: f64 = 1e12;
+
+/// The largest ratio of initial to final points.
+pub const MAX_GAMMA: f64 = 1000.0;
+
+/// The largest smoothing order.
+pub const MAX_SMOOTHING_ORDER: usize = 21;
+
+/// The effort of refinement where the method refines and none is given.
+pub(crate) const DEFAULT_EFFORT: u8 = 5;
+
+/// The effort of refinement of the method for flat colours.
+pub(crate) const FLAT_EFFORT: u8 = 6;
+
+/// A value that a parameter does not allow.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum ParameterError {
+    /// A word that names none of the parameter's values.
+    #[error("{parameter} cannot be '{value}': allowed are {}", allowed.join(", "))]
+    UnknownValue {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The word given.
+        value: String,
+        /// Every word allowed.
+        allowed: &'static [&'static str],
+    },
+    /// A number that is NaN or infinite.
+    #[error("{parameter} must be a finite number")]
+    NotFinite {
+        /// Name of the parameter.
+        parameter: &'static str,
+    },
+    /// A number out of bounds.
+    #[error("{parameter} is {value}, but must lie in {minimum} to {maximum}")]
+    OutOfRange {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The number given.
+        value: f64,
+        /// The least number allowed.
+        minimum: f64,
+        /// The largest number allowed.
+        maximum: f64,
+    },
+    /// A number that must be odd.
+    #[error("{parameter} is {value}, but must be odd")]
+    Even {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The number given.
+        value: usize,
+    },
+    /// A choice that is not defined for images of this many components.
+    #[error("{parameter} '{value}' is for images of {needed} component(s), this one has {actual}: allowed are {}", allowed.join(", "))]
+    ComponentCount {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The value given.
+        value: &'static str,
+        /// Components it needs.
+        needed: usize,
+        /// Components of the image.
+        actual: usize,
+        /// Values allowed for this image.
+        allowed: Vec<&'static str>,
+    },
+    /// A target PSNR with a metric that is not the squared error.
+    #[error(
+        "target_psnr needs the error_metric mean_comp_se or vec_se, not {0}: give target_error instead"
+    )]
+    TargetNeedsSquaredError(ErrorMetric),
+    /// The image itself cannot be meshed.
+    #[error(transparent)]
+    Shape(#[from] ImageError),
+}
+
+/// How large or how good the mesh is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// Vertices in percent of the lattice points, from [`MIN_DENSITY`] to 100; fewer than the four
+    /// corners means the corners.
+    Density(f64),
+    /// Number of vertices, from 4 to the number of lattice points.
+    Size(usize),
+    /// At least this PSNR, in decibels: greedy removal stops before the first vertex that would
+    /// take the mesh below it.
+    Psnr(f64),
+    /// At most this mean error per point in the unit of the error metric: greedy removal stops
+    /// before the first vertex that would take the mesh above it.
+    MeanError(f64),
+    /// No sample of the approximation may differ from the image's by more than this: greedy removal
+    /// stops before the first vertex that would take the mesh there.
+    MaxError(u16),
+}
+
+/// How many points the mesh starts with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InitialSize {
+    /// As many as it ends with: nothing is simplified away.
+    Target,
+    /// This many times as many as it ends with, 1 or more; 4 to 5.5 is the useful range.
+    Gamma(f64),
+    /// Percent of the lattice points, from [`MIN_DENSITY`] to 100.
+    Density(f64),
+    /// A number of points, from 4 to the number of lattice points.
+    Size(usize),
+}
+
+/// Everything that decides which mesh is made of an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// How large or good the mesh is to be.
+    pub target: Target,
+    /// How many points it starts with.
+    pub initial_size: InitialSize,
+    /// How these are chosen.
+    pub generator: Generator,
+    /// How the image becomes their density.
+    pub policy: Policy,
+    /// The errors that error diffusion starts with.
+    pub startup: Startup,
+    /// The direction in which it visits each row.
+    pub scan: Scan,
+    /// Whether error that would go to points outside the image is lost.
+    pub leaky: bool,
+    /// How far from the number asked for the number of diffused points may be; the policy's own
+    /// tolerance (10, for PSE 15) when not given.
+    pub tolerance: Option<usize>,
+    /// The smoothing filter.
+    pub smoothing: Smoothing,
+    /// Its order, odd; 1 is no smoothing.
+    pub smoothing_order: usize,
+    /// The directions in which it smooths.
+    pub smoothing_direction: SmoothingDirection,
+    /// Whether the picture is smoothed and cropped first, then extended again and differentiated,
+    /// instead of both by one filter.
+    pub double_convolution: bool,
+    /// What the smoothing filter sees beyond the border, when it is a filter of its own.
+    pub smoothing_boundary: Boundary,
+    /// What the filters see beyond the border.
+    pub boundary: Boundary,
+    /// The vector gradient where its rates of change in x and y are equal.
+    pub psc_tie: PscTie,
+    /// Which image's error rules the simplification.
+    pub meshed: Meshed,
+    /// Which error that is.
+    pub error_metric: ErrorMetric,
+    /// Whether removal goes on below the target while it lowers the error.
+    pub bad_point_removal: bool,
+    /// Effort of refinement, 0 (none) to [`MAX_EFFORT`]: each level does all that the one before
+    /// does, and more.
+    pub effort: u8,
+    /// What decides the faces over the vertices.
+    pub connectivity: Connectivity,
+    /// What the vertices carry.
+    pub values: Values,
+    /// How the picture is rebuilt, which the error of faces is measured by.
+    pub reconstruction: Reconstruction,
+    /// How greedy point removal is shared out to threads, where the target is a number of vertices.
+    pub parallel: Parallel,
+    /// Seed of [`Generator::Random`] and [`Startup::Random`].
+    pub seed: u64,
+}
+
+/// The numbers that parameters mean for one image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Vertices to simplify down to: N. With a bound on the error the least, 4.
+    pub size: usize,
+    /// Points to start with: N0.
+    pub initial_size: usize,
+    /// The error that removal must not exceed.
+    pub bound: Option<ErrorBound>,
+}
+
+/// A quality that removal must keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ErrorBound {
+    /// At least this PSNR, in decibels.
+    PsnrDb(f64),
+    /// At most this mean error per point, in the unit of the error metric.
+    MeanError(f64),
+    /// At most this difference of any sample.
+    MaxError(u16),
+}
+
+impl Parameters {
+    /// Those of MGPRFS.
+    #[must_use]
+    pub fn new(target: Target) -> Self {
+        Self {
+            target,
+            initial_size: InitialSize::Gamma(4.0),
+            generator: Generator::ErrorDiffusion,
+            policy: Policy::PsdMaxD,
+            startup: Startup::Mirroring,
+            scan: Scan::Serpentine,
+            leaky: false,
+            tolerance: None,
+            smoothing: Smoothing::Binomial,
+            smoothing_order: 3,
+            smoothing_direction: SmoothingDirection::Both,
+            double_convolution: false,
+            smoothing_boundary: Boundary::Zero,
+            boundary: Boundary::Zero,
+            psc_tie: PscTie::Published,
+            meshed: Meshed::Components,
+            error_metric: ErrorMetric::MeanCompSe,
+            bad_point_removal: false,
+            effort: 0,
+            connectivity: Connectivity::Delaunay,
+            values: Values::Sampled,
+            reconstruction: Reconstruction::Linear,
+            parallel: Parallel::Exact,
+            seed: 0,
+        }
+    }
+
+    /// Checks every parameter that can be checked without an image.
+    ///
+    /// # Errors
+    /// The first value that is out of its bounds.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        match self.target {
+            Target::Density(density) => check_density("density", density)?,
+            Target::Size(size) => check_size("size", size, MAX_POINTS)?,
+            Target::Psnr(psnr_db) => {
+                check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?;
+                self.check_metric_of_psnr()?;
+            }
+            Target::MeanError(error) => check_range("target_error", error, 0.0, MAX_MEAN_ERROR)?,
+            Target::MaxError(_) => {}
+        }
+        match self.initial_size {
+            InitialSize::Target => {}
+            InitialSize::Gamma(gamma) => check_range("gamma", gamma, 1.0, MAX_GAMMA)?,
+            InitialSize::Density(density) => check_density("initial_density", density)?,
+            InitialSize::Size(size) => check_size("initial_size", size, MAX_POINTS)?,
+        }
+        check_range("effort", self.effort.into(), 0.0, MAX_EFFORT.into())?;
+        let (parameter, value) = ("smoothing_order", self.smoothing_order);
+        check_range(parameter, value as f64, 1.0, MAX_SMOOTHING_ORDER as f64)?;
+        if value.is_multiple_of(2) {
+            return Err(ParameterError::Even { parameter, value });
+        }
+        Ok(())
+    }
+
+    /// Checks the parameters against the shape of an image and computes what they mean for it.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its bounds or not defined for such an image.
+    pub fn plan(&self, shape: Shape) -> Result<Plan, ParameterError> {
+        check_shape(shape.width, shape.height, shape.precision)?;
+        let all = shape.width * shape.height;
+        if let Target::Size(size) = self.target {
+            check_size("size", size, all)?;
+        }
+        if let InitialSize::Size(size) = self.initial_size {
+            check_size("initial_size", size, all)?;
+        }
+        self.check()?;
+        self.check_components(shape.component_count)?;
+        let (size, bound) = match self.target {
+            Target::Density(density) => (points_of_density(density, shape), None),
+            Target::Size(size) => (size, None),
+            Target::Psnr(psnr_db) => (MIN_SIZE, Some(ErrorBound::PsnrDb(psnr_db))),
+            Target::MeanError(error) => (MIN_SIZE, Some(ErrorBound::MeanError(error))),
+            Target::MaxError(error) => (MIN_SIZE, Some(ErrorBound::MaxError(error))),
+        };
+        let initial_size = self.initial_points(size, shape)?;
+        self.check_initial_size(initial_size, size, all)?;
+        Ok(Plan { size, initial_size, bound })
+    }
+
+    /// A mesh cannot end with more points than it starts with.
+    fn check_initial_size(
+        &self,
+        initial: usize,
+        size: usize,
+        all: usize,
+    ) -> Result<(), ParameterError> {
+        let parameter = match self.initial_size {
+            InitialSize::Size(_) => "initial_size",
+            InitialSize::Density(_) => "initial_density",
+            InitialSize::Target | InitialSize::Gamma(_) => return Ok(()),
+        };
+        if initial >= size {
+            return Ok(());
+        }
+        let in_unit = |points: usize| match self.initial_size {
+            InitialSize::Density(_) => 100.0 * points as f64 / all as f64,
+            _ => points as f64,
+        };
+        let (value, minimum, maximum) = (in_unit(initial), in_unit(size), in_unit(all));
+        Err(ParameterError::OutOfRange { parameter, value, minimum, maximum })
+    }
+
+    /// Number of points to start with.
+    fn initial_points(&self, size: usize, shape: Shape) -> Result<usize, ParameterError> {
+        let all = shape.width * shape.height;
+        if self.generator == Generator::All {
+            return Ok(all);
+        }
+        match (self.initial_size, self.target) {
+            (InitialSize::Size(size), _) => Ok(size),
+            (InitialSize::Density(density), _) => Ok(points_of_density(density, shape)),
+            (
+                InitialSize::Gamma(_) | InitialSize::Target,
+                Target::Psnr(_) | Target::MeanError(_) | Target::MaxError(_),
+            ) => Ok(all),
+            (InitialSize::Gamma(gamma), Target::Density(density)) => {
+                Ok(points_of_density(gamma * density, shape).max(size))
+            }
+            (InitialSize::Gamma(gamma), Target::Size(size)) => {
+                Ok(((gamma * size as f64 + 1e-9).floor() as usize).clamp(size, all))
+            }
+            (InitialSize::Target, _) => Ok(size),
+        }
+    }
+
+    /// Tells whether the mesh is improved after its points have been chosen and removed.
+    #[must_use]
+    pub fn refines(&self) -> bool {
+        self.effort > 0 || self.connectivity == Connectivity::Free || self.values == Values::Fitted
+    }
+
+    /// Tells whether faces have one colour each.
+    #[must_use]
+    pub fn is_flat(&self) -> bool {
+        self.reconstruction == Reconstruction::Flat
+    }
+
+    /// Tells whether greedy removal, or refinement after it, makes the mesh.
+    #[must_use]
+    pub fn simplifies(&self, plan: &Plan) -> bool {
+        plan.initial_size > plan.size
+            || plan.bound.is_some()
+            || self.bad_point_removal
+            || self.effort > 0
+    }
+
+    /// Tells whether a mesh of these parameters is one of the model of the thesis, whose points
+    /// alone say everything else: so it may be a [`Progression`](crate::Progression).
+    #[must_use]
+    pub fn is_of_points_alone(&self) -> bool {
+        self.connectivity == Connectivity::Delaunay
+            && self.values == Values::Sampled
+            && !self.is_flat()
+    }
+
+    /// Tells whether a quality is reached by making meshes of several sizes: the method does not
+    /// simplify, or refines what simplification leaves.
+    #[must_use]
+    pub fn searches(&self) -> bool {
+        let by_quality = !matches!(self.target, Target::Density(_) | Target::Size(_));
+        by_quality && (self.refines() || self.is_flat() || self.initial_size == InitialSize::Target)
+    }
+
+    /// A PSNR is one of the squared error.
+    fn check_metric_of_psnr(&self) -> Result<(), ParameterError> {
+        let metric = match self.meshed {
+            Meshed::Components => self.error_metric,
+            Meshed::Luma => self.error_metric.of_one_component(),
+        };
+        match metric {
+            ErrorMetric::MeanCompSe | ErrorMetric::VecSe => Ok(()),
+            _ => Err(ParameterError::TargetNeedsSquaredError(self.error_metric)),
+        }
+    }
+
+    /// The policy, the metric and the luma are defined for this many components.
+    fn check_components(&self, actual: usize) -> Result<(), ParameterError> {
+        if self.generator == Generator::ErrorDiffusion {
+            let (all, count) = (Policy::ALL, Policy::component_count);
+            check_count(Policy::PARAMETER, self.policy, all, Policy::name, count, actual)?;
+        }
+        if self.meshed == Meshed::Components {
+            let (all, count) = (ErrorMetric::ALL, ErrorMetric::component_count);
+            let (parameter, metric) = (ErrorMetric::PARAMETER, self.error_metric);
+            check_count(parameter, metric, all, ErrorMetric::name, count, actual)?;
+        }
+        let luma_needs = |meshed| (meshed == Meshed::Luma).then_some(3);
+        check_count(Meshed::PARAMETER, self.meshed, Meshed::ALL, Meshed::name, luma_needs, actual)
+    }
+}
+
+/// Checks a choice that may need a number of components, and lists those that fit.
+pub(crate) fn check_count<T: Copy>(
+    parameter: &'static str,
+    chosen: T,
+    all: &[T],
+    name: fn(T) -> &'static str,
+    needs: impl Fn(T) -> Option<usize>,
+    actual: usize,
+) -> Result<(), ParameterError> {
+    let fits = |value: T| needs(value).is_none_or(|needed| needed == actual);
+    match needs(chosen) {
+        Some(needed) if needed != actual => {
+            let allowed = all.iter().copied().filter(|&value| fits(value)).map(name).collect();
+            let value = name(chosen);
+            Err(ParameterError::ComponentCount { parameter, value, needed, actual, allowed })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Checks that a number is finite and within bounds.
+fn check_range(
+    parameter: &'static str,
+    value: f64,
+    minimum: f64,
+    maximum: f64,
+) -> Result<(), ParameterError> {
+    if !value.is_finite() {
+        Err(ParameterError::NotFinite { parameter })
+    } else if value < minimum || value > maximum {
+        Err(ParameterError::OutOfRange { parameter, value, minimum, maximum })
+    } else {
+        Ok(())
+    }
+}
+
+/// Checks a density in percent.
+fn check_density(parameter: &'static str, density: f64) -> Result<(), ParameterError> {
+    check_range(parameter, density, MIN_DENSITY, MAX_DENSITY)
+}
+
+/// Checks a number of points against the number of lattice points.
+fn check_size(parameter: &'static str, size: usize, all: usize) -> Result<(), ParameterError> {
+    check_range(parameter, size as f64, MIN_SIZE as f64, all as f64)
+}
+
+/// Number of points of a density: `floor(percent / 100 * width * height)`, where a product that
+/// misses a whole number by the rounding of binary fractions counts as that number; at least the
+/// four corners, at most all.
+fn points_of_density(percent: f64, shape: Shape) -> usize {
+    let all = shape.width * shape.height;
+    let points = percent * all as f64 / 100.0;
+    ((points * (1.0 + 1e-12) + 1e-9).floor() as usize).clamp(MIN_SIZE, all)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,268 @@
+//! Points in a moment: greedy insertion.
+//!
+//! Michael Garland and Paul S. Heckbert, "Fast polygonal approximation of terrains and height
+//! fields", 1995, insert again and again the point of largest error. Here the face of largest
+//! error gets a vertex, at its worst point or at the middle of its squared error, whichever lowers
+//! the error of the mesh more. Costs some tens of milliseconds for a quarter of a megapixel: the mesh is
+//! what a page shows before a better one arrives.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::face_error::face_rows::for_each_row;
+use crate::face_error::interpolant::Interpolant;
+use crate::face_error::{FaceErrors, Measure};
+use crate::image::{Image, Point, corner_points};
+use crate::parameters::choices::ErrorMetric;
+use crate::triangulation::predicates::orientation;
+use crate::triangulation::triangulate;
+use std::collections::BinaryHeap;
+
+/// Insertions between two polls of the control.
+const INSERTIONS_PER_POLL: usize = 64;
+
+/// A face that wants a vertex: compares by its error, then by its vertices.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Demand {
+    error: u64,
+    corners: [Point; 3],
+    slot: u32,
+}
+
+/// Chooses up to `size` points of an image, by row, then column, the corners among them, by greedy
+/// insertion; fewer where no face has an error any more.
+///
+/// # Errors
+/// When the control cancels.
+pub(crate) fn inserted_points(
+    image: &Image,
+    metric: ErrorMetric,
+    size: usize,
+    control: &dyn Control,
+) -> Result<Vec<Point>, Cancelled> {
+    let corners = corner_points(image.width(), image.height()).to_vec();
+    let faces = triangulate(&corners);
+    let measure = Measure::new(image, metric);
+    let sides = (image.width(), image.height());
+    let mesh = MeasuredMesh::new(corners, &faces, sides, FaceErrors::new(&measure));
+    let mut insertion = Insertion { image, mesh, demands: BinaryHeap::new() };
+    for slot in 0..faces.len() as u32 {
+        insertion.demand(slot);
+    }
+    control.poll(Stage::Insert, 0, size)?;
+    for count in 4..size {
+        if count % INSERTIONS_PER_POLL == 0 {
+            control.poll(Stage::Insert, count, size)?;
+        }
+        if !insertion.insert_one() {
+            break;
+        }
+    }
+    let (points, _, _) = insertion.mesh.triangulation.mesh();
+    Ok(points)
+}
+
+/// A mesh that gets one vertex after the other.
+struct Insertion<'a> {
+    image: &'a Image,
+    mesh: MeasuredMesh<FaceErrors<'a>>,
+    /// The faces, the worst first; some are no more.
+    demands: BinaryHeap<Demand>,
+}
+
+impl Insertion<'_> {
+    /// Notes that a face wants a vertex, if it has an error.
+    fn demand(&mut self, slot: u32) {
+        let error = self.mesh.face_error(slot);
+        if error > 0 {
+            let corners = self.mesh.triangulation.corners(slot);
+            self.demands.push(Demand { error, corners, slot });
+        }
+    }
+
+    /// Gives the worst face a vertex, at the better of two places; tells whether there was a face
+    /// to give it to.
+    fn insert_one(&mut self) -> bool {
+        while let Some(Demand { corners, slot, .. }) = self.demands.pop() {
+            if self.mesh.triangulation.corners(slot) != corners {
+                continue;
+            }
+            let (mut best, mut limit) = (None, i64::MAX);
+            for place in places(self.image, corners).into_iter().flatten() {
+                if let Some(change) = self.mesh.insertion_change(place, slot, limit) {
+                    (best, limit) = (Some(place), change);
+                }
+            }
+            let Some(place) = best else { continue };
+            self.mesh.add_vertex(place, slot);
+            for i in 0..self.mesh.fan().len() {
+                self.demand(self.mesh.fan()[i]);
+            }
+            return true;
+        }
+        false
+    }
+}
+
+/// The point of largest squared error of a face that has an error, and the one at the middle of that
+/// error where it is no vertex; errors count by the image's weights.
+fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
+    let (mut sum, mut by_column, mut by_row) = (0u64, 0u128, 0u128);
+    let interpolants: Vec<Interpolant> = (0..image.component_count())
+        .map(|c| {
+            let samples = corners.map(|p| image.sample(c, p.x as usize, p.y as usize));
+            Interpolant::new(corners, samples)
+        })
+        .collect();
+    let (mut approximation, mut errors) = (Vec::new(), Vec::new());
+    let mut worst: Option<(u64, Point)> = None;
+    for_each_row(corners, |y, first, end| {
+        let columns = first as usize..end as usize;
+        errors.clear();
+        errors.resize(columns.len(), 0u64);
+        approximation.resize(columns.len(), 0u16);
+        for (c, interpolant) in interpolants.iter().enumerate() {
+            interpolant.fill(first, y, &mut approximation);
+            let original = &image.row(c, y as usize)[columns.clone()];
+            for ((error, a), b) in errors.iter_mut().zip(original).zip(&approximation) {
+                *error += u64::from(a.abs_diff(*b)).pow(2);
+            }
+        }
+        if let Some(weights) = image.weights() {
+            let row = &weights[y as usize * image.width()..][columns];
+            for (error, &weight) in errors.iter_mut().zip(row) {
+                *error *= u64::from(weight);
+            }
+        }
+        for (x, &error) in (first..).zip(&errors) {
+            sum += error;
+            by_column += u128::from(error) * x as u128;
+            by_row += u128::from(error) * y as u128;
+            if error > 0 && worst.is_none_or(|(most, _)| error > most) {
+                worst = Some((error, Point::new(x, y)));
+            }
+        }
+    });
+    let Some((_, worst)) = worst else { return [None; 2] };
+    let half = u128::from(sum) / 2;
+    let middle = |moment: u128| ((moment + half) / u128::from(sum)) as i32;
+    let middle = Point::new(middle(by_column), middle(by_row));
+    let [a, b, c] = corners;
+    let is_left = |from, to| orientation(from, to, middle) >= 0;
+    let is_inside = is_left(a, b) && is_left(b, c) && is_left(c, a) && !corners.contains(&middle);
+    [Some(worst), is_inside.then_some(middle)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::control::tests::Told;
+    use crate::triangulation::Face;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn insertion_gives_as_many_points_as_asked_for_or_leaves_no_error(
+            (width, height) in (2usize..12, 2usize..12),
+            samples in prop::collection::vec(0u16..9, 144),
+            size in 4usize..40,
+        ) {
+            let image = Image::new(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
+            let metric = ErrorMetric::MeanCompSe;
+            let points = inserted_points(&image, metric, size, &Unattended).unwrap();
+            prop_assert!(points.is_sorted_by(|a, b| a < b));
+            let faces = triangulate(&points);
+            let measure = Measure::new(&image, metric);
+            let mut errors = FaceErrors::new(&measure);
+            let corners = |face: &Face| face.map(|v| points[v as usize]);
+            let total: u64 = faces.iter().map(|face| errors.error(corners(face))).sum();
+            let count = points.len();
+            prop_assert!(count == size || (count < size && total == 0));
+        }
+    }
+
+    /// The errors of a face's points, by row, then column, computed one by one.
+    fn errors_of_points(image: &Image, corners: [Point; 3]) -> Vec<(Point, u64)> {
+        let mut errors = Vec::new();
+        for_each_row(corners, |y, first, end| {
+            for x in first..end {
+                let (column, row) = (x as usize, y as usize);
+                let difference = |c: usize| {
+                    let samples = corners.map(|p| image.sample(c, p.x as usize, p.y as usize));
+                    let mut value = [0];
+                    Interpolant::new(corners, samples).fill(x, y, &mut value);
+                    u64::from(image.sample(c, column, row).abs_diff(value[0])).pow(2)
+                };
+                let sum: u64 = (0..image.component_count()).map(difference).sum();
+                let weight =
+                    image.weights().map_or(1, |weights| weights[row * image.width() + column]);
+                errors.push((Point::new(x, y), sum * u64::from(weight)));
+            }
+        });
+        errors
+    }
+
+    proptest! {
+        #[test]
+        fn a_face_offers_its_first_worst_point_and_the_middle_of_its_error_if_that_lies_inside(
+            places_of_corners in prop::array::uniform6(0i32..12),
+            samples in prop::collection::vec(0u16..6, 2 * 144),
+            weights in prop::option::of(prop::collection::vec(0u8..4, 144)),
+        ) {
+            let components = samples.chunks(144).map(<[u16]>::to_vec).collect();
+            let image = Image::new(12, 12, 8, components).unwrap();
+            let image = match weights {
+                Some(weights) => image.with_weights(weights).unwrap(),
+                None => image,
+            };
+            let mut corners =
+                [0, 2, 4].map(|i| Point::new(places_of_corners[i], places_of_corners[i + 1]));
+            if orientation(corners[0], corners[1], corners[2]) < 0 {
+                corners.swap(1, 2);
+            }
+            prop_assume!(orientation(corners[0], corners[1], corners[2]) > 0);
+            let errors = errors_of_points(&image, corners);
+            let most = errors.iter().map(|&(_, error)| error).max().unwrap_or(0);
+            let found = places(&image, corners);
+            if most == 0 {
+                prop_assert_eq!(found, [None; 2]);
+                return Ok(());
+            }
+            prop_assert_eq!(found[0], errors.iter().find(|(_, error)| *error == most).map(|e| e.0));
+            let sum: u64 = errors.iter().map(|&(_, error)| error).sum();
+            let mean = |coordinate: fn(&Point) -> i32| {
+                let moment: u64 = errors.iter().map(|(p, e)| coordinate(p) as u64 * e).sum();
+                (moment as f64 / sum as f64 + 0.5).floor() as i32
+            };
+            let middle = Point::new(mean(|p| p.x), mean(|p| p.y));
+            let [a, b, c] = corners;
+            let is_inside = [(a, b), (b, c), (c, a)].iter().all(|&(from, to)| {
+                (to.x - from.x) * (middle.y - from.y) >= (to.y - from.y) * (middle.x - from.x)
+            });
+            let expected = (is_inside && !corners.contains(&middle)).then_some(middle);
+            prop_assert_eq!(found[1], expected);
+        }
+    }
+
+    #[test]
+    fn the_control_is_asked_before_the_first_insertion_and_every_64_points() {
+        let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
+        let image = Image::new(30, 30, 8, vec![samples]).unwrap();
+        let told = Told::default();
+        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &told).unwrap();
+        assert_eq!((points.len(), told.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
+    }
+
+    #[test]
+    fn no_point_is_inserted_for_what_does_not_matter() {
+        let samples = (0..20 * 20).map(|i| (i * 53 % 97) as u16).collect();
+        let image = Image::new(20, 20, 8, vec![samples]).unwrap();
+        let weights = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();
+        let weighted = image.with_weights(weights).unwrap();
+        let metric = ErrorMetric::MeanCompSe;
+        let points = inserted_points(&weighted, metric, 60, &Unattended).unwrap();
+        assert_eq!(points.len(), 60);
+        let corners = corner_points(20, 20);
+        assert!(points.iter().all(|point| point.x < 8 || corners.contains(point)), "{points:?}");
+    }
+}

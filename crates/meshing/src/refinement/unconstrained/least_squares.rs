@@ -1,0 +1,381 @@
+//! The values at the vertices that fit the picture best: least squares.
+//!
+//! Without rounding the approximation is linear in the values, so its squared error is least where
+//! the normal equations hold, whose matrix has an entry for each vertex and each edge. They are solved by
+//! conjugate gradients with the diagonal as preconditioner (Magnus R. Hestenes and Eduard Stiefel,
+//! "Methods of conjugate gradients for solving linear systems", 1952), which from the values at
+//! hand take a few dozen steps. Sums are taken in one fixed order, so that the result is the same on
+//! every machine; libraries that choose vector instructions as they run do not promise that.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::face_error::face_rows::for_each_row;
+use crate::image::Point;
+use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
+use crate::triangulation::predicates::orientation;
+use crate::triangulation::{Face, NONE};
+
+/// The steps end when the residual has fallen to this part of the right-hand side.
+const TOLERANCE: f64 = 1e-6;
+
+/// The most steps.
+const MOST_STEPS: usize = 200;
+
+/// Fits the values of all vertices at once, if that lowers the error once they are rounded.
+pub(crate) fn fit_values(
+    mesh: &mut ValuedMesh<'_>,
+    control: &dyn Control,
+) -> Result<(), Cancelled> {
+    let equations = NormalEquations::new(mesh);
+    let count = mesh.image.component_count();
+    let (values_before, errors_before) = (mesh.values.clone(), mesh.face_errors.clone());
+    let total_before = mesh.total_error;
+    let largest = f64::from(mesh.image.max_sample());
+    for c in 0..count {
+        let mut values: Vec<f64> =
+            values_before.iter().skip(c).step_by(count).map(|&value| value.into()).collect();
+        equations.solve(c, &mut values, control)?;
+        for (place, value) in mesh.values.iter_mut().skip(c).step_by(count).zip(&values) {
+            *place = (value + 0.5).floor().clamp(0.0, largest) as u16;
+        }
+    }
+    mesh.measure();
+    if mesh.total_error >= total_before {
+        mesh.values = values_before;
+        mesh.face_errors = errors_before;
+        mesh.total_error = total_before;
+    }
+    Ok(())
+}
+
+/// The matrix, symmetric, and a right-hand side for each component.
+struct NormalEquations {
+    /// Entry of each vertex with itself.
+    diagonal: Vec<f64>,
+    /// Entries of the edges: their ends and the entry.
+    edges: Vec<(u32, u32, f64)>,
+    right_hand_sides: Vec<Vec<f64>>,
+}
+
+impl NormalEquations {
+    /// Sums up the products of the interpolation weights over all lattice points.
+    fn new(mesh: &ValuedMesh<'_>) -> Self {
+        let count = mesh.triangulation.points.len();
+        let components = mesh.image.component_count();
+        let mut diagonal = vec![0.0; count];
+        let mut right_hand_sides = vec![vec![0.0; count]; components];
+        let mut products: Vec<[f64; 3]> = Vec::with_capacity(mesh.triangulation.slot_count());
+        for slot in 0..mesh.triangulation.slot_count() as u32 {
+            let face = mesh.triangulation.vertices_of(slot);
+            let moments = Moments::of_face(mesh, face);
+            for (i, v) in face.into_iter().enumerate() {
+                diagonal[v as usize] += moments.squares[i];
+                for (c, side) in right_hand_sides.iter_mut().enumerate() {
+                    side[v as usize] += moments.with_samples[c][i];
+                }
+            }
+            products.push(moments.products);
+        }
+        let edges = edges(mesh, &products);
+        Self { diagonal, edges, right_hand_sides }
+    }
+
+    /// The product of the matrix with a vector.
+    fn multiply(&self, vector: &[f64], product: &mut [f64]) {
+        for ((product, entry), value) in product.iter_mut().zip(&self.diagonal).zip(vector) {
+            *product = entry * value;
+        }
+        for &(a, b, entry) in &self.edges {
+            product[a as usize] += entry * vector[b as usize];
+            product[b as usize] += entry * vector[a as usize];
+        }
+    }
+
+    /// Improves the values of a component until they solve its equations.
+    fn solve(&self, c: usize, values: &mut [f64], control: &dyn Control) -> Result<(), Cancelled> {
+        let side = &self.right_hand_sides[c];
+        let mut product = vec![0.0; values.len()];
+        self.multiply(values, &mut product);
+        let mut residual: Vec<f64> = side.iter().zip(&product).map(|(b, p)| b - p).collect();
+        // The diagonal is 1 at least: each vertex is a point of which it alone counts.
+        let scaled = |residual: &[f64]| -> Vec<f64> {
+            residual.iter().zip(&self.diagonal).map(|(r, d)| r / d).collect()
+        };
+        let mut direction = scaled(&residual);
+        let mut slope = dot(&residual, &direction);
+        let enough = TOLERANCE * TOLERANCE * dot(side, &scaled(side));
+        for step in 0..MOST_STEPS {
+            control.poll(Stage::Refine, step, MOST_STEPS)?;
+            if slope <= enough {
+                break;
+            }
+            self.multiply(&direction, &mut product);
+            let curvature = dot(&direction, &product);
+            if curvature <= 0.0 {
+                break;
+            }
+            let length = slope / curvature;
+            for (value, d) in values.iter_mut().zip(&direction) {
+                *value += length * d;
+            }
+            for (r, p) in residual.iter_mut().zip(&product) {
+                *r -= length * p;
+            }
+            let preconditioned = scaled(&residual);
+            let next_slope = dot(&residual, &preconditioned);
+            let turn = next_slope / slope;
+            for (d, p) in direction.iter_mut().zip(&preconditioned) {
+                *d = p + turn * *d;
+            }
+            slope = next_slope;
+        }
+        Ok(())
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The entries of all edges, each the sum over the faces at its sides. The product of a face's side
+/// from corner `i` to the next is `products[slot][i]`.
+fn edges(mesh: &ValuedMesh<'_>, products: &[[f64; 3]]) -> Vec<(u32, u32, f64)> {
+    let triangulation = &mesh.triangulation;
+    let of = |h: u32| products[h as usize / 3][h as usize % 3];
+    let mut edges = Vec::new();
+    for slot in 0..triangulation.slot_count() as u32 {
+        let face = triangulation.vertices_of(slot);
+        for side in 0..3 {
+            let h = 3 * slot + side;
+            let twin = triangulation.twins[h as usize];
+            if twin == NONE {
+                edges.push((face[side as usize], face[(side as usize + 1) % 3], of(h)));
+            } else if h < twin {
+                edges.push((face[side as usize], face[(side as usize + 1) % 3], of(h) + of(twin)));
+            }
+        }
+    }
+    edges
+}
+
+/// Sums over the points of a face.
+struct Moments {
+    /// Of the squares of the weights of each corner.
+    squares: [f64; 3],
+    /// Of the products of the weights of each corner and the next.
+    products: [f64; 3],
+    /// Of the weights times the samples, for each component and corner.
+    with_samples: Vec<[f64; 3]>,
+}
+
+impl Moments {
+    fn of_face(mesh: &ValuedMesh<'_>, face: Face) -> Self {
+        let corners = face.map(|v| mesh.triangulation.points[v as usize]);
+        let [a, b, c] = corners;
+        let reciprocal = 1.0 / orientation(a, b, c) as f64;
+        let components = mesh.image.component_count();
+        let mut moments = Self {
+            squares: [0.0; 3],
+            products: [0.0; 3],
+            with_samples: vec![[0.0; 3]; components],
+        };
+        for_each_row(corners, |y, first, end| {
+            for x in first..end {
+                let p = Point::new(x, y);
+                let weights = [orientation(b, c, p), orientation(c, a, p), orientation(a, b, p)]
+                    .map(|weight| weight as f64 * reciprocal);
+                for i in 0..3 {
+                    moments.squares[i] += weights[i] * weights[i];
+                    moments.products[i] += weights[i] * weights[(i + 1) % 3];
+                }
+                for (component, sums) in moments.with_samples.iter_mut().enumerate() {
+                    let sample = f64::from(mesh.image.sample(component, x as usize, y as usize));
+                    for i in 0..3 {
+                        sums[i] += weights[i] * sample;
+                    }
+                }
+            }
+        });
+        moments
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::image::{Image, Shape};
+    use crate::model::mesh::Mesh;
+    use crate::model::rasterize::rasterize;
+    use crate::refinement::tests::picture;
+    use crate::refinement::unconstrained::valued_mesh::tests::{error_of_rebuilt, faces_of};
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// The interpolation weights of every lattice point: its place among the points, and what each
+    /// vertex of the face that owns it counts there.
+    fn weights_of_points(mesh: &ValuedMesh<'_>) -> Vec<(Point, [(u32, f64); 3])> {
+        let mut rows = Vec::new();
+        for face in faces_of(mesh) {
+            let [a, b, c] = face.map(|v| mesh.triangulation.points[v as usize]);
+            let area = orientation(a, b, c) as f64;
+            for_each_row([a, b, c], |y, first, end| {
+                for x in first..end {
+                    let p = Point::new(x, y);
+                    let weights = [(b, c), (c, a), (a, b)].map(|(u, v)| orientation(u, v, p));
+                    let weight = |i: usize| (face[i], weights[i] as f64 / area);
+                    rows.push((p, [weight(0), weight(1), weight(2)]));
+                }
+            });
+        }
+        rows
+    }
+
+    /// The least-squares values of a component by elimination on the full matrix.
+    fn solved_by_elimination(mesh: &ValuedMesh<'_>, c: usize) -> Vec<f64> {
+        let count = mesh.triangulation.points.len();
+        let mut matrix = vec![vec![0.0; count + 1]; count];
+        for (p, weights) in weights_of_points(mesh) {
+            let sample = f64::from(mesh.image.sample(c, p.x as usize, p.y as usize));
+            for (u, weight) in weights {
+                for (v, other) in weights {
+                    matrix[u as usize][v as usize] += weight * other;
+                }
+                matrix[u as usize][count] += weight * sample;
+            }
+        }
+        for pivot in 0..count {
+            let largest =
+                |&a: &usize, &b: &usize| matrix[a][pivot].abs().total_cmp(&matrix[b][pivot].abs());
+            let row = (pivot..count).max_by(largest).unwrap();
+            matrix.swap(pivot, row);
+            let pivot_row = matrix[pivot].clone();
+            for (_, row) in matrix.iter_mut().enumerate().filter(|(i, _)| *i != pivot) {
+                let factor = row[pivot] / pivot_row[pivot];
+                for (entry, above) in row.iter_mut().zip(&pivot_row) {
+                    *entry -= factor * above;
+                }
+            }
+        }
+        (0..count).map(|v| matrix[v][count] / matrix[v][v]).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn conjugate_gradients_find_what_elimination_finds(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let equations = NormalEquations::new(&mesh);
+            for c in 0..2 {
+                let mut values = vec![0.0; points.len()];
+                equations.solve(c, &mut values, &Unattended).unwrap();
+                for (value, expected) in values.iter().zip(solved_by_elimination(&mesh, c)) {
+                    prop_assert!((value - expected).abs() < 1e-3, "{value} is not {expected}");
+                }
+            }
+        }
+
+        #[test]
+        fn the_values_are_the_best_ones_rounded_where_these_lower_the_error_and_else_stay(
+            (width, height) in (2usize..9, 2usize..9),
+            samples in prop::collection::vec(0u16..64, 81),
+            seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
+        ) {
+            let (image, points) = picture(width, height, &samples, &seeds);
+            let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let [first, second] = [0, 1].map(|c| solved_by_elimination(&mesh, c));
+            let best: Vec<f64> = first.iter().zip(&second).flat_map(|(a, b)| [*a, *b]).collect();
+            // Where one is as near to another whole number either will do.
+            prop_assume!(best.iter().all(|value| (value.rem_euclid(1.0) - 0.5).abs() > 1e-3));
+            let rounded: Vec<u16> =
+                best.iter().map(|value| value.round().clamp(0.0, 7.0) as u16).collect();
+            let error = |values: &[u16]| {
+                error_of_rebuilt(&image, &points, values, &faces_of(&mesh))
+            };
+            let before = mesh.values.clone();
+            let lowers = error(&rounded) < error(&before);
+            let expected = if lowers { rounded } else { before };
+            let expected_error = error(&expected);
+            fit_values(&mut mesh, &Unattended).unwrap();
+            prop_assert_eq!(&mesh.values, &expected);
+            prop_assert_eq!(mesh.total_error, expected_error);
+            prop_assert_eq!(mesh.face_errors.iter().sum::<u64>(), expected_error);
+        }
+    }
+
+    /// Solves equations from some values on; tells the values and how many steps were made.
+    fn solved(equations: &NormalEquations, mut values: Vec<f64>) -> (Vec<f64>, usize) {
+        struct Steps(AtomicUsize);
+        impl Control for Steps {
+            fn poll(&self, _: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                assert_eq!(total, MOST_STEPS);
+                self.0.store(done, Ordering::Relaxed);
+                Ok(())
+            }
+        }
+        let steps = Steps(AtomicUsize::new(0));
+        equations.solve(0, &mut values, &steps).unwrap();
+        (values, steps.0.into_inner())
+    }
+
+    #[test]
+    fn vertices_of_few_points_and_of_many_are_solved_for_in_as_few_steps() {
+        let diagonal = vec![1.0, 1024.0, 65536.0, 3.0 * 65536.0];
+        let sides = vec![vec![7.0, 2048.0, 65536.0 * 9.0, 65536.0 * 15.0]];
+        let mut equations = NormalEquations { diagonal, edges: vec![], right_hand_sides: sides };
+        assert_eq!(solved(&equations, vec![0.0; 4]), (vec![7.0, 2.0, 9.0, 5.0], 1));
+        // Two vertices that have to do with each other take a step more.
+        equations.edges = vec![(0, 1, 16.0)];
+        equations.right_hand_sides[0][0] += 16.0 * 2.0;
+        equations.right_hand_sides[0][1] += 16.0 * 7.0;
+        let (values, steps) = solved(&equations, vec![0.0; 4]);
+        assert!(values.iter().zip([7.0, 2.0, 9.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-5));
+        assert!(steps <= 3, "{steps}");
+    }
+
+    #[test]
+    fn values_are_improved_until_a_millionth_of_the_equations_is_left() {
+        let (diagonal, right_hand_sides) = (vec![4.0, 4.0], vec![vec![8000.0, 4000.0]]);
+        let equations = NormalEquations { diagonal, edges: vec![], right_hand_sides };
+        for (off, steps) in [(1e-7, 0), (1e-5, 1)] {
+            let values = vec![2000.0 * (1.0 + off), 1000.0 * (1.0 - off)];
+            let (found, made) = solved(&equations, values.clone());
+            assert_eq!((made, found == values), (steps, steps == 0), "{off}");
+        }
+    }
+
+    #[test]
+    fn samples_that_are_wrong_at_the_vertices_alone_are_made_good() {
+        let points: Vec<Point> =
+            [(0, 0), (24, 0), (9, 11), (0, 24), (24, 24)].map(|(x, y)| Point::new(x, y)).to_vec();
+        let mut points = points;
+        points.sort_unstable();
+        let faces = triangulate(&points);
+        // Two pictures that the mesh models well, but for the points at its vertices.
+        let values = [[20_u16, 90, 200, 60, 130], [180, 40, 10, 90, 70]];
+        let vertex_values = (0..5).flat_map(|v| values.map(|component| component[v])).collect();
+        let shape = Shape { width: 25, height: 25, component_count: 2, precision: 8 };
+        let model = Mesh::from_kernel(shape, points.clone(), vertex_values, faces.clone());
+        let mut components = rasterize(&model, &Unattended).unwrap().components().to_vec();
+        for component in &mut components {
+            for p in &points {
+                component[p.y as usize * 25 + p.x as usize] = 100;
+            }
+        }
+        let image = Image::new(25, 25, 8, components).unwrap();
+        let mut mesh = ValuedMesh::new(&image, points, &faces);
+        let before = mesh.total_error;
+        fit_values(&mut mesh, &Unattended).unwrap();
+        for (v, found) in mesh.values.chunks(2).enumerate() {
+            for (c, &found) in found.iter().enumerate() {
+                assert!(found.abs_diff(values[c][v]) <= 4, "{found}, not {}", values[c][v]);
+            }
+        }
+        assert!(10 * mesh.total_error < before, "{} of {before}", mesh.total_error);
+    }
+}

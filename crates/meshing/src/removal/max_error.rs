@@ -1,0 +1,137 @@
+//! Simplification that no lattice point's error may go beyond.
+//!
+//! The order of greedy removal does not depend on where it ends, so the removals are made once
+//! without a bound and then followed on a mesh that knows which of its faces break it: the first
+//! removal that makes one is the first that is not made.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::face_error::face_rows::for_each_row;
+use crate::face_error::interpolant::Interpolant;
+use crate::image::{Image, Point};
+use crate::removal::Removal;
+use crate::triangulation::Face;
+
+/// How many of `removals`, in order, can be made on the mesh of an image before a sample of the
+/// approximation differs from the image's by more than `most`.
+///
+/// # Errors
+/// When the control cancels.
+pub(crate) fn removals_within(
+    image: &Image,
+    points: Vec<Point>,
+    faces: &[Face],
+    removals: &[Removal],
+    most: u16,
+    control: &dyn Control,
+) -> Result<usize, Cancelled> {
+    let size = (image.width(), image.height());
+    let places: Vec<Point> = removals.iter().map(|removal| removal.point).collect();
+    let numbers: Vec<usize> =
+        places.iter().filter_map(|place| points.binary_search(place).ok()).collect();
+    let mut mesh = MeasuredMesh::new(points, faces, size, Breaches { image, most });
+    for (made, &vertex) in numbers.iter().enumerate() {
+        control.poll(Stage::Measure, made, numbers.len())?;
+        if mesh.total_error() > 0 {
+            return Ok(made);
+        }
+        let (change, _) = mesh.remove(vertex as u32);
+        if change > 0 {
+            return Ok(made);
+        }
+    }
+    Ok(numbers.len())
+}
+
+/// Counts the faces that hold a sample of too large an error.
+struct Breaches<'a> {
+    image: &'a Image,
+    most: u16,
+}
+
+impl FaceMeasure for Breaches<'_> {
+    /// 1 for a face that breaks the bound, 0 for one that keeps it.
+    fn error(&mut self, corners: [Point; 3]) -> u64 {
+        let image = self.image;
+        let mut approximation = Vec::new();
+        let mut breaks = false;
+        for (c, _) in image.components().iter().enumerate() {
+            let samples = corners.map(|p| image.sample(c, p.x as usize, p.y as usize));
+            let interpolant = Interpolant::new(corners, samples);
+            for_each_row(corners, |y, first, end| {
+                let original = &image.row(c, y as usize)[first as usize..end as usize];
+                approximation.resize(original.len(), 0);
+                interpolant.fill(first, y, &mut approximation);
+                let mut pairs = original.iter().zip(&approximation);
+                breaks |= pairs.any(|(a, b)| a.abs_diff(*b) > self.most);
+            });
+        }
+        breaks.into()
+    }
+
+    fn another(&self) -> Self {
+        Self { ..*self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::model::mesh::Mesh;
+    use crate::model::rasterize::rasterize;
+    use crate::parameters::choices::{ErrorMetric, Parallel};
+    use crate::removal::{StopRule, simplify};
+    use crate::triangulation::Triangulation;
+
+    /// The largest difference of a sample in the mesh of some points.
+    fn largest(image: &Image, points: &[Point]) -> u16 {
+        let triangulation = Triangulation::new(points.to_vec(), &Unattended).unwrap();
+        let faces = triangulation.faces();
+        let mesh = Mesh::of_samples(image, points.to_vec(), faces);
+        let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+        let samples = image.components().concat().into_iter().zip(rebuilt.components().concat());
+        samples.map(|(a, b)| a.abs_diff(b)).max().unwrap()
+    }
+
+    #[test]
+    fn removals_go_on_until_the_first_that_breaks_the_bound() {
+        let side = 9;
+        let plane = |c: usize| (0..side * side).map(|i| (i * i * (c + 3) % 41) as u16).collect();
+        let image = Image::new(side, side, 8, vec![plane(0), plane(1)]).unwrap();
+        let lattice: Vec<Point> = (0..side as i32)
+            .flat_map(|y| (0..side as i32).map(move |x| Point::new(x, y)))
+            .collect();
+        let triangulation = Triangulation::new(lattice.clone(), &Unattended).unwrap();
+        let faces = triangulation.faces();
+        let metric = ErrorMetric::MeanCompSe;
+        let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
+        let removals =
+            simplify(&image, triangulation, rule, Parallel::Exact, &Unattended).unwrap().removals;
+        // The largest differences after none of the removals, after one, and so on.
+        let mut points = lattice.clone();
+        let mut differences = vec![0];
+        for removal in &removals {
+            points.retain(|&point| point != removal.point);
+            differences.push(largest(&image, &points));
+        }
+        for most in 0..45 {
+            let expected = differences.iter().position(|&difference| difference > most);
+            let expected = expected.map_or(removals.len(), |first| first - 1);
+            let within =
+                removals_within(&image, lattice.clone(), &faces, &removals, most, &Unattended);
+            assert_eq!(within, Ok(expected), "{most}");
+        }
+        // Meshes that break the bound before any removal, one of them more than after it.
+        let corners = [(0, 0), (8, 0), (4, 4), (0, 8), (8, 8)].map(|(x, y)| Point::new(x, y));
+        let faces = Triangulation::new(corners.to_vec(), &Unattended).unwrap().faces();
+        let removal = Removal { point: Point::new(4, 4), change: 0 };
+        let sample = |i| if i == 4 * side + 4 { 40 } else { 0 };
+        let peak = Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap();
+        for image in [&image, &peak] {
+            let points = corners.to_vec();
+            let within = removals_within(image, points, &faces, &[removal], 1, &Unattended);
+            assert_eq!(within, Ok(0));
+        }
+    }
+}

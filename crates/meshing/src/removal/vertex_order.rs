@@ -1,0 +1,101 @@
+//! An order of lattice points that keeps neighbours in the plane near each other in memory.
+//!
+//! By rows the neighbours above and below are a whole row of points away; by square tiles, row by
+//! row within each, most of them are within the same few lines of memory, and at any time removal
+//! works on few tiles. The tiles themselves follow each other on the curve of Guy Macdonald Morton, "A
+//! computer oriented geodetic data base and a new technique in file sequencing", 1966: whatever part
+//! of the order is taken, it lies together in the plane.
+
+use crate::image::Point;
+
+/// Columns and rows of a tile, as a power of two.
+const TILE: u32 = 5;
+
+/// The indices of points that lie within `width` columns and `height` rows, tile by tile, in their
+/// given order within each.
+pub(crate) fn tile_order(points: &[Point], width: usize, height: usize) -> Vec<u32> {
+    let curve = Curve::new((width >> TILE) + 1, (height >> TILE) + 1);
+    let tile_of = |p: &Point| curve.place(p.x as usize >> TILE, p.y as usize >> TILE);
+    let mut starts = vec![0u32; curve.len + 1];
+    for point in points {
+        starts[tile_of(point) + 1] += 1;
+    }
+    for tile in 1..starts.len() {
+        starts[tile] += starts[tile - 1];
+    }
+    let mut order = vec![0; points.len()];
+    for (i, point) in points.iter().enumerate() {
+        let start = &mut starts[tile_of(point)];
+        order[*start as usize] = i as u32;
+        *start += 1;
+    }
+    order
+}
+
+/// A curve through all tiles: the binary digits of a place are those of column and row in turns.
+struct Curve {
+    /// What the column and the row of a tile add to its place.
+    of_column: Vec<usize>,
+    of_row: Vec<usize>,
+    /// Places, of which some have no tile.
+    len: usize,
+}
+
+impl Curve {
+    fn new(columns: usize, rows: usize) -> Self {
+        let digits = |count: usize| count.next_power_of_two().trailing_zeros();
+        // Where one side is longer, squares of the shorter one follow each other.
+        let shared = digits(columns).min(digits(rows));
+        let spread = |i: usize| {
+            let low = (0..shared).fold(0, |sum, digit| sum | (i >> digit & 1) << (2 * digit));
+            (low, i >> shared << (2 * shared))
+        };
+        Self {
+            of_column: (0..columns).map(spread).map(|(low, high)| low | high).collect(),
+            of_row: (0..rows).map(spread).map(|(low, high)| low << 1 | high).collect(),
+            len: 1 << (digits(columns) + digits(rows)),
+        }
+    }
+
+    #[inline]
+    fn place(&self, column: usize, row: usize) -> usize {
+        self.of_column[column] | self.of_row[row]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_point_comes_once_and_those_of_a_tile_together() {
+        let points: Vec<Point> =
+            (0..70).flat_map(|y| (0..100).map(move |x| Point::new(x, y))).collect();
+        let order = tile_order(&points, 100, 70);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert!(sorted.iter().copied().eq(0..7000));
+        let mut tiles: Vec<(i32, i32)> =
+            order.iter().map(|&i| (points[i as usize].x / 32, points[i as usize].y / 32)).collect();
+        tiles.dedup();
+        let square = |x| [(x, 0), (x + 1, 0), (x, 1), (x + 1, 1)];
+        let below = [square(0), square(2)].concat();
+        assert_eq!(tiles, [below, vec![(0, 2), (1, 2), (2, 2), (3, 2)]].concat());
+        assert_eq!(order[..33], (0..32).chain([100]).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn each_place_of_the_curve_has_one_tile_at_most() {
+        for (columns, rows) in [(1, 1), (1, 9), (9, 1), (3, 3), (2, 13), (13, 2), (8, 8)] {
+            let curve = Curve::new(columns, rows);
+            let tiles = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+            let mut places: Vec<usize> = tiles.map(|(x, y)| curve.place(x, y)).collect();
+            places.sort_unstable();
+            places.dedup();
+            assert_eq!(places.len(), columns * rows);
+            assert!(
+                places.iter().all(|&place| place < curve.len) && curve.len < 4 * columns * rows
+            );
+        }
+    }
+}

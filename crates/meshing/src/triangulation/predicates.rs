@@ -1,0 +1,204 @@
+//! Exact geometric predicates on lattice points: orientation, and the in-circle test of the
+//! preferred-directions Delaunay triangulation (PDDT).
+//!
+//! Christopher Dyken and Michael S. Floater, "Preferred directions for resolving the
+//! non-uniqueness of Delaunay triangulations", 2006, decide each cocircular quadrilateral by the
+//! diagonal that makes the smaller angle with a first direction `d1`, at a tie with a second one,
+//! `d2`; here `d1 = (1, 0)` and `d2 = (1, 1)`.
+//!
+//! The same choice is made here without angles, by a symbolic perturbation. Lift every point `p`
+//! to the height `|p|^2 - e1 (p.d1)^2 - e2 (p.d2)^2` with infinitesimals `e1 >> e2 > 0`. Where the
+//! diagonals `ac` and `bd` of a cocircular quadrilateral cross at `o`, the lifted chord `ac` lies
+//! above `q(o)` by `|oa| |oc| q(u)`, where `q` is the quadratic form of the lift and `u` the unit
+//! direction of `ac`; since `|oa| |oc| = |ob| |od|` the lower hull, which is the Delaunay
+//! triangulation of the lifted points, takes the diagonal of smaller `q(u)`, that is of larger
+//! `(u.d1)^2`, at a tie of larger `(u.d2)^2`: the one of smaller angle. So the PDDT is the Delaunay
+//! triangulation of the perturbed lift, no four points are ever cocircular, and it depends on the
+//! points alone. All terms are integer determinants; that of the circle itself is, up to its sign, the
+//! sine of the sum of two opposite angles of the quadrilateral, which takes fewer multiplications:
+//! A. K. Cline and R. L. Renka, "A storage-efficient method for construction of a Thiessen
+//! triangulation", 1984.
+
+use crate::image::Point;
+
+/// Twice the signed area of the triangle `abc`: positive when it turns counter-clockwise, 0 when
+/// collinear.
+#[inline]
+#[must_use]
+pub fn orientation(a: Point, b: Point, c: Point) -> i64 {
+    let (bx, by) = difference(b, a);
+    let (cx, cy) = difference(c, a);
+    bx * cy - by * cx
+}
+
+/// Tells whether `d` lies inside the circle of the counter-clockwise triangle `abc`, where
+/// cocircular points are decided by the preferred directions.
+///
+/// For distinct points the answer is never a tie: in a quadrilateral `a d b c`, whose triangles
+/// `abc` and `bad` meet at the edge `ab`, `true` means that `cd` is the diagonal to take.
+#[inline]
+#[must_use]
+pub fn in_circle(a: Point, b: Point, c: Point, d: Point) -> bool {
+    let ((acx, acy), (bcx, bcy)) = (difference(a, c), difference(b, c));
+    let ((adx, ady), (bdx, bdy)) = (difference(a, d), difference(b, d));
+    // |ac| |bc| |ad| |bd| times the sine of the sum of the angles at c and d in which ab is seen.
+    // With coordinates below 2^20 the factors stay below 2^41 and their products below 2^82.
+    let (sine_c, cosine_c) = (acx * bcy - acy * bcx, acx * bcx + acy * bcy);
+    let (sine_d, cosine_d) = (bdx * ady - bdy * adx, bdx * adx + bdy * ady);
+    match product(sine_c, cosine_d) + product(cosine_c, sine_d) {
+        0 => preferred(&[difference(a, d), difference(b, d), difference(c, d)]),
+        sine => sine < 0,
+    }
+}
+
+/// [`in_circle`] for coordinates below 2^14: the factors stay below 2^29, their products below 2^59.
+#[inline(always)]
+pub(crate) fn in_circle_near(a: Point, b: Point, c: Point, d: Point) -> bool {
+    let ((acx, acy), (bcx, bcy)) = ((a.x - c.x, a.y - c.y), (b.x - c.x, b.y - c.y));
+    let ((adx, ady), (bdx, bdy)) = ((a.x - d.x, a.y - d.y), (b.x - d.x, b.y - d.y));
+    let (sine_c, cosine_c) = (acx * bcy - acy * bcx, acx * bcx + acy * bcy);
+    let (sine_d, cosine_d) = (bdx * ady - bdy * adx, bdx * adx + bdy * ady);
+    match i64::from(sine_c) * i64::from(cosine_d) + i64::from(cosine_c) * i64::from(sine_d) {
+        0 => of_cocircular(a, b, c, d),
+        sine => sine < 0,
+    }
+}
+
+/// [`in_circle`] for points that are cocircular.
+#[cold]
+pub(crate) fn of_cocircular(a: Point, b: Point, c: Point, d: Point) -> bool {
+    preferred(&[difference(a, d), difference(b, d), difference(c, d)])
+}
+
+/// The answer for cocircular points, of three of them relative to the fourth: the sign of the
+/// first perturbing term that is not 0; both lower the lift, so they count negatively.
+#[cold]
+fn preferred(rows: &[(i64, i64); 3]) -> bool {
+    match determinant(rows, along_d1) {
+        0 => determinant(rows, along_d2) < 0,
+        along_first => along_first < 0,
+    }
+}
+
+/// Height of a point above the plane, of its coordinates relative to another point.
+type Lift = fn((i64, i64)) -> i64;
+
+/// `p - q` in 64 bits.
+#[inline]
+fn difference(p: Point, q: Point) -> (i64, i64) {
+    (i64::from(p.x) - i64::from(q.x), i64::from(p.y) - i64::from(q.y))
+}
+
+/// `(p.d1)^2` for `d1 = (1, 0)`.
+#[inline]
+fn along_d1((x, _): (i64, i64)) -> i64 {
+    x * x
+}
+
+/// `(p.d2)^2` for `d2 = (1, 1)`.
+#[inline]
+fn along_d2((x, y): (i64, i64)) -> i64 {
+    (x + y) * (x + y)
+}
+
+/// The determinant of the rows `(x, y, lift(x, y))`.
+fn determinant(rows: &[(i64, i64); 3], lift: Lift) -> i128 {
+    let [(ax, ay), (bx, by), (cx, cy)] = *rows;
+    product(lift(rows[0]), bx * cy - by * cx) - product(lift(rows[1]), ax * cy - ay * cx)
+        + product(lift(rows[2]), ax * by - ay * bx)
+}
+
+/// One multiplication on 64-bit machines.
+#[inline]
+fn product(a: i64, b: i64) -> i128 {
+    i128::from(a) * i128::from(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Compares the angles that two undirected directions make with a third, by squared cosines:
+    /// `Less` when `u` makes the smaller one.
+    fn compare_angles(u: (i128, i128), v: (i128, i128), d: (i128, i128)) -> std::cmp::Ordering {
+        let dot = |u: (i128, i128), v: (i128, i128)| u.0 * v.0 + u.1 * v.1;
+        (dot(v, d).pow(2) * dot(u, u)).cmp(&(dot(u, d).pow(2) * dot(v, v)))
+    }
+
+    /// Whether the diagonal `cd` is preferred to `ab`, by the definition.
+    fn prefers_cd(a: Point, b: Point, c: Point, d: Point) -> bool {
+        let direction = |p, q| {
+            let (x, y) = difference(q, p);
+            (i128::from(x), i128::from(y))
+        };
+        let (ab, cd) = (direction(a, b), direction(c, d));
+        compare_angles(cd, ab, (1, 0)).then(compare_angles(cd, ab, (1, 1))).is_lt()
+    }
+
+    /// Points on a circle around the origin, counter-clockwise, by their squared radius.
+    fn lattice_circle(squared_radius: i32) -> Vec<Point> {
+        let radius = squared_radius.isqrt();
+        let mut points: Vec<Point> = (-radius..=radius)
+            .flat_map(|y| (-radius..=radius).map(move |x| Point::new(x, y)))
+            .filter(|p| p.x * p.x + p.y * p.y == squared_radius)
+            .collect();
+        points.sort_by(|p, q| {
+            f64::from(p.y).atan2(p.x.into()).total_cmp(&f64::from(q.y).atan2(q.x.into()))
+        });
+        points
+    }
+
+    #[test]
+    fn cocircular_points_take_the_diagonal_of_the_smaller_angle() {
+        for squared_radius in [1, 2, 25, 50, 65, 325, 1105] {
+            let circle = lattice_circle(squared_radius);
+            let n = circle.len();
+            for i in 0..n {
+                for (j, k, l) in (i + 1..n)
+                    .flat_map(|j| (j + 1..n).flat_map(move |k| (k + 1..n).map(move |l| (j, k, l))))
+                {
+                    // a, d, b, c in counter-clockwise order, so that ab and cd are the diagonals.
+                    let (a, d, b, c) = (circle[i], circle[j], circle[k], circle[l]);
+                    assert_eq!(
+                        in_circle(a, b, c, d),
+                        prefers_cd(a, b, c, d),
+                        "{a:?} {d:?} {b:?} {c:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_answer_does_not_depend_on_which_point_is_asked_about(
+            coordinates in prop::array::uniform8(0i32..8),
+        ) {
+            let [a, b, c, d] = [0, 2, 4, 6].map(|i| Point::new(coordinates[i], coordinates[i + 1]));
+            let distinct = a != b && a != c && a != d && b != c && b != d && c != d;
+            if distinct && orientation(a, b, c) > 0 {
+                // The other triangle at the edge ab, or the point seen from the other edges.
+                prop_assert_eq!(in_circle(a, b, c, d), in_circle(b, c, a, d));
+                if orientation(b, a, d) > 0 {
+                    prop_assert_eq!(in_circle(a, b, c, d), in_circle(b, a, d, c));
+                }
+            }
+        }
+
+        #[test]
+        fn the_sum_of_two_angles_has_the_sign_of_the_lifted_determinant(
+            coordinates in prop::array::uniform8(0i32..4),
+            scale in prop::sample::select(vec![1, 7, 349_525]),
+        ) {
+            let [a, b, c, d] =
+                [0, 2, 4, 6].map(|i| Point::new(coordinates[i] * scale, coordinates[i + 1] * scale));
+            if orientation(a, b, c) > 0 {
+                let rows = [difference(a, d), difference(b, d), difference(c, d)];
+                let sign = determinant(&rows, |(x, y)| x * x + y * y);
+                let expected = if sign == 0 { preferred(&rows) } else { sign > 0 };
+                prop_assert_eq!(in_circle(a, b, c, d), expected);
+            }
+        }
+    }
+}
