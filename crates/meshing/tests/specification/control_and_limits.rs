@@ -9,7 +9,7 @@ use pixmesh_meshing::{
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Notes every poll.
+/// Records every poll.
 #[derive(Default)]
 struct Listener(Mutex<Vec<(Stage, usize, usize)>>);
 
@@ -44,7 +44,7 @@ fn noisy(width: usize, height: usize, component_count: usize) -> Image {
 }
 
 #[test]
-fn pictures_of_one_row_or_column_are_refused() {
+fn refuses_single_row_or_column() {
     for (width, height) in [(1, 1), (1, 2), (2, 1), (1, 40), (40, 1), (0, 0), (0, 5), (5, 0)] {
         let refused = Image::new(width, height, 8, vec![vec![0; width * height]]);
         assert_eq!(refused, Err(ImageError::TooSmall { width, height }));
@@ -57,7 +57,7 @@ fn pictures_of_one_row_or_column_are_refused() {
 }
 
 #[test]
-fn a_picture_of_one_colour_is_two_triangles_by_every_method() {
+fn constant_image_gives_two_triangles() {
     for component_count in 1..=4 {
         for (width, height, value) in [(2, 2, 0), (9, 7, 0), (9, 7, 200), (30, 2, 255)] {
             let flat = image(width, height, 8, vec![vec![value; width * height]; component_count]);
@@ -72,7 +72,7 @@ fn a_picture_of_one_colour_is_two_triangles_by_every_method() {
 }
 
 #[test]
-fn error_diffusion_of_one_colour_gives_the_corners_whatever_the_density() {
+fn diffusion_of_constant_image_gives_corners() {
     let flat = image(20, 10, 16, vec![vec![40_000; 200]; 3]);
     let policies = Policy::ALL.iter().filter(|p| p.component_count().is_none_or(|n| n == 3));
     for &policy in policies {
@@ -86,8 +86,8 @@ fn error_diffusion_of_one_colour_gives_the_corners_whatever_the_density() {
 }
 
 #[test]
-fn a_picture_without_density_has_the_corners_though_it_is_not_flat() {
-    // Smoothing wipes stripes of one pixel out, so that no point has any significance.
+fn zero_density_gives_corners() {
+    // Smoothing removes stripes one pixel wide, so no point has any significance.
     let stripes = gray(11, 8, |x, _| (x % 2) as u16 * 255);
     for policy in [Policy::PsaD, Policy::PsdMaxD, Policy::PsdAvgL, Policy::PseD, Policy::PseL] {
         let own = Method::Med.parameters(Target::Size(20));
@@ -97,7 +97,7 @@ fn a_picture_without_density_has_the_corners_though_it_is_not_flat() {
 }
 
 #[test]
-fn a_first_component_without_density_does_not_change_the_number_of_points() {
+fn constant_first_component_keeps_point_count() {
     // The search for the threshold of PSE begins with the first component's sum.
     let component = |c| (0..88).map(|i| noise(i % 11 + c, i / 11)).collect::<Vec<u16>>();
     let picture = image(11, 8, 8, vec![vec![0; 88], component(3), component(50)]);
@@ -112,7 +112,7 @@ fn a_first_component_without_density_does_not_change_the_number_of_points() {
 }
 
 #[test]
-fn two_by_two_pixels_are_meshed_by_every_method() {
+fn meshes_two_by_two_pixels() {
     for component_count in 1..=4 {
         let picture = noisy(2, 2, component_count);
         for method in methods_for(component_count) {
@@ -125,7 +125,7 @@ fn two_by_two_pixels_are_meshed_by_every_method() {
 }
 
 #[test]
-fn sixteen_bits_and_any_number_of_components_are_meshed() {
+fn meshes_sixteen_bits_and_many_components() {
     for component_count in [1, 2, 3, 4, 7] {
         let component = |c: usize| {
             let sample = |i: usize| noise(i % 12 + 50 * c, i / 12) * 257;
@@ -142,7 +142,7 @@ fn sixteen_bits_and_any_number_of_components_are_meshed() {
 }
 
 #[test]
-fn all_points_are_a_perfect_copy() {
+fn all_points_reproduce_image() {
     let picture = noisy(13, 8, 3);
     for method in methods_for(3) {
         let made = model(&picture, &method.parameters(Target::Density(100.0)));
@@ -156,7 +156,7 @@ fn all_points_are_a_perfect_copy() {
 }
 
 #[test]
-fn methods_and_policies_for_other_numbers_of_components_are_refused() {
+fn refuses_wrong_component_count() {
     for component_count in 1..=4 {
         let picture = noisy(6, 6, component_count);
         for &method in Method::ALL {
@@ -182,7 +182,7 @@ fn methods_and_policies_for_other_numbers_of_components_are_refused() {
 }
 
 #[test]
-fn generate_is_cancelled_at_whichever_poll_says_so() {
+fn meshing_cancels_at_every_poll() {
     for component_count in [1, 3] {
         let picture = noisy(24, 20, component_count);
         for method in methods_for(component_count) {
@@ -202,7 +202,7 @@ fn generate_is_cancelled_at_whichever_poll_says_so() {
 }
 
 #[test]
-fn rasterize_is_cancelled_at_whichever_poll_says_so() {
+fn rasterize_cancels_at_every_poll() {
     let picture = noisy(30, 30, 2);
     let mesh = model(&picture, &Method::Med.parameters(Target::Density(50.0))).mesh;
     let listener = Listener::default();
@@ -215,7 +215,7 @@ fn rasterize_is_cancelled_at_whichever_poll_says_so() {
 }
 
 #[test]
-fn stages_are_reported_in_order_and_never_beyond_their_totals() {
+fn stages_come_in_order_within_totals() {
     let picture = noisy(40, 30, 3);
     for method in methods_for(3) {
         for &generator in Generator::ALL {

@@ -87,7 +87,7 @@ proptest! {
     #![proptest_config(cases(300))]
 
     #[test]
-    fn density_is_that_of_explicit_stencils(
+    fn density_matches_reference(
         image in pictures(2..=12, 1..=4),
         parameters in choices(),
     ) {
@@ -97,7 +97,7 @@ proptest! {
     }
 
     #[test]
-    fn diffused_points_are_those_of_a_diffusion_over_the_whole_buffer(
+    fn diffusion_matches_reference(
         image in pictures(2..=16, 1..=4),
         parameters in choices(),
         share in 0.05..1.0,
@@ -111,7 +111,7 @@ proptest! {
     }
 
     #[test]
-    fn random_and_uniform_points_hold_the_corners_and_come_in_order(
+    fn random_and_uniform_points_are_sorted_with_corners(
         image in pictures(2..=12, 1..=1),
         share in 0.0..=1.0,
         generator in prop::sample::select(vec![Generator::Random, Generator::Uniform]),
@@ -132,7 +132,7 @@ proptest! {
 }
 
 #[test]
-fn every_combination_of_choices_gives_the_twins_density_and_points() {
+fn every_choice_matches_reference() {
     let components = |count: usize| {
         let component = |c| (0..99).map(|i| noise(i % 11 + 31 * c, i / 11) / 2).collect();
         (0..count).map(component).collect::<Vec<Vec<u16>>>()
@@ -170,7 +170,7 @@ fn each<T: Copy>(
 }
 
 #[test]
-fn the_number_of_diffused_points_is_within_the_tolerance_and_the_corners() {
+fn diffusion_meets_size_within_tolerance() {
     let picture = gray(64, 48, |x, y| noise(x / 3, y / 3));
     for policy in [Policy::PsaD, Policy::PsaL, Policy::PseD] {
         for size in [40, 100, 307, 1000] {
@@ -182,7 +182,7 @@ fn the_number_of_diffused_points_is_within_the_tolerance_and_the_corners() {
 }
 
 #[test]
-fn smoothing_of_order_three_has_the_stencils_of_the_description() {
+fn third_order_smoothing_stencils() {
     // One bright dot: the second derivatives are the stencils themselves.
     let picture = gray(9, 9, |x, y| if (x, y) == (4, 4) { 64 } else { 0 });
     let parameters = Parameters { policy: Policy::PsaL, ..Parameters::new(Target::Size(30)) };

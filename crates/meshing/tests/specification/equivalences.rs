@@ -8,7 +8,7 @@ proptest! {
     #![proptest_config(cases(100))]
 
     #[test]
-    fn all_policies_of_one_significance_are_one_for_one_component(
+    fn gray_policies_of_one_significance_agree(
         image in pictures(2..=14, 1..=1),
         share in 0.0..0.5,
         startup in prop::sample::select(Startup::ALL),
@@ -28,7 +28,7 @@ proptest! {
     }
 
     #[test]
-    fn the_modified_methods_are_the_gray_ones_for_one_component(
+    fn modified_methods_equal_gray_methods_on_gray(
         image in pictures(2..=14, 1..=1),
         share in 0.0..0.5,
     ) {

@@ -59,7 +59,7 @@ proptest! {
     #![proptest_config(cases(60))]
 
     #[test]
-    fn removal_from_diffused_points_is_as_by_brute_force(
+    fn gprfsed_matches_reference(
         image in pictures(2..=9, 1..=4),
         share in 0.0..0.4,
         gamma in 2.0..6.0,
@@ -71,7 +71,7 @@ proptest! {
     }
 
     #[test]
-    fn removal_from_all_points_is_as_by_brute_force(
+    fn gpr_matches_reference(
         image in pictures(2..=6, 1..=4),
         share in 0.0..1.0,
         bad_point_removal in any::<bool>(),
@@ -81,7 +81,7 @@ proptest! {
     }
 
     #[test]
-    fn removal_on_the_luma_is_as_by_brute_force(
+    fn luma_removal_matches_reference(
         image in pictures(2..=6, 3..=3),
         share in 0.0..1.0,
         method in prop::sample::select(vec![Method::Cgpr, Method::Ced, Method::Cgprfsed]),
@@ -92,7 +92,7 @@ proptest! {
     }
 
     #[test]
-    fn removal_down_to_a_psnr_is_as_by_brute_force(
+    fn psnr_bound_matches_reference(
         image in pictures(2..=6, 1..=4),
         psnr_db in 3.0..60.0,
         method in prop::sample::select(vec![Method::Mgprfs, Method::Mgpr]),
@@ -105,7 +105,7 @@ proptest! {
     }
 
     #[test]
-    fn removal_by_each_metric_is_as_by_brute_force(
+    fn each_metric_matches_reference(
         image in pictures(2..=6, 1..=4),
         colour in pictures(2..=5, 3..=3),
         share in 0.0..0.8,
@@ -121,7 +121,7 @@ proptest! {
     }
 
     #[test]
-    fn removal_down_to_a_mean_error_is_as_by_brute_force(
+    fn mean_error_bound_matches_reference(
         colour in pictures(2..=5, 3..=3),
         error in 0.0..3000.0,
         error_metric in prop::sample::select(WITHOUT_WEIGHTS),
@@ -131,7 +131,7 @@ proptest! {
     }
 
     #[test]
-    fn the_removals_lead_from_the_first_points_to_the_last(
+    fn removals_lead_from_initial_to_final_points(
         image in pictures(2..=9, 1..=4),
         share in 0.0..0.4,
     ) {
@@ -147,7 +147,7 @@ proptest! {
     }
 
     #[test]
-    fn removal_from_random_or_uniform_points_is_as_by_brute_force(
+    fn random_and_uniform_points_match_reference(
         image in pictures(2..=8, 1..=4),
         share in 0.0..0.6,
         generator in prop::sample::select(vec![Generator::Random, Generator::Uniform]),
@@ -159,11 +159,11 @@ proptest! {
 }
 
 #[test]
-fn equal_errors_are_removed_by_row_then_column() {
+fn removes_ties_by_row_then_column() {
     let flat = gray(6, 5, |_, _| 7);
     let parameters = Method::Gpr.parameters(Target::Size(20));
     check(&flat, &parameters);
-    // Every removal costs nothing: the first ten free points in order are gone.
+    // No removal changes the error, so the first ten points in order are removed.
     let kept: Vec<Point> = model(&flat, &parameters).mesh.points().to_vec();
     let order = (0..30).map(|i| Point::new(i % 6, i / 6));
     let is_corner = |p: &Point| (p.x == 0 || p.x == 5) && (p.y == 0 || p.y == 4);
@@ -172,7 +172,7 @@ fn equal_errors_are_removed_by_row_then_column() {
 }
 
 #[test]
-fn pictures_full_of_ties_are_simplified_as_by_brute_force() {
+fn ties_match_reference() {
     let checkerboard = gray(7, 7, |x, y| ((x + y) % 2) as u16 * 255);
     let stripes = gray(7, 6, |x, _| (x % 2) as u16 * 200);
     let step = gray(7, 7, |x, _| if x < 3 { 10 } else { 240 });
@@ -188,7 +188,7 @@ fn pictures_full_of_ties_are_simplified_as_by_brute_force() {
 }
 
 #[test]
-fn strips_whose_vertices_have_many_neighbours_are_simplified_as_by_brute_force() {
+fn large_degrees_match_reference() {
     for (width, height) in [(22, 2), (2, 22), (17, 3), (3, 17), (11, 4)] {
         let flat = gray(width, height, |_, _| 9);
         let line = gray(width, height, |x, y| if x.min(y) == 1 { noise(x, y) } else { 0 });
@@ -202,22 +202,23 @@ fn strips_whose_vertices_have_many_neighbours_are_simplified_as_by_brute_force()
 }
 
 #[test]
-fn a_psnr_that_a_mesh_has_exactly_is_good_enough() {
+fn psnr_bound_is_inclusive() {
     let picture = gray(6, 6, noise);
     let mut reached = 0;
     for size in 8..30 {
         let sized = model(&picture, &Method::Gpr.parameters(Target::Size(size)));
         let parameters = Method::Gpr.parameters(Target::Psnr(sized.fidelity.psnr_db()));
         check(&picture, &parameters);
-        // Removal that mends may come after removal that spoilt too much: then it stops before.
+        // A removal that lowers the error may follow one that raises it too much; removal
+        // stops before the latter.
         reached += usize::from(model(&picture, &parameters).mesh.points().len() <= size);
     }
     assert!(reached > 10, "{reached} of 22");
 }
 
 #[test]
-fn bad_points_are_removed_below_the_size_asked_for() {
-    // Few points of a noisy picture: some of them spoil more than they mend.
+fn bad_points_are_removed_below_size() {
+    // In a noisy image some points raise the error more than they lower it.
     let picture = gray(9, 9, noise);
     let initial_size = InitialSize::Target;
     let own = Method::Mgprfs.parameters(Target::Size(12));

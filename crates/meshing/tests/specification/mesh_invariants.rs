@@ -14,7 +14,7 @@ use pixmesh_meshing::{
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A picture with a method for it and numbers for that method's parameters.
+/// An image, a method that is defined for it, and parameters of that method.
 fn requests() -> impl Strategy<Value = (Image, Parameters)> {
     let numbers = (0.0..1.0, 1.0..6.0, any::<bool>(), any::<u64>());
     let generators = prop::sample::select(Generator::ALL);
@@ -108,7 +108,7 @@ proptest! {
     #![proptest_config(cases(400))]
 
     #[test]
-    fn every_mesh_is_valid_delaunay_preferred_and_reproducible((image, parameters) in requests()) {
+    fn meshes_are_valid_delaunay_and_reproducible((image, parameters) in requests()) {
         let made = model(&image, &parameters);
         let mesh = &made.mesh;
         prop_assert_eq!(mesh.validate(), Ok(()));
@@ -123,14 +123,14 @@ proptest! {
     }
 
     #[test]
-    fn the_fidelity_of_a_model_is_that_of_the_picture_rebuilt_from_it(
+    fn fidelity_matches_rebuilt_picture(
         (image, parameters) in requests()
     ) {
         check_fidelity(&model(&image, &parameters), &image);
     }
 
     #[test]
-    fn a_mesh_has_the_size_asked_for_unless_there_were_fewer_points(
+    fn mesh_has_requested_size(
         (image, parameters) in requests()
     ) {
         prop_assume!(parameters.meshed == Meshed::Components);

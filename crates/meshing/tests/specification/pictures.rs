@@ -77,7 +77,7 @@ fn drawn(pattern: Pattern, noise: &[u16], width: usize, largest: u16) -> Vec<u16
     (0..noise.len()).map(sample).collect()
 }
 
-/// An image of parts known to be good.
+/// An image of parts that are known to be valid.
 pub(crate) fn image(
     width: usize,
     height: usize,

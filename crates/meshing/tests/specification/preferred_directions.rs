@@ -50,17 +50,17 @@ proptest! {
     #![proptest_config(cases(1500))]
 
     #[test]
-    fn points_of_a_small_lattice_are_triangulated_as_by_flips(points in subsets()) {
+    fn small_lattice_matches_reference(points in subsets()) {
         check(&points);
     }
 
     #[test]
-    fn points_scattered_widely_are_triangulated_as_by_flips(points in scattered()) {
+    fn scattered_points_match_reference(points in scattered()) {
         check(&points);
     }
 
     #[test]
-    fn the_order_of_the_points_does_not_change_the_triangles(
+    fn point_order_keeps_triangles(
         (points, shuffled) in subsets().prop_flat_map(|points| {
             (Just(points.clone()), Just(points).prop_shuffle())
         })
@@ -70,7 +70,7 @@ proptest! {
     }
 
     #[test]
-    fn orientation_and_in_circle_are_the_determinants(
+    fn predicates_match_determinants(
         places in prop::collection::vec((0..6i32, 0..6i32), 4),
         scale in prop::sample::select(vec![1, 1000, 60_000, 209_000]),
     ) {
@@ -92,7 +92,7 @@ proptest! {
 }
 
 #[test]
-fn full_lattices_are_triangulated_as_by_flips() {
+fn full_lattice_matches_reference() {
     for (width, height) in
         [(2, 2), (2, 3), (3, 2), (3, 3), (2, 9), (9, 2), (5, 7), (8, 8), (12, 12)]
     {
@@ -101,7 +101,7 @@ fn full_lattices_are_triangulated_as_by_flips() {
 }
 
 #[test]
-fn one_row_or_column_of_points_is_triangulated_as_by_flips() {
+fn single_row_or_column_matches_reference() {
     for (width, height) in [(9, 3), (3, 9), (20, 5), (6, 6)] {
         for line in 0..width.min(height) {
             check(&chosen_of(width, height, |_, y| y == line));
@@ -112,7 +112,7 @@ fn one_row_or_column_of_points_is_triangulated_as_by_flips() {
 }
 
 #[test]
-fn points_on_circles_are_triangulated_as_by_flips() {
+fn cocircular_points_match_reference() {
     for radius_squared in [25, 50, 65, 325, 425, 1105] {
         let on_circle = |x: i32, y: i32| (x - 34).pow(2) + (y - 34).pow(2) == radius_squared;
         check(&chosen_of(69, 69, on_circle));
@@ -121,20 +121,20 @@ fn points_on_circles_are_triangulated_as_by_flips() {
 }
 
 #[test]
-fn the_diagonal_of_a_square_is_the_rising_one() {
+fn square_has_rising_diagonal() {
     let square = chosen_of(2, 2, |_, _| true);
     assert_eq!(triangulate(&square), [[0, 1, 3], [0, 3, 2]]);
 }
 
 #[test]
-fn the_largest_picture_keeps_its_predicates_exact() {
+fn predicates_are_exact_at_largest_coordinates() {
     let last = (1 << 20) - 1;
     let middle = last / 2;
     check(&chosen_of_places(last, &[(middle, middle), (middle + 1, middle), (middle, middle + 1)]));
     check(&chosen_of_places(last, &[(1, 0), (last, last - 1), (last - 1, last), (0, 1)]));
 }
 
-/// The corners of a square of side `last` and a few more places.
+/// The corners of a square of side `last` and some more points.
 fn chosen_of_places(last: i32, places: &[(i32, i32)]) -> Vec<Point> {
     let corners = [(0, 0), (last, 0), (0, last), (last, last)];
     let all: BTreeSet<Point> =

@@ -35,7 +35,7 @@ proptest! {
     #![proptest_config(cases(24))]
 
     #[test]
-    fn freedom_and_effort_never_raise_the_error(
+    fn refinement_never_raises_error(
         image in pictures(2..=12, 1..=3),
         share in 0.0..0.4,
     ) {
@@ -52,7 +52,7 @@ proptest! {
     }
 
     #[test]
-    fn refined_meshes_keep_their_size_and_the_samples_of_the_picture(
+    fn refinement_keeps_size_and_samples(
         image in pictures(2..=12, 1..=3),
         share in 0.0..0.4,
         effort in 1u8..=9,
@@ -70,7 +70,7 @@ proptest! {
     }
 
     #[test]
-    fn a_mesh_of_a_quality_has_it_and_the_next_smaller_one_of_the_removal_has_not(
+    fn psnr_target_is_met_by_smallest_size(
         image in pictures(3..=8, 1..=2),
         bound in 0u16..300,
     ) {
@@ -93,7 +93,7 @@ proptest! {
     }
 
     #[test]
-    fn searched_meshes_keep_the_bound(
+    fn size_search_keeps_bound(
         image in pictures(3..=10, 1..=2),
         psnr_db in 5.0..60.0,
         mean_error in 0.0..50.0,
@@ -109,7 +109,7 @@ proptest! {
     }
 
     #[test]
-    fn med_plus_is_never_worse_than_med_and_never_larger(
+    fn med_plus_is_no_worse_and_no_larger_than_med(
         image in pictures(3..=12, 1..=3),
         share in 0.1..0.6,
     ) {
@@ -121,7 +121,7 @@ proptest! {
 }
 
 #[test]
-fn fitted_values_of_a_plane_with_noise_are_nearer_to_the_plane_than_the_samples() {
+fn fitted_values_smooth_a_noisy_plane() {
     let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 9) as u16;
     let samples = (0..32).flat_map(|y| (0..32).map(move |x| 40 + 4 * x as u16 + noise(x, y)));
     let image = Image::new(32, 32, 8, vec![samples.collect()]).unwrap();
@@ -139,7 +139,7 @@ fn noise(side: usize) -> Image {
 }
 
 #[test]
-fn equal_weights_change_nothing_and_heavier_places_get_more_vertices() {
+fn heavier_pixels_get_more_vertices() {
     let image = noise(24);
     for method in [Method::Mgprfs, Method::Optimal] {
         let own = method.parameters(Target::Size(60));
@@ -161,7 +161,7 @@ fn equal_weights_change_nothing_and_heavier_places_get_more_vertices() {
 }
 
 #[test]
-fn flat_meshes_are_better_than_others_where_faces_have_one_colour() {
+fn flat_method_wins_for_flat_faces() {
     let image = noise(24);
     let with = |method: Method| {
         let made = model(&image, &method.parameters(Target::Size(80)));

@@ -1,4 +1,4 @@
-//! Shapes that make naive algorithms quadratic finish soon: long rows of collinear points, full
+//! Shapes that make naive algorithms quadratic finish in time: long rows of collinear points, full
 //! lattices of cocircular ones, vertices with thousands of neighbours.
 //!
 //! The bounds are far above what the crate takes, and far below what a quadratic algorithm would.
@@ -12,13 +12,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// What nothing here takes.
+/// More time than any of these tests takes.
 const LONG: Duration = Duration::from_secs(60);
 
-/// The longest that work goes on after it is cancelled.
+/// The longest time from a cancellation to the return of the call.
 const DEAF: Duration = Duration::from_secs(1);
 
-/// Cancels what takes long and notes the longest time between two polls.
+/// Cancels a call that takes too long and records the longest time between two polls.
 struct Watch {
     start: Instant,
     /// The last poll and the longest time before any.
@@ -56,9 +56,9 @@ impl Control for TriangulationPolls {
     }
 }
 
-/// Makes a mesh, which must be soon and within earshot.
+/// Makes a mesh and checks its time and the time between its polls.
 fn meshed_soon(name: &str, image: &Image, parameters: &Parameters) -> Model {
-    // Whatever else the machine does may hold up a try.
+    // Other work on the machine may delay one attempt.
     for _ in 0..3 {
         let watch = Watch::new();
         let made = generate(image, parameters, &watch);
@@ -73,7 +73,7 @@ fn meshed_soon(name: &str, image: &Image, parameters: &Parameters) -> Model {
     panic!("{name}: no poll for {DEAF:?}");
 }
 
-/// Says how long something took; shown on request.
+/// Prints how long something took (shown with `--nocapture`).
 #[allow(clippy::print_stderr)]
 fn report(name: &str, start: Instant) {
     eprintln!("{:8.2?} {name}", start.elapsed());
@@ -85,7 +85,7 @@ fn middle_row(width: usize) -> Image {
 }
 
 #[test]
-fn a_long_row_of_points_is_triangulated_soon() {
+fn triangulates_long_row_in_time() {
     for transposed in [false, true] {
         let place = |along: i32, across: i32| {
             if transposed { Point::new(across, along) } else { Point::new(along, across) }
@@ -104,7 +104,7 @@ fn a_long_row_of_points_is_triangulated_soon() {
 }
 
 #[test]
-fn a_picture_of_three_rows_is_meshed_soon() {
+fn meshes_three_rows_in_time() {
     let picture = middle_row(16_384);
     for (method, density) in [(Method::Med, 20.0), (Method::Mgprfs, 2.0), (Method::Mgprfs, 20.0)] {
         let name = format!("{method} of 16384x3 at {density} %");
@@ -113,7 +113,7 @@ fn a_picture_of_three_rows_is_meshed_soon() {
 }
 
 #[test]
-fn all_points_of_three_rows_are_removed_soon() {
+fn removes_all_points_of_three_rows_in_time() {
     let strips = [("a line in 4096x3", middle_row(4096)), ("flat 4096x3", gray(4096, 3, |_, _| 9))];
     for (name, picture) in strips {
         for size in [4, 100] {
@@ -129,12 +129,12 @@ fn page(side: usize) -> Image {
 }
 
 #[test]
-fn a_page_with_one_dot_is_emptied_soon() {
+fn meshes_page_with_one_dot_in_time() {
     meshed_soon("a page of 192x192", &page(192), &Method::Gpr.parameters(Target::Density(1.0)));
 }
 
 #[test]
-fn full_lattices_are_meshed_soon() {
+fn meshes_full_lattice_in_time() {
     let checkerboard = gray(128, 128, |x, y| ((x + y) % 2) as u16 * 255);
     let noisy = gray(128, 128, noise);
     for (name, picture) in [("a checkerboard", checkerboard), ("noise", noisy)] {
@@ -149,8 +149,8 @@ fn full_lattices_are_meshed_soon() {
 }
 
 #[test]
-fn triangulation_of_many_points_is_polled_throughout() {
-    // 131072 points: whoever cancels need not wait for all of them.
+fn triangulation_polls_throughout() {
+    // With 131,072 points a cancellation must take effect before the end.
     let polls = TriangulationPolls::default();
     let parameters = Method::Med.parameters(Target::Density(50.0));
     generate(&gray(512, 512, noise), &parameters, &polls).unwrap();
@@ -159,7 +159,7 @@ fn triangulation_of_many_points_is_polled_throughout() {
 }
 
 #[test]
-fn regular_grids_are_meshed_soon() {
+fn meshes_regular_grid_in_time() {
     let own = Method::Mgprfs.parameters(Target::Density(2.0));
     let parameters = Parameters { generator: Generator::Uniform, ..own };
     meshed_soon("a regular grid on 256x256", &gray(256, 256, noise), &parameters);

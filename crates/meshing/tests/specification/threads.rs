@@ -19,7 +19,7 @@ const HEIGHT: usize = 400;
 /// Numbers of threads, those beside 1.
 const THREADS: [usize; 3] = [2, 3, 8];
 
-/// Discs with noise: some areas of one colour, edges, and places where any point matters.
+/// Discs with noise: some areas of one colour, edges, and noise where every point matters.
 fn picture(component_count: usize) -> Image {
     let component = |c: usize| {
         let sample = |i: usize| {
@@ -44,14 +44,14 @@ fn model_on(threads: usize, picture: &Image, parameters: &Parameters) -> Model {
 fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> Model {
     let expected = model_on(1, picture, parameters);
     for threads in THREADS {
-        // No `assert_eq`: nobody wants to read two models.
+        // Not `assert_eq`, which would print both meshes.
         let made = model_on(threads, picture, parameters);
         assert!(made == expected, "{title} on {threads} threads");
     }
     expected
 }
 
-/// Tells of one, two and three threads by turns.
+/// Allows one, two and three threads in turns.
 #[derive(Default)]
 struct MoreAndLess(AtomicUsize);
 
@@ -66,7 +66,7 @@ impl Control for MoreAndLess {
 }
 
 #[test]
-fn threads_that_come_and_go_change_nothing() {
+fn changing_thread_count_keeps_result() {
     let picture = picture(3);
     let tiles = |own| Parameters { parallel: Parallel::Tiles, ..own };
     for parameters in [
@@ -85,7 +85,7 @@ fn threads_that_come_and_go_change_nothing() {
 }
 
 #[test]
-fn removal_from_all_points_does_not_depend_on_the_number_of_threads() {
+fn gpr_is_independent_of_threads() {
     for component_count in [1, 3] {
         let parameters = Method::Mgpr.parameters(Target::Density(50.0));
         let title = format!("MGPR of {component_count} components");
@@ -96,7 +96,7 @@ fn removal_from_all_points_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn simplified_error_diffusion_does_not_depend_on_the_number_of_threads() {
+fn gprfsed_is_independent_of_threads() {
     use Policy::{PsaL, PsbD, Psc, PsdAvgL, PsdMaxD, PseD};
     for (component_count, policy) in
         [(1, PsaL), (2, PsdAvgL), (3, PsbD), (3, Psc), (4, PsdMaxD), (4, PseD)]
@@ -111,7 +111,7 @@ fn simplified_error_diffusion_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn bounds_and_metrics_do_not_depend_on_the_number_of_threads() {
+fn bounds_and_metrics_are_independent_of_threads() {
     let picture = picture(3);
     let of = |target, error_metric, bad_point_removal| {
         let own = Method::Mgpr.parameters(target);
@@ -131,7 +131,7 @@ fn bounds_and_metrics_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn removal_by_tiles_does_not_depend_on_the_number_of_threads_and_costs_little_quality() {
+fn tiles_are_independent_of_threads_and_cost_little() {
     for (method, density) in [(Method::Mgprfs, 18.0), (Method::Mgpr, 3.0)] {
         let own = method.parameters(Target::Density(density));
         let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
@@ -145,7 +145,7 @@ fn removal_by_tiles_does_not_depend_on_the_number_of_threads_and_costs_little_qu
 }
 
 #[test]
-fn tiles_change_nothing_where_a_quality_is_the_target_or_points_are_few() {
+fn tiles_are_exact_for_bounds_and_small_meshes() {
     let picture = picture(1);
     let few = Method::Mgprfs.parameters(Target::Density(1.5));
     let quality = Method::Mgpr.parameters(Target::Psnr(40.0));
@@ -157,7 +157,7 @@ fn tiles_change_nothing_where_a_quality_is_the_target_or_points_are_few() {
 }
 
 #[test]
-fn one_shot_meshes_and_their_pictures_do_not_depend_on_the_number_of_threads() {
+fn one_shot_methods_are_independent_of_threads() {
     for component_count in [1, 3, 4] {
         let parameters = Method::Med.parameters(Target::Density(30.0));
         let title = format!("MED of {component_count} components");
@@ -170,7 +170,7 @@ fn one_shot_meshes_and_their_pictures_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// A control that cancels from some step of a stage on, and notes when.
+/// A control that cancels from a given step of a stage on, and records when.
 struct CancelAt {
     stage: Stage,
     done: usize,
@@ -188,7 +188,7 @@ impl Control for CancelAt {
 }
 
 #[test]
-fn a_cancelled_run_on_several_threads_ends_promptly() {
+fn cancels_promptly_on_several_threads() {
     let picture = picture(3);
     let parameters = Method::Mgpr.parameters(Target::Density(10.0));
     let diffused = Method::Mgprfs.parameters(Target::Density(18.0));
@@ -212,7 +212,7 @@ fn a_cancelled_run_on_several_threads_ends_promptly() {
                 assert_eq!(said.len(), 1, "nothing is asked after a cancellation");
                 ended - said[0]
             };
-            // The whole takes seconds in such a build; whatever else the machine does may hold up a try.
+            // The whole run takes seconds in this build; other work may delay one attempt.
             let is_prompt = (0..5).any(|_| end() < Duration::from_millis(500));
             assert!(is_prompt, "{stage} {done}");
         }

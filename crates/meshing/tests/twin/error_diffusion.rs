@@ -13,7 +13,7 @@ pub(crate) struct Diffusion<'a> {
     pub(crate) parameters: &'a Parameters,
 }
 
-/// What the search for a threshold ended with, before the corners are added.
+/// The result of the search for a threshold, before the corners are added.
 pub(crate) struct Chosen {
     /// Whether each point is selected, row by row.
     pub(crate) marks: Vec<bool>,

@@ -154,7 +154,7 @@ impl Plane {
     }
 }
 
-/// The place inside `0..side` that `x` is the mirror image of, as often as it takes.
+/// The position inside `0..side` that repeated reflection maps `x` to.
 fn mirrored(mut x: i64, side: i64) -> i64 {
     loop {
         if x < 0 {
