@@ -25,7 +25,8 @@ pub fn run(bytes: &[u8]) {
     let bad_point_removal = choices % 2 == 1;
     let method = if choices & 2 == 0 { Method::Mgpr } else { Method::Mgprfs };
     let samples = (0..width * height).map(|_| u16::from(input.byte()) % (grays + 1) * 50).collect();
-    let image = Image::new(width, height, 8, vec![samples]).expect("a picture of few grays");
+    let image =
+        Image::from_bottom_up(width, height, 8, vec![samples]).expect("a picture of few grays");
     for size in size..=width * height {
         let own = method.parameters(Target::Size(size));
         let parameters = Parameters { bad_point_removal, ..own };

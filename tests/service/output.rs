@@ -40,7 +40,7 @@ fn a_relief_has_the_height_asked_for_and_says_so() {
 fn an_elevation_model_becomes_metres() {
     let samples = (0..20_u16 * 10).map(|i| 1000 * (i % 20)).collect();
     let mut png = Vec::new();
-    write_png(&Image::new(20, 10, 16, vec![samples]).unwrap(), &mut png).unwrap();
+    write_png(&Image::from_bottom_up(20, 10, 16, vec![samples]).unwrap(), &mut png).unwrap();
     let server = Server::start(&[]);
     let stl = server.mesh("format=stl&z_scale=0.1&pixel_size=30&base=5&density=50", &[], &png);
     let triangles = stl.body[84..].chunks_exact(50);

@@ -15,7 +15,8 @@ const QUERY: &str = "size=120";
 /// Weights that say that only the left half matters much.
 fn left() -> Vec<u8> {
     let sample = |i: usize| if i % SIDE < SIDE / 2 { 255 } else { 3 };
-    png(&Image::new(SIDE, SIDE, 8, vec![(0..SIDE * SIDE).map(sample).collect()]).unwrap())
+    png(&Image::from_bottom_up(SIDE, SIDE, 8, vec![(0..SIDE * SIDE).map(sample).collect()])
+        .unwrap())
 }
 
 fn post(server: &Server, path: &str, parts: &[(&str, &[u8])]) -> Answer {
@@ -106,7 +107,7 @@ fn equal_weights_change_nothing_whatever_their_depth_colour_or_alpha() {
     let plain = server.mesh(QUERY, &[], &image);
     for components in 1..=4 {
         let planes = vec![vec![180; SIDE * SIDE]; components];
-        let weights = png(&Image::new(SIDE, SIDE, 8, planes).unwrap());
+        let weights = png(&Image::from_bottom_up(SIDE, SIDE, 8, planes).unwrap());
         let parts: [(&str, &[u8]); 2] = [("image", &image), ("weights", &weights)];
         let answer = post(&server, &format!("/v1/meshes?{QUERY}"), &parts);
         assert!(answer.body == plain.body, "{components}: {}", answer.status);

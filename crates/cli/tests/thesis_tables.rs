@@ -247,7 +247,8 @@ fn published_figures_stand_beside() {
 fn a_file_that_is_no_picture_is_skipped_by_name() {
     let folder = pictures("skipped");
     fs::write(folder.join("broken.png"), b"\x89PNG\r\n\x1a\n and no more").unwrap();
-    let two = pixmesh_meshing::Image::new(2, 2, 8, vec![vec![0, 50, 100, 200]; 2]).unwrap();
+    let two =
+        pixmesh_meshing::Image::from_bottom_up(2, 2, 8, vec![vec![0, 50, 100, 200]; 2]).unwrap();
     let mut file = fs::File::create(folder.join("two.png")).unwrap();
     pixmesh_codec::write_png(&two, &mut file).unwrap();
     let output = run(&folder, &["--table", "3.4", "--format", "csv"]);

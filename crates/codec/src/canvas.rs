@@ -169,7 +169,7 @@ impl Canvas {
         let Header { width, height, precision, .. } = self.header;
         alpha.apply(&mut self.planes, precision, wanted)?;
         wanted()?;
-        Ok(Image::new(width, height, precision, self.planes)?)
+        Ok(Image::from_bottom_up(width, height, precision, self.planes)?)
     }
 }
 

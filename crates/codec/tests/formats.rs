@@ -34,7 +34,7 @@ fn images(
     (2..24_usize, 2..24_usize, count, precision).prop_flat_map(|(width, height, count, bits)| {
         let plane = prop::collection::vec(0..=u16::MAX >> (16 - bits), width * height);
         prop::collection::vec(plane, count)
-            .prop_map(move |planes| Image::new(width, height, bits, planes).unwrap())
+            .prop_map(move |planes| Image::from_bottom_up(width, height, bits, planes).unwrap())
     })
 }
 
@@ -44,7 +44,7 @@ fn as_rgb(image: &Image) -> Image {
     if planes.len() < 3 {
         planes = [vec![planes[0].clone(); 3], planes[1..].to_vec()].concat();
     }
-    Image::new(image.width(), image.height(), image.precision(), planes).unwrap()
+    Image::from_bottom_up(image.width(), image.height(), image.precision(), planes).unwrap()
 }
 
 proptest! {
@@ -91,7 +91,7 @@ proptest! {
 
     #[test]
     fn the_header_tells_the_shape_of_what_decoding_gives(image in images(&[4], &[8])) {
-        let gray = Image::new(image.width(), image.height(), 8, image.components()[..1].to_vec());
+        let gray = Image::from_bottom_up(image.width(), image.height(), 8, image.components()[..1].to_vec());
         let plain = tiff(&image, Compression::Uncompressed, Predictor::None);
         for bytes in [webp(&image), bmp(&image), plain, gray_gif(&gray.unwrap())] {
             for alpha in [Alpha::Keep, Alpha::Drop, Alpha::Over([1, 2, 3])] {

@@ -37,7 +37,7 @@ fn rescaled(image: &Image, to: u8) -> Image {
     let (from_max, to_max) = (f64::from(image.max_sample()), f64::from(u16::MAX >> (16 - to)));
     let scale = |&sample: &u16| (f64::from(sample) * to_max / from_max).round() as u16;
     let planes = image.components().iter().map(|plane| plane.iter().map(scale).collect());
-    Image::new(image.width(), image.height(), to, planes.collect()).unwrap()
+    Image::from_bottom_up(image.width(), image.height(), to, planes.collect()).unwrap()
 }
 
 proptest! {

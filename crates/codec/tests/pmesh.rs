@@ -16,7 +16,7 @@ fn image(width: usize, height: usize, components: usize, precision: u8, seed: us
         let sample = |i: usize| ((i * 40_503 + c * 9_973 + seed * 7_919) >> 3) as u16;
         (0..width * height).map(|i| sample(i) >> (16 - precision)).collect()
     };
-    Image::new(width, height, precision, (0..components).map(plane).collect()).unwrap()
+    Image::from_bottom_up(width, height, precision, (0..components).map(plane).collect()).unwrap()
 }
 
 fn mesh(image: &Image, size: usize) -> Mesh {

@@ -39,7 +39,7 @@ fn picture(component_count: usize) -> Image {
         let places = (0..HEIGHT as i32).flat_map(|y| (0..WIDTH as i32).map(move |x| (x, y)));
         places.map(|(x, y)| sample(x, y, c)).collect()
     };
-    Image::new(WIDTH, HEIGHT, 8, (0..component_count).map(plane).collect()).unwrap()
+    Image::from_bottom_up(WIDTH, HEIGHT, 8, (0..component_count).map(plane).collect()).unwrap()
 }
 
 fn mesh_of(image: &Image) -> Mesh {
@@ -177,7 +177,7 @@ fn rasterized_in_linear_light(mesh: &Mesh) -> Image {
     let light = rasterize(&linear, &Unattended).unwrap();
     let planes = light.components().iter();
     let planes = planes.map(|plane| plane.iter().map(|&sample| gamma(sample)).collect()).collect();
-    Image::new(light.width(), light.height(), 8, planes).unwrap()
+    Image::from_bottom_up(light.width(), light.height(), 8, planes).unwrap()
 }
 
 #[test]

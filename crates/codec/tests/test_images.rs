@@ -129,7 +129,7 @@ fn other_encodings_of_the_same_picture_look_the_same() {
     let close = |file: &str, tolerance: f64| {
         let path = files("formats", &["jpg", "png"]).into_iter().find(|path| name(path) == file);
         let image = read(&path.unwrap()).unwrap();
-        let rgb = Image::new(
+        let rgb = Image::from_bottom_up(
             image.width(),
             image.height(),
             image.precision(),

@@ -136,7 +136,7 @@ impl Image {
     /// # Errors
     /// When a side is under 2 or over [`MAX_SIDE`], the precision is not 1..=16, there is no
     /// component, or a component has the wrong length or a sample out of range.
-    pub fn new(
+    pub fn from_bottom_up(
         width: usize,
         height: usize,
         precision: u8,
@@ -168,7 +168,7 @@ impl Image {
     /// them; the one place where a whole image is flipped.
     ///
     /// # Errors
-    /// As [`Image::new`].
+    /// As [`Image::from_bottom_up`].
     pub fn from_top_down(
         width: usize,
         height: usize,
@@ -179,7 +179,7 @@ impl Image {
         for samples in &mut components {
             flip_rows(samples, width);
         }
-        Self::new(width, height, precision, components)
+        Self::from_bottom_up(width, height, precision, components)
     }
 
     /// An image of parts that a kernel of this crate has made valid.
@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn an_image_is_flat_when_each_component_has_one_value() {
         let image = |first: [u16; 4], second: [u16; 4]| {
-            Image::new(2, 2, 8, vec![first.to_vec(), second.to_vec()]).unwrap()
+            Image::from_bottom_up(2, 2, 8, vec![first.to_vec(), second.to_vec()]).unwrap()
         };
         assert!(image([3; 4], [9; 4]).is_flat());
         assert!(!image([3; 4], [9, 9, 9, 8]).is_flat());
@@ -351,13 +351,15 @@ mod tests {
     #[test]
     fn what_is_no_image_is_refused_with_the_numbers_in_the_message() {
         let message = |result: Result<Image, ImageError>| result.unwrap_err().to_string();
-        assert!(message(Image::new(1, 5, 8, vec![vec![0; 5]])).contains("1x5"));
-        assert!(message(Image::new(5, 1, 8, vec![vec![0; 5]])).contains("5x1"));
-        assert!(message(Image::new(2, 2, 0, vec![vec![0; 4]])).contains("0 bits"));
-        assert!(message(Image::new(2, 2, 17, vec![vec![0; 4]])).contains("17 bits"));
-        assert!(message(Image::new(2, 2, 8, vec![])).contains("component"));
-        assert!(message(Image::new(2, 2, 8, vec![vec![0; 3]])).contains("3 samples"));
-        assert!(message(Image::new(2, 2, 1, vec![vec![0, 1, 2, 0]])).contains("sample 2"));
-        assert!(message(Image::new(MAX_SIDE + 1, 2, 1, vec![])).contains("1048577x2"));
+        assert!(message(Image::from_bottom_up(1, 5, 8, vec![vec![0; 5]])).contains("1x5"));
+        assert!(message(Image::from_bottom_up(5, 1, 8, vec![vec![0; 5]])).contains("5x1"));
+        assert!(message(Image::from_bottom_up(2, 2, 0, vec![vec![0; 4]])).contains("0 bits"));
+        assert!(message(Image::from_bottom_up(2, 2, 17, vec![vec![0; 4]])).contains("17 bits"));
+        assert!(message(Image::from_bottom_up(2, 2, 8, vec![])).contains("component"));
+        assert!(message(Image::from_bottom_up(2, 2, 8, vec![vec![0; 3]])).contains("3 samples"));
+        assert!(
+            message(Image::from_bottom_up(2, 2, 1, vec![vec![0, 1, 2, 0]])).contains("sample 2")
+        );
+        assert!(message(Image::from_bottom_up(MAX_SIDE + 1, 2, 1, vec![])).contains("1048577x2"));
     }
 }

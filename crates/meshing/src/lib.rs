@@ -18,7 +18,7 @@
 //! // A 64 by 64 picture of a bright disc, 8 bits, one component.
 //! let disc = |x: i32, y: i32| if (x - 32).pow(2) + (y - 32).pow(2) < 400 { 230 } else { 20 };
 //! let samples = (0..64).flat_map(|y| (0..64).map(move |x| disc(x, y))).collect();
-//! let image = Image::new(64, 64, 8, vec![samples])?;
+//! let image = Image::from_bottom_up(64, 64, 8, vec![samples])?;
 //!
 //! let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
 //! let model = generate(&image, &parameters, &Unattended)?;

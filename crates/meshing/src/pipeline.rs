@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn a_quality_is_one_of_the_picture_however_much_its_points_matter() {
         let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
-        let image = Image::new(24, 24, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(24, 24, 8, vec![samples]).unwrap();
         let weights = (0..24 * 24).map(|i| (i % 24 * 10) as u8).collect();
         let weighted = image.with_weights(weights).unwrap();
         let own = Method::Mgpr.parameters(Target::Psnr(35.0));
@@ -371,7 +371,7 @@ mod tests {
     #[test]
     fn effort_improves_what_removal_leaves_and_none_leaves_it_as_it_is() {
         let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
-        let image = Image::new(24, 24, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(24, 24, 8, vec![samples]).unwrap();
         let own = Method::Mgprfs.parameters(Target::Size(60));
         let with =
             |effort| generate(&image, &Parameters { effort, ..own.clone() }, &Unattended).unwrap();
@@ -393,7 +393,7 @@ mod tests {
     fn the_control_is_told_of_every_8192_faces_that_are_measured() {
         let (width, height) = (120, 90);
         let samples = (0..width * height).map(|i| (i * 37 % 101) as u16).collect();
-        let image = Image::new(width, height, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(width, height, 8, vec![samples]).unwrap();
         let lattice =
             (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y)));
         let triangulation = Triangulation::new(lattice.collect(), &Unattended).unwrap();
@@ -432,7 +432,7 @@ mod tests {
     #[test]
     fn weights_given_lower_those_of_what_is_seen_and_never_to_nothing() {
         let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
-        let image = Image::new(24, 24, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(24, 24, 8, vec![samples]).unwrap();
         let own = Method::Mgpr.parameters(Target::Size(50));
         let parameters = Parameters { error_metric: ErrorMetric::Ssim, ..own };
         let seen = |image: &Image| {

@@ -95,7 +95,7 @@ mod tests {
             let (x, y) = (i as i32 % 32, i as i32 / 32);
             (3 * x + 2 * y) as u16 + if (x - 16).pow(2) + (y - 12).pow(2) < 60 { 20 } else { 0 }
         };
-        Image::new(32, 32, 8, vec![(0..32 * 32).map(sample).collect()]).unwrap()
+        Image::from_bottom_up(32, 32, 8, vec![(0..32 * 32).map(sample).collect()]).unwrap()
     }
 
     fn psnr_of_size(image: &Image, size: usize) -> f64 {

@@ -19,7 +19,7 @@ pub(crate) fn balloon_over_hills() -> Result<Image, ImageError> {
             component[i] = (sample.clamp(0.0, 255.0) + 0.5) as u16;
         }
     }
-    Image::new(WIDTH, HEIGHT, 8, components)
+    Image::from_bottom_up(WIDTH, HEIGHT, 8, components)
 }
 
 /// The mean colour of a pixel.

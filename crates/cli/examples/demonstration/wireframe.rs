@@ -23,7 +23,7 @@ pub(crate) fn draw(picture: &Image, mesh: &Mesh, scale: usize) -> Result<Image, 
         };
         (0..width * height).map(pixel).collect()
     });
-    Image::new(width, height, picture.precision(), components.collect())
+    Image::from_bottom_up(width, height, picture.precision(), components.collect())
 }
 
 /// The middle of a lattice point's enlarged square.

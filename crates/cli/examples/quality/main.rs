@@ -119,5 +119,5 @@ fn gray(image: &Image) -> Result<Image, ImageError> {
         ((77 * red + 150 * green + 29 * blue + 128) >> 8) as u16
     };
     let samples = (0..image.pixel_count()).map(weighted).collect();
-    Image::new(image.width(), image.height(), image.precision(), vec![samples])
+    Image::from_bottom_up(image.width(), image.height(), image.precision(), vec![samples])
 }

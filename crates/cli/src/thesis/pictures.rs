@@ -62,7 +62,7 @@ fn netpbm_gray(image: &Image) -> Result<Image, ImageError> {
         ((77 * red + 150 * green + 29 * blue + 128) >> 8) as u16
     };
     let samples = (0..image.pixel_count()).map(weighted).collect();
-    Image::new(image.width(), image.height(), image.precision(), vec![samples])
+    Image::from_bottom_up(image.width(), image.height(), image.precision(), vec![samples])
 }
 
 /// The files of a folder, by name; not those of folders in it.
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     fn picture(colour: Vec<Vec<u16>>) -> Picture {
-        let image = Image::new(2, 2, 8, colour).unwrap();
+        let image = Image::from_bottom_up(2, 2, 8, colour).unwrap();
         Picture { gray: netpbm_gray(&image).unwrap(), colour: Some(image) }
     }
 

@@ -86,5 +86,5 @@ fn of_8_bits(image: &Image, wanted: &Wanted<'_>) -> Result<Image, EncodeError> {
         }
         planes.push(plane);
     }
-    Ok(Image::new(width, height, 8, planes).map_err(std::io::Error::other)?)
+    Ok(Image::from_bottom_up(width, height, 8, planes).map_err(std::io::Error::other)?)
 }

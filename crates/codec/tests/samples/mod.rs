@@ -21,7 +21,8 @@ pub(crate) fn scattered(
         let sample = |i: usize| ((i * 40_503 + c * 9_973 + i / width * 31) >> 3) as u16;
         (0..width * height).map(|i| sample(i) >> (16 - precision)).collect()
     };
-    Image::new(width, height, precision, (0..component_count).map(plane).collect()).unwrap()
+    Image::from_bottom_up(width, height, precision, (0..component_count).map(plane).collect())
+        .unwrap()
 }
 
 /// An image with a gradient, which lossy formats keep nearly as it is.
@@ -34,7 +35,7 @@ pub(crate) fn gradient(width: usize, height: usize, component_count: usize) -> I
         };
         (0..width * height).map(|i| sample(i % width, i / width) as u16).collect()
     };
-    Image::new(width, height, 8, (0..component_count).map(plane).collect()).unwrap()
+    Image::from_bottom_up(width, height, 8, (0..component_count).map(plane).collect()).unwrap()
 }
 
 /// A mesh over the crossings of the given columns and rows, which begin with 0 and end with the
@@ -82,8 +83,9 @@ pub(crate) fn images() -> impl Strategy<Value = Image> {
         |(width, height, component_count, precision)| {
             let sample = 0..=u16::MAX >> (16 - precision);
             let plane = proptest::collection::vec(sample, width * height);
-            proptest::collection::vec(plane, component_count)
-                .prop_map(move |planes| Image::new(width, height, precision, planes).unwrap())
+            proptest::collection::vec(plane, component_count).prop_map(move |planes| {
+                Image::from_bottom_up(width, height, precision, planes).unwrap()
+            })
         },
     )
 }

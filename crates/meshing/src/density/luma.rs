@@ -40,7 +40,7 @@ mod tests {
     #[test]
     fn luma_is_rounded_down() {
         let components = vec![vec![1, 0, 0, 255], vec![1, 1, 0, 0], vec![0, 0, 9, 0]];
-        let image = Image::new(2, 2, 8, components).unwrap();
+        let image = Image::from_bottom_up(2, 2, 8, components).unwrap();
         assert_eq!(luma(&image).components()[0], [0, 0, 1, 76]);
     }
 }

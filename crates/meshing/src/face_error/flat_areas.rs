@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn a_noisy_picture_has_no_table() {
         let noise = (0..400).map(|i| (i * 7919 % 251) as u16).collect();
-        assert!(FlatAreas::new(&Image::new(20, 20, 8, vec![noise]).unwrap()).is_none());
+        assert!(FlatAreas::new(&Image::from_bottom_up(20, 20, 8, vec![noise]).unwrap()).is_none());
     }
 
     proptest! {
@@ -97,7 +97,7 @@ mod tests {
             for &(x, y, value) in &spots {
                 components[x % 2][y * 12 + x] = value;
             }
-            let image = Image::new(12, 9, 8, components).unwrap();
+            let image = Image::from_bottom_up(12, 9, 8, components).unwrap();
             let areas = FlatAreas::new(&image).unwrap();
             let face = [0, 2, 4].map(|i| Point::new(places[i], places[i + 1]));
             let range = |of: fn(Point) -> i32, margin: i32, side: i32| {

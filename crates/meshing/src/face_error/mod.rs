@@ -264,7 +264,7 @@ mod tests {
             (0..side * side).map(|i| sample(i) >> (16 - precision)).collect()
         };
         let components = (0..component_count).map(plane).collect();
-        Image::new(side, side, precision, components).unwrap()
+        Image::from_bottom_up(side, side, precision, components).unwrap()
     }
 
     proptest! {
@@ -318,7 +318,7 @@ mod tests {
         ) {
             let image = if flat {
                 let samples = (0..90 * 90).map(|i| if i % 90 < 70 { 5 } else { i as u16 % 64 });
-                Image::new(90, 90, precision, vec![samples.collect(); component_count]).unwrap()
+                Image::from_bottom_up(90, 90, precision, vec![samples.collect(); component_count]).unwrap()
             } else {
                 picture(90, component_count, precision)
             };
@@ -401,7 +401,7 @@ mod tests {
             };
             let components =
                 vec![samples(&white), samples(&|i| !white(i)), samples(&|i| i % 3 == 0)];
-            let image = Image::new(side, side, 8, components).unwrap();
+            let image = Image::from_bottom_up(side, side, 8, components).unwrap();
             let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
             let mut small = Vec::new();
             measure.pixels.as_ref().unwrap().squared_errors(&[places], &mut small);

@@ -42,7 +42,8 @@ mod tests {
             let plane = |c: usize| {
                 (0..width * height).map(|i| ((i * i * 977 + c * 331) % maximum) as u16).collect()
             };
-            let image = Image::new(width, height, precision, vec![plane(1), plane(2)]).unwrap();
+            let image =
+                Image::from_bottom_up(width, height, precision, vec![plane(1), plane(2)]).unwrap();
             let weights: Vec<u8> = (0..width * height).map(|i| (i * 29 % 256) as u8).collect();
             let (mut expected, unit) =
                 (0, if precision > 8 { 1 << (2 * (precision - 8)) } else { 1 });

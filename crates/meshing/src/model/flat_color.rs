@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn the_control_is_told_of_every_64_faces() {
-        let image = Image::new(20, 15, 9, vec![(0..300).collect()]).unwrap();
+        let image = Image::from_bottom_up(20, 15, 9, vec![(0..300).collect()]).unwrap();
         let inner: Vec<(usize, usize)> = (0..300).map(|i| (i % 20, i / 20)).collect();
         let (mesh, told) = (mesh_of(&image, &inner), Told::default());
         FlatColors::new(&image, &mesh, &told).unwrap();
@@ -196,7 +196,7 @@ mod tests {
         ) {
             let count = width * height;
             let components = vec![samples[..count].to_vec(), samples[81..81 + count].to_vec()];
-            let image = Image::new(width, height, 16, components).unwrap();
+            let image = Image::from_bottom_up(width, height, 16, components).unwrap();
             let mesh = mesh_of(&image, &inner);
             let flat = FlatColors::new(&image, &mesh, &Unattended).unwrap();
             prop_assert_eq!(Fidelity::between(&image, &flat.picture).unwrap(), flat.fidelity);

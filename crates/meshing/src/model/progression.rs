@@ -342,7 +342,7 @@ mod tests {
             (if inside { 200 } else { 40 }) + ((i * 40_503 + c * 977) >> 5) as u16 % 19
         };
         let plane = |c| (0..side * side).map(|i| sample(c, i)).collect();
-        Image::new(side, side, 8, (0..component_count).map(plane).collect()).unwrap()
+        Image::from_bottom_up(side, side, 8, (0..component_count).map(plane).collect()).unwrap()
     }
 
     /// Checks some sizes against the meshes that the same parameters make of that size.
@@ -373,7 +373,7 @@ mod tests {
             (width, height) in (3usize..12, 3usize..12),
             samples in prop::collection::vec(0u16..32, 144),
         ) {
-            let image = Image::new(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
+            let image = Image::from_bottom_up(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
             let most = width * height * 2 / 3;
             let sizes: Vec<usize> = (MIN_SIZE..=most).collect();
             check(&image, &Method::Mgpr.parameters(Target::Size(most)), most, &sizes);

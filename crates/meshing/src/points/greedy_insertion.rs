@@ -167,7 +167,7 @@ mod tests {
             samples in prop::collection::vec(0u16..9, 144),
             size in 4usize..40,
         ) {
-            let image = Image::new(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
+            let image = Image::from_bottom_up(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
             let metric = ErrorMetric::MeanCompSe;
             let points = inserted_points(&image, metric, size, &Unattended).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
@@ -210,7 +210,7 @@ mod tests {
             weights in prop::option::of(prop::collection::vec(0u8..4, 144)),
         ) {
             let components = samples.chunks(144).map(<[u16]>::to_vec).collect();
-            let image = Image::new(12, 12, 8, components).unwrap();
+            let image = Image::from_bottom_up(12, 12, 8, components).unwrap();
             let image = match weights {
                 Some(weights) => image.with_weights(weights).unwrap(),
                 None => image,
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn the_control_is_asked_before_the_first_insertion_and_every_64_points() {
         let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
-        let image = Image::new(30, 30, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(30, 30, 8, vec![samples]).unwrap();
         let told = Told::default();
         let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &told).unwrap();
         assert_eq!((points.len(), told.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
@@ -256,7 +256,7 @@ mod tests {
     #[test]
     fn no_point_is_inserted_for_what_does_not_matter() {
         let samples = (0..20 * 20).map(|i| (i * 53 % 97) as u16).collect();
-        let image = Image::new(20, 20, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(20, 20, 8, vec![samples]).unwrap();
         let weights = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();
         let weighted = image.with_weights(weights).unwrap();
         let metric = ErrorMetric::MeanCompSe;

@@ -175,7 +175,7 @@ mod tests {
         use crate::parameters::method::Method;
 
         let samples: Vec<u16> = (0..64).map(|i| if i == 27 { 9 } else { 0 }).collect();
-        let image = Image::new(8, 8, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(8, 8, 8, vec![samples]).unwrap();
         let of = |size| {
             let parameters = Method::Preview.parameters(Target::Size(size));
             sample_points(&image, &parameters, size, &Unattended).unwrap().len()

@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     fn gray(samples: [u16; 4]) -> Image {
-        Image::new(2, 2, 8, vec![samples.to_vec()]).unwrap()
+        Image::from_bottom_up(2, 2, 8, vec![samples.to_vec()]).unwrap()
     }
 
     #[test]
@@ -113,14 +113,15 @@ mod tests {
 
     #[test]
     fn the_mean_is_over_all_points_and_components() {
-        let image = |sample| Image::new(3, 5, 8, vec![vec![0; 15], vec![sample; 15]]).unwrap();
+        let image =
+            |sample| Image::from_bottom_up(3, 5, 8, vec![vec![0; 15], vec![sample; 15]]).unwrap();
         let fidelity = Fidelity::between(&image(7), &image(3)).unwrap();
         assert_eq!((fidelity.squared_error, fidelity.mse()), (15 * 16, 8.0));
     }
 
     #[test]
     fn images_of_different_shape_are_not_compared() {
-        let wide = Image::new(3, 2, 8, vec![vec![0; 6]]).unwrap();
+        let wide = Image::from_bottom_up(3, 2, 8, vec![vec![0; 6]]).unwrap();
         let error = Fidelity::between(&gray([0; 4]), &wide).unwrap_err();
         assert!(error.to_string().contains("2x2") && error.to_string().contains("3x2"));
     }

@@ -45,7 +45,7 @@ const FIELDS: usize = 5;
 /// ```
 /// use pixmesh_meshing::{Image, Unattended, structural_similarity};
 ///
-/// let ramp = Image::new(16, 16, 8, vec![(0..256).map(|i| i as u16).collect()])?;
+/// let ramp = Image::from_bottom_up(16, 16, 8, vec![(0..256).map(|i| i as u16).collect()])?;
 /// assert_eq!(structural_similarity(&ramp, &ramp, &Unattended)?, Some(1.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -141,7 +141,7 @@ mod tests {
 
     fn gray(side: usize, sample: impl Fn(usize, usize) -> u16) -> Image {
         let samples = (0..side * side).map(|i| sample(i % side, i / side)).collect();
-        Image::new(side, side, 8, vec![samples]).unwrap()
+        Image::from_bottom_up(side, side, 8, vec![samples]).unwrap()
     }
 
     fn index(first: &Image, second: &Image) -> f64 {
@@ -240,7 +240,7 @@ mod tests {
             let picture = |seed: usize| {
                 let sample = |i: usize| ((i + seed).wrapping_mul(40_503) >> 3) as u16 >> (16 - precision);
                 let plane = |c: usize| (0..width * height).map(|i| sample(i * (c + 1))).collect();
-                Image::new(width, height, precision, (0..count).map(plane).collect()).unwrap()
+                Image::from_bottom_up(width, height, precision, (0..count).map(plane).collect()).unwrap()
             };
             let [first, second] = seeds.map(picture);
             let (found, expected) = (index(&first, &second), index_by_definition(&first, &second));
@@ -265,7 +265,7 @@ mod tests {
                 Ok(())
             }
         }
-        let image = Image::new(12, 14, 8, vec![vec![5; 12 * 14]; 3]).unwrap();
+        let image = Image::from_bottom_up(12, 14, 8, vec![vec![5; 12 * 14]; 3]).unwrap();
         let told = Told::default();
         structural_similarity(&image, &image, &told).unwrap();
         let expected: Vec<_> = (0..42).map(|row| (Stage::Measure, row, 42)).collect();

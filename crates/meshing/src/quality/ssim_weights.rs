@@ -136,7 +136,7 @@ mod tests {
 
     fn gray(width: usize, height: usize, of: impl Fn(usize, usize) -> u16) -> Image {
         let samples = (0..width * height).map(|i| of(i % width, i / width)).collect();
-        Image::new(width, height, 8, vec![samples]).unwrap()
+        Image::from_bottom_up(width, height, 8, vec![samples]).unwrap()
     }
 
     #[test]
@@ -187,7 +187,7 @@ mod tests {
                     .map(|sample| sample.min(255))
                     .collect()
             };
-            let image = Image::new(width, height, 8, vec![plane(3), plane(8)]).unwrap();
+            let image = Image::from_bottom_up(width, height, 8, vec![plane(3), plane(8)]).unwrap();
             let weights = sensitivity(&image, &Unattended).unwrap();
             let expected = by_definition(&image);
             assert_eq!(weights.len(), expected.len());

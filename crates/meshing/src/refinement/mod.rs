@@ -263,7 +263,7 @@ mod tests {
             (x * x / 40 + y * (1 + c) + if on_disc { 90 } else { 0 } + texture).min(255) as u16
         };
         let component = |c| (0..side * side).map(|i| sample(i, c)).collect();
-        Image::new(side, side, 8, vec![component(0), component(1)]).unwrap()
+        Image::from_bottom_up(side, side, 8, vec![component(0), component(1)]).unwrap()
     }
 
     /// 104 points of a picture 64 columns wide and high, the corners among them.
@@ -299,7 +299,7 @@ mod tests {
             samples.iter().enumerate().map(|(i, sample)| sample * 16 + (i % 7) as u16).collect()
         };
         let components = shaded.components().iter().map(finer).collect();
-        let image = Image::new(64, 64, 12, components).unwrap();
+        let image = Image::from_bottom_up(64, 64, 12, components).unwrap();
         let [by_forecasts, by_trials] = [Measure::with_foresight, Measure::new].map(|new| {
             let measure = new(&image, ErrorMetric::MeanCompSe);
             let mesh = measured(&measure, &image, scattered());
@@ -473,7 +473,7 @@ mod tests {
         seeds: &[(usize, usize)],
     ) -> (Image, Vec<Point>) {
         let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
-        let image = Image::new(width, height, 3, vec![plane(0), plane(3)]).unwrap();
+        let image = Image::from_bottom_up(width, height, 3, vec![plane(0), plane(3)]).unwrap();
         let inner = seeds.iter().map(|&(x, y)| Point::new((x % width) as i32, (y % height) as i32));
         let points: BTreeSet<Point> = inner.chain(corner_points(width, height)).collect();
         (image, points.into_iter().collect())

@@ -152,7 +152,7 @@ mod tests {
 
     fn picture() -> Image {
         let samples = (0..SIDE * SIDE).map(|i| (i * i / 7 % 31 + i / SIDE) as u16).collect();
-        Image::new(SIDE, SIDE, 8, vec![samples]).unwrap()
+        Image::from_bottom_up(SIDE, SIDE, 8, vec![samples]).unwrap()
     }
 
     /// Removal from all lattice points of an image.

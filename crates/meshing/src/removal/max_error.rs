@@ -98,7 +98,7 @@ mod tests {
     fn removals_go_on_until_the_first_that_breaks_the_bound() {
         let side = 9;
         let plane = |c: usize| (0..side * side).map(|i| (i * i * (c + 3) % 41) as u16).collect();
-        let image = Image::new(side, side, 8, vec![plane(0), plane(1)]).unwrap();
+        let image = Image::from_bottom_up(side, side, 8, vec![plane(0), plane(1)]).unwrap();
         let lattice: Vec<Point> = (0..side as i32)
             .flat_map(|y| (0..side as i32).map(move |x| Point::new(x, y)))
             .collect();
@@ -127,7 +127,9 @@ mod tests {
         let faces = Triangulation::new(corners.to_vec(), &Unattended).unwrap().faces();
         let removal = Removal { point: Point::new(4, 4), change: 0 };
         let sample = |i| if i == 4 * side + 4 { 40 } else { 0 };
-        let peak = Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap();
+        let peak =
+            Image::from_bottom_up(side, side, 8, vec![(0..side * side).map(sample).collect()])
+                .unwrap();
         for image in [&image, &peak] {
             let points = corners.to_vec();
             let within = removals_within(image, points, &faces, &[removal], 1, &Unattended);

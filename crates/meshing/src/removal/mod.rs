@@ -433,7 +433,7 @@ mod tests {
     /// A picture of few gray levels, so that equal changes of error are common.
     fn picture(width: usize, height: usize, samples: &[u16]) -> Image {
         let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
-        Image::new(width, height, 3, vec![plane(0), plane(3)]).unwrap()
+        Image::from_bottom_up(width, height, 3, vec![plane(0), plane(3)]).unwrap()
     }
 
     fn all_points(width: usize, height: usize) -> Vec<Point> {

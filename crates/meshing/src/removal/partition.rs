@@ -381,7 +381,7 @@ mod tests {
         ) {
             let sample = |i: usize| samples[i % 60] / 8 + samples[i / 60 % 60] % 8;
             let plane = (0..width * height).map(sample).collect();
-            let image = Image::new(width, height, 4, vec![plane]).unwrap();
+            let image = Image::from_bottom_up(width, height, 4, vec![plane]).unwrap();
             let size = 4 + (width * height - 4) * part / 100;
             let made = remove(&image, size, digits, 1);
             prop_assert_eq!(made.points.len(), size);
@@ -399,7 +399,7 @@ mod tests {
     #[test]
     fn a_single_tile_is_simplified_in_the_exact_order() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
-        let image = Image::new(30, 30, 4, vec![plane]).unwrap();
+        let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
         let triangulation = Triangulation::new(all_points(30, 30), &Unattended).unwrap();
         let exact =
             simplify(&image, triangulation, rule(100), Parallel::Exact, &Unattended).unwrap();
@@ -412,7 +412,7 @@ mod tests {
     fn several_tiles_are_made_only_where_they_are_asked_for() {
         let (width, height) = (200, 170);
         let plane = (0..width * height).map(|i| (i * i / 7 % 16) as u16).collect();
-        let image = Image::new(width, height, 4, vec![plane]).unwrap();
+        let image = Image::from_bottom_up(width, height, 4, vec![plane]).unwrap();
         let size = width * height - 1000;
         let removals = |parallel| {
             let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
@@ -443,7 +443,7 @@ mod tests {
     #[test]
     fn a_limit_has_as_many_below_it_as_asked_for_and_quotas_are_twice_these() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
-        let image = Image::new(30, 30, 4, vec![plane]).unwrap();
+        let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
         let triangulation = Triangulation::new(all_points(30, 30), &Unattended).unwrap();
         let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
         let Prepared { stars, entries, .. } =

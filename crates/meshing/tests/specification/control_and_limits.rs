@@ -46,7 +46,7 @@ fn noisy(width: usize, height: usize, component_count: usize) -> Image {
 #[test]
 fn refuses_single_row_or_column() {
     for (width, height) in [(1, 1), (1, 2), (2, 1), (1, 40), (40, 1), (0, 0), (0, 5), (5, 0)] {
-        let refused = Image::new(width, height, 8, vec![vec![0; width * height]]);
+        let refused = Image::from_bottom_up(width, height, 8, vec![vec![0; width * height]]);
         assert_eq!(refused, Err(ImageError::TooSmall { width, height }));
         let shape = Shape { width, height, component_count: 1, precision: 8 };
         for method in [Method::Med, Method::Mgprfs, Method::Mgpr] {

@@ -84,7 +84,7 @@ pub(crate) fn image(
     precision: u8,
     components: Vec<Vec<u16>>,
 ) -> Image {
-    Image::new(width, height, precision, components).expect("the parts make an image")
+    Image::from_bottom_up(width, height, precision, components).expect("the parts make an image")
 }
 
 /// An image of one component of 8 bits drawn by a function of column and row.

@@ -124,7 +124,7 @@ proptest! {
 fn fitted_values_smooth_a_noisy_plane() {
     let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 9) as u16;
     let samples = (0..32).flat_map(|y| (0..32).map(move |x| 40 + 4 * x as u16 + noise(x, y)));
-    let image = Image::new(32, 32, 8, vec![samples.collect()]).unwrap();
+    let image = Image::from_bottom_up(32, 32, 8, vec![samples.collect()]).unwrap();
     let own = Method::Mgprfs.parameters(Target::Size(4));
     let sampled = model(&image, &own).fidelity.mse();
     let fitted = model(&image, &Parameters { values: Values::Fitted, ..own }).fidelity.mse();
@@ -135,7 +135,7 @@ fn fitted_values_smooth_a_noisy_plane() {
 /// A gray picture of noise.
 fn noise(side: usize) -> Image {
     let sample = |i: usize| ((i * 40_503 + i / side * 977) >> 4) as u16 % 256;
-    Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap()
+    Image::from_bottom_up(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap()
 }
 
 #[test]

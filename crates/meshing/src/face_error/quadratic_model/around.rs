@@ -113,7 +113,7 @@ mod tests {
                 (0..width * height).map(sample).collect()
             };
             let components = (0..component_count).map(plane).collect();
-            let image = Image::new(width, height, 8, components).unwrap();
+            let image = Image::from_bottom_up(width, height, 8, components).unwrap();
             let pixels = Pixels::<u8>::new(&image).unwrap();
             let words = Pixels::<u16>::new(&image).unwrap();
             let mut next = coefficients.into_iter();

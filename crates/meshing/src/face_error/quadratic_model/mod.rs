@@ -348,7 +348,7 @@ mod tests {
                 let sample = |i: usize| ((i + seed) * 40_503 + c * 9_973) >> 5 & 0xffff;
                 (0..32 * 32).map(|i| (sample(i) >> (16 - bits)) as u16).collect()
             };
-            let image = Image::new(32, 32, bits, (0..component_count).map(plane).collect()).unwrap();
+            let image = Image::from_bottom_up(32, 32, bits, (0..component_count).map(plane).collect()).unwrap();
             let ways = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
             let place = Point::new(16, 16);
             let ring: Vec<Point> = ways
@@ -374,7 +374,7 @@ mod tests {
 
     #[test]
     fn faces_that_are_not_small_have_no_forecast() {
-        let image = Image::new(80, 80, 8, vec![vec![7; 6400]]).unwrap();
+        let image = Image::from_bottom_up(80, 80, 8, vec![vec![7; 6400]]).unwrap();
         let pixels = Pixels::<u8>::new(&image).unwrap();
         let ring = [(79, 2), (2, 79), (1, 1)].map(|(x, y)| Point::new(x, y));
         assert!(pixels.forecast(Point::new(20, 20), &ring, 3).is_none());

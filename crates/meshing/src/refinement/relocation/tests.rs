@@ -349,7 +349,7 @@ fn a_foresighted_look_passes_over_large_faces_where_they_are_few_and_forecasts_a
         [(1, 8, 1, false), (2, 8, 1, true), (2, 16, 3, true), (2, 8, 5, false)]
     {
         let components = vec![samples.clone(); component_count];
-        let image = Image::new(width, height, precision, components).unwrap();
+        let image = Image::from_bottom_up(width, height, precision, components).unwrap();
         let measure = Measure::with_foresight(&image, ErrorMetric::MeanCompSe);
         let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
         let mut points: Vec<Point> =

@@ -367,7 +367,7 @@ mod tests {
                 component[p.y as usize * 25 + p.x as usize] = 100;
             }
         }
-        let image = Image::new(25, 25, 8, components).unwrap();
+        let image = Image::from_bottom_up(25, 25, 8, components).unwrap();
         let mut mesh = ValuedMesh::new(&image, points, &faces);
         let before = mesh.total_error;
         fit_values(&mut mesh, &Unattended).unwrap();

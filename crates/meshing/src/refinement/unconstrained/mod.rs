@@ -80,7 +80,8 @@ mod tests {
             (2 * x + y) as u16 + if inside { 90 } else { 0 }
         };
         let image =
-            Image::new(side, side, 8, vec![(0..side * side).map(sample).collect()]).unwrap();
+            Image::from_bottom_up(side, side, 8, vec![(0..side * side).map(sample).collect()])
+                .unwrap();
         let steps = [0, 7, 15, 22, 31, 38, 47];
         let points = steps.iter().flat_map(|&y| steps.map(|x| Point::new(x, y))).collect();
         (image, points)
@@ -116,7 +117,7 @@ mod tests {
             }
         }
         let samples = (0..60 * 60).map(|i| (i * i / 11 % 251 / (1 + i % 60 / 9)) as u16).collect();
-        let image = Image::new(60, 60, 8, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(60, 60, 8, vec![samples]).unwrap();
         let steps = [0, 7, 15, 22, 31, 38, 47, 53, 59];
         let points: Vec<Point> =
             steps.iter().flat_map(|&y| steps.map(|x| Point::new(x, y))).collect();

@@ -355,7 +355,8 @@ mod tests {
     #[test]
     fn of_places_that_promise_as_much_the_first_is_taken() {
         let sample = |i| if i == 5 * 11 + 5 { 63 } else { 0 };
-        let image = Image::new(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
+        let image =
+            Image::from_bottom_up(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
         // Wherever the vertex goes from its odd point, that alone is wrong then.
         for (taken, expected) in [
             (&[][..], (5, 4)),
@@ -377,7 +378,8 @@ mod tests {
     #[test]
     fn a_vertex_goes_where_the_value_is_what_it_was() {
         let sample = |i: usize| (i % 11).saturating_sub(5) as u16 * 10;
-        let image = Image::new(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
+        let image =
+            Image::from_bottom_up(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
         let (points, faces) = free_mesh(&image, &[(5, 0), (4, 5), (5, 10)]);
         let vertex = points.iter().position(|p| (p.x, p.y) == (4, 5)).unwrap();
         for values in [false, true] {

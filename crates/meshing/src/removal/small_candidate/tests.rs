@@ -135,7 +135,7 @@ fn prepared(image: &Image, measure: &Measure<'_>) -> (Vertices, Stars) {
 #[test]
 fn places_below_2_to_the_14_are_near_enough_for_32_bits() {
     let samples = vec![vec![0; 4 * 4]];
-    let image = Image::new(4, 4, 8, samples).unwrap();
+    let image = Image::from_bottom_up(4, 4, 8, samples).unwrap();
     let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
     let (vertices, stars) = prepared(&image, &measure);
     let net = vertices.net(&stars);
@@ -164,7 +164,7 @@ proptest! {
         // Of 16 bits the darkest and the brightest, so that two points need more than 32 bits.
         let sample = |s: &u16| if precision == 16 { s % 2 * 0xffff } else { *s << (precision - 3) };
         let samples = samples.iter().map(sample).take(width * height).collect();
-        let image = Image::new(width, height, precision, vec![samples]).unwrap();
+        let image = Image::from_bottom_up(width, height, precision, vec![samples]).unwrap();
         let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
         let (vertices, mut stars) = prepared(&image, &measure);
         let mut remover = Remover::new(&measure);
