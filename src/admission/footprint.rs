@@ -334,7 +334,7 @@ mod tests {
 
     /// The peak for three components and a megapixel, with parameters changed.
     fn changed(method: Method, change: impl FnOnce(&mut Parameters)) -> u64 {
-        let mut parameters = method.parameters(Target::Density(0.5));
+        let mut parameters = method.parameters(Target::Percent(0.5));
         change(&mut parameters);
         peak(&header(1024, 1024, 3), &parameters, Format::Model)
     }
@@ -343,7 +343,7 @@ mod tests {
     fn more_of_anything_never_takes_less() {
         for method in [Method::Med, Method::Mgprfs, Method::Mgpr] {
             let of = |width, components, density, format| {
-                let parameters = method.parameters(Target::Density(density));
+                let parameters = method.parameters(Target::Percent(density));
                 peak(&header(width, 500, components), &parameters, format)
             };
             for format in [Format::Model, Format::Glb, Format::Png, Format::Pnm] {
@@ -378,20 +378,20 @@ mod tests {
         };
         assert!(of(Generator::Uniform) < of(Generator::ErrorDiffusion));
         assert!(of(Generator::Uniform) <= of(Generator::Random));
-        let few = changed(Method::Preview, |with| with.target = Target::Density(10.0));
-        assert!(changed(Method::Preview, |with| with.target = Target::Density(20.0)) > few);
+        let few = changed(Method::Preview, |with| with.target = Target::Percent(10.0));
+        assert!(changed(Method::Preview, |with| with.target = Target::Percent(20.0)) > few);
     }
 
     #[test]
     fn below_a_bound_on_the_error_every_initial_point_may_stay() {
         let of = |target| {
             let mut parameters = Method::Mgprfs.parameters(target);
-            parameters.initial_size = InitialSize::Density(100.0);
+            parameters.initial_size = InitialSize::Percent(100.0);
             let header = header(512, 512, 3);
             let plan = parameters.plan(header.shape()).unwrap();
             Footprint::new(&header, &plan, &parameters, Format::Model).encoding()
         };
-        assert!(of(Target::Psnr(40.0)) > 4 * of(Target::Density(1.0)));
+        assert!(of(Target::Psnr(40.0)) > 4 * of(Target::Percent(1.0)));
         assert_eq!(of(Target::Psnr(40.0)), of(Target::MeanError(5.0)));
     }
 
@@ -399,7 +399,7 @@ mod tests {
     fn pictures_of_many_bits_are_copied_only_where_moves_are_foreseen() {
         let deep = Header { precision: 16, ..header(1024, 1024, 3) };
         let more_than_of_8_bits = |method: Method| {
-            let parameters = method.parameters(Target::Density(1.0));
+            let parameters = method.parameters(Target::Percent(1.0));
             let plan = parameters.plan(deep.shape()).unwrap();
             let of = |header| {
                 let footprint = Footprint::new(header, &plan, &parameters, Format::Model);
@@ -414,7 +414,7 @@ mod tests {
     #[test]
     fn the_largest_picture_does_not_overflow() {
         let side = pixmesh_meshing::MAX_SIDE;
-        let parameters = Method::Mgpr.parameters(Target::Density(100.0));
+        let parameters = Method::Mgpr.parameters(Target::Percent(100.0));
         let plan = Plan { size: side * side, initial_size: side * side, bound: None };
         let header = header(side, side, 4);
         assert!(Footprint::new(&header, &plan, &parameters, Format::Model).peak() > 1 << 47);

@@ -72,7 +72,7 @@ fn picture() -> Result<Image, String> {
 }
 
 fn made(picture: &Image, method: Method) -> Result<Model, String> {
-    let parameters = method.parameters(Target::Density(DENSITY));
+    let parameters = method.parameters(Target::Percent(DENSITY));
     generate(picture, &parameters, &Unattended).map_err(|error| format!("{method}: {error}"))
 }
 

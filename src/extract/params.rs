@@ -176,13 +176,13 @@ impl Choices {
         size.or(psnr)
             .or(error)
             .or(largest)
-            .unwrap_or(Target::Density(self.density.unwrap_or(DEFAULT_DENSITY)))
+            .unwrap_or(Target::Percent(self.density.unwrap_or(DEFAULT_DENSITY)))
     }
 
     /// The parameters of a method, but for those given explicitly.
     fn apply(&self, method: &Parameters) -> Parameters {
         let gamma = self.gamma.map(InitialSize::Gamma);
-        let density = self.initial_density.map(InitialSize::Density);
+        let density = self.initial_density.map(InitialSize::Percent);
         let size = self.initial_size.map(InitialSize::Size);
         Parameters {
             initial_size: gamma.or(density).or(size).unwrap_or(method.initial_size),

@@ -24,7 +24,7 @@ pub async fn list() -> Json<Value> {
 
 /// A method: the components it is for (null for any), and what it sets each parameter to.
 fn of_method(method: Method) -> Value {
-    let parameters = method.parameters(Target::Density(DEFAULT_DENSITY));
+    let parameters = method.parameters(Target::Percent(DEFAULT_DENSITY));
     let order = Order { method, parameters, output: Output::default(), format: None };
     let defaults: Map<String, Value> = TABLE
         .iter()

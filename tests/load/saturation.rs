@@ -35,7 +35,7 @@ pub(crate) fn service_rate(server: &Server, period: Duration) -> f64 {
 /// Pictures per second that the same kernels mesh without a service, on as many threads.
 pub(crate) fn kernel_rate(period: Duration) -> f64 {
     let image = picture();
-    let parameters = Method::Mgprfs.parameters(Target::Density(2.0));
+    let parameters = Method::Mgprfs.parameters(Target::Percent(2.0));
     rate(WORKERS, period, || {
         let decoded = decode(&image, &Limits::default()).unwrap();
         let model = generate(&decoded, &parameters, &Unattended).unwrap();

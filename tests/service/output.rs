@@ -24,7 +24,7 @@ fn a_relief_has_the_height_asked_for_and_says_so() {
     assert_eq!(answer.status, 200, "{}", answer.text());
     let ran = answer.header("mesh-parameters").to_owned();
     assert!(ran.contains("relief=luma&height=7.5&base=2&pixel_size=0.5"), "{ran}");
-    let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
+    let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
     let model = generate(&disc_image(40, 30, 1), &parameters, &Unattended).unwrap();
     let relief = Relief { height: ReliefHeight::Total(7.5), ..Relief::default() };
     let geometry =

@@ -91,7 +91,7 @@ pub(super) fn rate(server: &Server, work: &Work, clients: usize, period: Duratio
 /// Meshes per second without a service, on as many threads as it has workers.
 pub(super) fn kernels_rate(period: Duration) -> f64 {
     let pictures: Vec<Vec<u8>> = (0..16).map(|seed| picture_of(0.2, seed)).collect();
-    let parameters = Method::Mgprfs.parameters(Target::Density(2.0));
+    let parameters = Method::Mgprfs.parameters(Target::Percent(2.0));
     let (done, began) = (AtomicUsize::new(0), Instant::now());
     thread::scope(|scope| {
         for _ in 0..workers() {

@@ -246,7 +246,7 @@ impl MeshOptions {
 
     /// How large or good the mesh is to be; one of the five is given.
     fn target(&self) -> Target {
-        let density = self.density.map(Target::Density);
+        let density = self.density.map(Target::Percent);
         let size = self.size.map(Target::Size);
         let psnr_db = self.psnr.map(Target::Psnr);
         let largest = self.max_error.map(Target::MaxError);
@@ -257,7 +257,7 @@ impl MeshOptions {
     /// What the thesis's program does when nothing but the target is given.
     fn program_defaults(&self) -> Parameters {
         Parameters {
-            initial_size: InitialSize::Density(100.0),
+            initial_size: InitialSize::Percent(100.0),
             bad_point_removal: true,
             ..Parameters::new(self.target())
         }
@@ -266,7 +266,7 @@ impl MeshOptions {
     /// Sets how the initial points are chosen.
     fn set_initial_points(&self, parameters: &mut Parameters, component_count: usize) {
         let relative = self.relative_initial_density.map(|p| InitialSize::Gamma(p / 100.0));
-        let density = self.initial_density.map(InitialSize::Density);
+        let density = self.initial_density.map(InitialSize::Percent);
         let size = self.initial_size.map(InitialSize::Size);
         set(&mut parameters.initial_size, relative.or(density).or(size));
         set(&mut parameters.generator, self.initial_generator);

@@ -43,7 +43,7 @@ fn picture(component_count: usize) -> Image {
 }
 
 fn mesh_of(image: &Image) -> Mesh {
-    let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
+    let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
     generate(image, &parameters, &Unattended).unwrap().mesh
 }
 

@@ -162,7 +162,7 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
 /// A mesh of some ten thousand vertices.
 fn large_mesh() -> (Image, Mesh) {
     let image = scattered(200, HEIGHT, 3, 8);
-    let parameters = Method::Med.parameters(Target::Density(60.0));
+    let parameters = Method::Med.parameters(Target::Percent(60.0));
     let mesh = generate(&image, &parameters, &Unattended).unwrap().mesh;
     (image, mesh)
 }

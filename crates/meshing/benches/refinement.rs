@@ -166,7 +166,7 @@ fn run(
     threads: NonZeroUsize,
 ) -> Result<(f64, f64), Box<dyn Error>> {
     let method = if effort == 0 { Method::Mgprfs } else { Method::Optimal };
-    let mut parameters = method.parameters(Target::Density(density));
+    let mut parameters = method.parameters(Target::Percent(density));
     parameters.effort = effort;
     let begun = Instant::now();
     let model = generate(image, &parameters, &OnThreads(Unattended, threads))?;

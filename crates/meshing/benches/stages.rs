@@ -134,7 +134,7 @@ impl Case {
     }
 
     fn parameters(self) -> Parameters {
-        self.method.parameters(Target::Density(DENSITY))
+        self.method.parameters(Target::Percent(DENSITY))
     }
 
     fn control(self) -> OnThreads<Unattended> {

@@ -20,7 +20,7 @@
 //! let samples = (0..64).flat_map(|y| (0..64).map(move |x| disc(x, y))).collect();
 //! let image = Image::from_bottom_up(64, 64, 8, vec![samples])?;
 //!
-//! let parameters = Method::Mgprfs.parameters(Target::Density(4.0));
+//! let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
 //! let model = generate(&image, &parameters, &Unattended)?;
 //! assert_eq!(model.mesh.points().len(), 163); // 4 % of 4096
 //! assert!(model.fidelity.psnr_db() > 24.0);
@@ -84,8 +84,8 @@ pub use parameters::choices::{
 };
 pub use parameters::method::Method;
 pub use parameters::{
-    ErrorBound, InitialSize, MAX_DENSITY, MAX_EFFORT, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PSNR_DB,
-    MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, ParameterError, Parameters, Plan, Target,
+    ErrorBound, InitialSize, MAX_EFFORT, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB,
+    MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, ParameterError, Parameters, Plan, Target,
 };
 pub use pipeline::{GenerateError, Model, generate};
 pub use points::sample_points;

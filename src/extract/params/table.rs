@@ -10,8 +10,8 @@ use pixmesh_codec::{
     Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
 };
 use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, MAX_DENSITY, MAX_EFFORT,
-    MAX_GAMMA, MAX_MEAN_ERROR, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_DENSITY, MIN_SIZE, Meshed,
+    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, MAX_EFFORT, MAX_GAMMA,
+    MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, Meshed,
     Method, Parallel, ParameterError, Policy, PscTie, Reconstruction, Scan, Smoothing,
     SmoothingDirection, Startup, Target, Values,
 };
@@ -195,10 +195,10 @@ pub static TABLE: [Parameter; 45] = [
     decimal!(
         density,
         "Vertices in percent of the image's pixels, the four corners at least. The default is 2, where no other target is given.",
-        MIN_DENSITY,
-        MAX_DENSITY,
+        MIN_PERCENT,
+        MAX_PERCENT,
         |order| match order.parameters.target {
-            Target::Density(density) => Some(density.to_string()),
+            Target::Percent(density) => Some(density.to_string()),
             _ => None,
         }
     ),
@@ -255,10 +255,10 @@ pub static TABLE: [Parameter; 45] = [
     decimal!(
         initial_density,
         "Points the mesh starts with, in percent of the image's pixels; instead of gamma.",
-        MIN_DENSITY,
-        MAX_DENSITY,
+        MIN_PERCENT,
+        MAX_PERCENT,
         |order| match order.parameters.initial_size {
-            InitialSize::Density(density) => Some(density.to_string()),
+            InitialSize::Percent(density) => Some(density.to_string()),
             _ => None,
         }
     ),

@@ -35,7 +35,7 @@ pub(super) fn value(row: &Row) -> Option<Value> {
 }
 
 fn order(density: f64) -> Order {
-    let parameters = DEFAULT_METHOD.parameters(Target::Density(density));
+    let parameters = DEFAULT_METHOD.parameters(Target::Percent(density));
     Order {
         method: DEFAULT_METHOD,
         parameters,

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args_os().nth(1).ok_or("name a folder to write into")?);
     let picture = picture::balloon_over_hills()?;
-    let parameters = Method::Mgprfs.parameters(Target::Density(2.0));
+    let parameters = Method::Mgprfs.parameters(Target::Percent(2.0));
     let model = generate(&picture, &parameters, &Unattended)?;
     save(&folder.join("picture.png"), &picture)?;
     save(&folder.join("wireframe.png"), &wireframe::draw(&picture, &model.mesh, 2)?)?;

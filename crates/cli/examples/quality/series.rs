@@ -51,7 +51,7 @@ const fn series(label: &'static str, color: &'static str, slow: bool, change: Ch
 impl Series {
     /// The parameters at a density in percent.
     pub(crate) fn parameters(&self, density: f64) -> Parameters {
-        let target = Target::Density(density);
+        let target = Target::Percent(density);
         let mgprfs = Method::Mgprfs.parameters(target);
         match self.change {
             Change::Method(method) => method.parameters(target),

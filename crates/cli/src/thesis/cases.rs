@@ -46,7 +46,7 @@ impl Series {
     /// A method of Chapter 4.
     #[must_use]
     pub fn method(method: Method, components: usize) -> Self {
-        let parameters = method.parameters(Target::Density(100.0));
+        let parameters = method.parameters(Target::Percent(100.0));
         Self::new(method.name().to_uppercase(), components, parameters)
     }
 
@@ -82,7 +82,7 @@ impl Series {
             Startup::Mirroring => "mirror",
             Startup::Random => "random",
         };
-        let parameters = method.parameters(Target::Density(100.0));
+        let parameters = method.parameters(Target::Percent(100.0));
         Self::new(
             format!("{like} {} {start}", policy_label(policy)),
             if matches!(policy, Policy::PsaD | Policy::PsaL) { 1 } else { 3 },
@@ -108,7 +108,7 @@ impl Series {
     /// The mesh of this method at a density, in percent.
     #[must_use]
     pub fn case(&self, density: f64) -> Case {
-        let target = Target::Density(density);
+        let target = Target::Percent(density);
         let parameters = Parameters { target, ..self.parameters.clone() };
         Case { components: self.components, code: code(&parameters, density), parameters }
     }

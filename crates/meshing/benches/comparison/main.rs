@@ -67,7 +67,7 @@ fn encoded(pixels: &RgbImage) -> Result<Vec<u8>, Box<dyn Error>> {
 
 /// MED, and the picture rebuilt from its mesh.
 fn one_shot(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
-    let parameters = Method::Med.parameters(Target::Density(DENSITY));
+    let parameters = Method::Med.parameters(Target::Percent(DENSITY));
     let goal = Some(if colours == "gray" { 4.0 } else { 5.0 });
     let title = format!("MED {DENSITY} %, {colours}");
     let model = contest.time_stages(&title, Yardstick::Decode, goal, |clock| {
@@ -82,7 +82,7 @@ fn one_shot(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
 
 /// MGPRFS, all stages.
 fn simplified(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
-    let parameters = Method::Mgprfs.parameters(Target::Density(DENSITY));
+    let parameters = Method::Mgprfs.parameters(Target::Percent(DENSITY));
     let points = initial_points(image, &parameters)?;
     compare_triangulations(
         &format!("MGPRFS, {colours}"),
@@ -100,7 +100,7 @@ fn simplified(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
 
 /// Greedy removal from all points.
 fn from_full_grid(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
-    let parameters = Method::Mgpr.parameters(Target::Density(DENSITY));
+    let parameters = Method::Mgpr.parameters(Target::Percent(DENSITY));
     let points = initial_points(image, &parameters)?;
     contest.time_yardstick(Yardstick::FullGrid, || spade_bulk_load(&points))?;
     let goal = Some(if colours == "gray" { 6.0 } else { 9.0 });

@@ -54,7 +54,7 @@ pub(crate) fn run(name: &str) -> Fallible<ExitCode> {
     }
     let part = Part::named(name)?;
     let image = picture::colour(&picture::made_up(SIDE))?;
-    let parameters = part.method.parameters(Target::Density(DENSITY));
+    let parameters = part.method.parameters(Target::Percent(DENSITY));
     match part.stage {
         "points" => counted(|| initial_points(&image, &parameters))?,
         "triangulation" => {

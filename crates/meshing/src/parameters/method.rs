@@ -61,7 +61,7 @@ impl Method {
             M::Gprfsed | M::Mgprfs | M::Optimal | M::Flat | M::Cgprfsed => {
                 (Generator::ErrorDiffusion, simplifying)
             }
-            M::Gpr | M::Mgpr | M::Cgpr => (Generator::All, InitialSize::Density(100.0)),
+            M::Gpr | M::Mgpr | M::Cgpr => (Generator::All, InitialSize::Percent(100.0)),
         };
         let (policy, startup) = match self {
             M::Med | M::MedPlus | M::Mgprfs | M::Optimal | M::Flat | M::Mgpr | M::Preview => {
@@ -138,7 +138,7 @@ mod tests {
             let made = method.parameters(Target::Size(77));
             let points = match method {
                 M::Ed | M::Med | M::MedPlus | M::Ced => (ErrorDiffusion, InitialSize::Target),
-                M::Gpr | M::Mgpr | M::Cgpr => (All, InitialSize::Density(100.0)),
+                M::Gpr | M::Mgpr | M::Cgpr => (All, InitialSize::Percent(100.0)),
                 M::Preview => (Insertion, InitialSize::Target),
                 _ => (ErrorDiffusion, four_times),
             };

@@ -20,10 +20,10 @@ pub const MIN_SIZE: usize = 4;
 const MAX_POINTS: usize = MAX_SIDE * MAX_SIDE;
 
 /// The smallest density, in percent.
-pub const MIN_DENSITY: f64 = 1e-6;
+pub const MIN_PERCENT: f64 = 1e-6;
 
 /// The largest density, in percent: every lattice point.
-pub const MAX_DENSITY: f64 = 100.0;
+pub const MAX_PERCENT: f64 = 100.0;
 
 /// The largest PSNR that may be asked for, in decibels.
 pub const MAX_PSNR_DB: f64 = 200.0;
@@ -110,9 +110,9 @@ pub enum ParameterError {
 /// How large or how good the mesh is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// Vertices in percent of the lattice points, from [`MIN_DENSITY`] to 100; fewer than the four
+    /// Vertices in percent of the lattice points, from [`MIN_PERCENT`] to 100; fewer than the four
     /// corners means the corners.
-    Density(f64),
+    Percent(f64),
     /// Number of vertices, from 4 to the number of lattice points.
     Size(usize),
     /// At least this PSNR, in decibels: greedy removal stops before the first vertex that would
@@ -133,8 +133,8 @@ pub enum InitialSize {
     Target,
     /// This many times as many as it ends with, 1 or more; 4 to 5.5 is the useful range.
     Gamma(f64),
-    /// Percent of the lattice points, from [`MIN_DENSITY`] to 100.
-    Density(f64),
+    /// Percent of the lattice points, from [`MIN_PERCENT`] to 100.
+    Percent(f64),
     /// A number of points, from 4 to the number of lattice points.
     Size(usize),
 }
@@ -255,7 +255,7 @@ impl Parameters {
     /// The first value that is out of its bounds.
     pub fn check(&self) -> Result<(), ParameterError> {
         match self.target {
-            Target::Density(density) => check_density("density", density)?,
+            Target::Percent(density) => check_density("density", density)?,
             Target::Size(size) => check_size("size", size, MAX_POINTS)?,
             Target::Psnr(psnr_db) => {
                 check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?;
@@ -267,7 +267,7 @@ impl Parameters {
         match self.initial_size {
             InitialSize::Target => {}
             InitialSize::Gamma(gamma) => check_range("gamma", gamma, 1.0, MAX_GAMMA)?,
-            InitialSize::Density(density) => check_density("initial_density", density)?,
+            InitialSize::Percent(density) => check_density("initial_density", density)?,
             InitialSize::Size(size) => check_size("initial_size", size, MAX_POINTS)?,
         }
         check_range("effort", self.effort.into(), 0.0, MAX_EFFORT.into())?;
@@ -295,7 +295,7 @@ impl Parameters {
         self.check()?;
         self.check_components(shape.component_count)?;
         let (size, bound) = match self.target {
-            Target::Density(density) => (points_of_density(density, shape), None),
+            Target::Percent(density) => (points_of_density(density, shape), None),
             Target::Size(size) => (size, None),
             Target::Psnr(psnr_db) => (MIN_SIZE, Some(ErrorBound::PsnrDb(psnr_db))),
             Target::MeanError(error) => (MIN_SIZE, Some(ErrorBound::MeanError(error))),
@@ -315,14 +315,14 @@ impl Parameters {
     ) -> Result<(), ParameterError> {
         let parameter = match self.initial_size {
             InitialSize::Size(_) => "initial_size",
-            InitialSize::Density(_) => "initial_density",
+            InitialSize::Percent(_) => "initial_density",
             InitialSize::Target | InitialSize::Gamma(_) => return Ok(()),
         };
         if initial >= size {
             return Ok(());
         }
         let in_unit = |points: usize| match self.initial_size {
-            InitialSize::Density(_) => 100.0 * points as f64 / all as f64,
+            InitialSize::Percent(_) => 100.0 * points as f64 / all as f64,
             _ => points as f64,
         };
         let (value, minimum, maximum) = (in_unit(initial), in_unit(size), in_unit(all));
@@ -337,12 +337,12 @@ impl Parameters {
         }
         match (self.initial_size, self.target) {
             (InitialSize::Size(size), _) => Ok(size),
-            (InitialSize::Density(density), _) => Ok(points_of_density(density, shape)),
+            (InitialSize::Percent(density), _) => Ok(points_of_density(density, shape)),
             (
                 InitialSize::Gamma(_) | InitialSize::Target,
                 Target::Psnr(_) | Target::MeanError(_) | Target::MaxError(_),
             ) => Ok(all),
-            (InitialSize::Gamma(gamma), Target::Density(density)) => {
+            (InitialSize::Gamma(gamma), Target::Percent(density)) => {
                 Ok(points_of_density(gamma * density, shape).max(size))
             }
             (InitialSize::Gamma(gamma), Target::Size(size)) => {
@@ -386,7 +386,7 @@ impl Parameters {
     /// simplify, or refines what simplification leaves.
     #[must_use]
     pub fn searches(&self) -> bool {
-        let by_quality = !matches!(self.target, Target::Density(_) | Target::Size(_));
+        let by_quality = !matches!(self.target, Target::Percent(_) | Target::Size(_));
         by_quality && (self.refines() || self.is_flat() || self.initial_size == InitialSize::Target)
     }
 
@@ -456,7 +456,7 @@ fn check_range(
 
 /// Checks a density in percent.
 fn check_density(parameter: &'static str, density: f64) -> Result<(), ParameterError> {
-    check_range(parameter, density, MIN_DENSITY, MAX_DENSITY)
+    check_range(parameter, density, MIN_PERCENT, MAX_PERCENT)
 }
 
 /// Checks a number of points against the number of lattice points.

@@ -14,7 +14,7 @@ fn plan(method: Method, target: Target, shape: Shape) -> Result<Plan, ParameterE
 #[test]
 fn sizes_are_the_floor_of_the_density_and_not_gamma_times_the_size() {
     let lena = shape(512, 512, 3);
-    let of = |method, density| plan(method, Target::Density(density), lena).unwrap();
+    let of = |method, density| plan(method, Target::Percent(density), lena).unwrap();
     assert_eq!(of(Method::Med, 2.0), Plan { size: 5242, initial_size: 5242, bound: None });
     assert_eq!(of(Method::Mgprfs, 2.0).initial_size, 20971);
     assert_eq!(of(Method::Mgprfs, 0.5).size, 1310);
@@ -72,15 +72,15 @@ fn binary_fractions_do_not_lose_a_point() {
     for (density, side, expected) in
         [(0.7, 1000, 7000), (4.1, 1000, 41000), (0.29, 1000, 2900), (100.0, 3, 9)]
     {
-        let plan = plan(Method::Med, Target::Density(density), shape(side, side, 1)).unwrap();
+        let plan = plan(Method::Med, Target::Percent(density), shape(side, side, 1)).unwrap();
         assert_eq!(plan.size, expected, "{density} % of {side}x{side}");
     }
 }
 
 #[test]
 fn a_density_of_less_than_the_corners_means_the_corners() {
-    for (side, density) in [(2, 2.0), (2, 100.0), (5, 0.1), (100, MIN_DENSITY)] {
-        let plan = plan(Method::Mgprfs, Target::Density(density), shape(side, side, 3)).unwrap();
+    for (side, density) in [(2, 2.0), (2, 100.0), (5, 0.1), (100, MIN_PERCENT)] {
+        let plan = plan(Method::Mgprfs, Target::Percent(density), shape(side, side, 3)).unwrap();
         assert_eq!(plan.size, 4);
     }
 }
@@ -88,14 +88,14 @@ fn a_density_of_less_than_the_corners_means_the_corners() {
 #[test]
 fn a_mesh_cannot_end_with_more_points_than_it_starts_with() {
     let plan = |initial_size| {
-        let target = Target::Density(50.0);
+        let target = Target::Percent(50.0);
         Parameters { initial_size, ..Parameters::new(target) }.plan(shape(10, 10, 1))
     };
     assert_eq!(plan(InitialSize::Size(50)).unwrap().initial_size, 50);
-    assert_eq!(plan(InitialSize::Density(50.0)).unwrap().initial_size, 50);
+    assert_eq!(plan(InitialSize::Percent(50.0)).unwrap().initial_size, 50);
     let message = plan(InitialSize::Size(49)).unwrap_err().to_string();
     assert_eq!(message, "initial_size is 49, but must lie in 50 to 100");
-    let message = plan(InitialSize::Density(20.0)).unwrap_err().to_string();
+    let message = plan(InitialSize::Percent(20.0)).unwrap_err().to_string();
     assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");
 }
 
@@ -109,19 +109,19 @@ fn sizes_given_as_sizes_are_literal() {
 fn numbers_out_of_bounds_are_refused_by_name() {
     let refused = |target| plan(Method::Mgprfs, target, shape(64, 64, 3)).unwrap_err().to_string();
     for density in [0.0, -0.0, -1.0, 101.0, 100.000_000_1, 1e308] {
-        let message = refused(Target::Density(density));
+        let message = refused(Target::Percent(density));
         assert!(message.starts_with("density is ") && message.ends_with("to 100"), "{message}");
     }
-    assert!(refused(Target::Density(f64::NAN)).contains("density must be a finite"));
-    assert!(refused(Target::Density(f64::INFINITY)).contains("density must be a finite"));
-    assert!(refused(Target::Density(1e-300)).contains("must lie in 0.000001 to 100"));
+    assert!(refused(Target::Percent(f64::NAN)).contains("density must be a finite"));
+    assert!(refused(Target::Percent(f64::INFINITY)).contains("density must be a finite"));
+    assert!(refused(Target::Percent(1e-300)).contains("must lie in 0.000001 to 100"));
     assert!(refused(Target::Size(3)).contains("size is 3"));
     assert!(refused(Target::Size(4097)).contains("4 to 4096"));
 }
 
 #[test]
 fn a_method_names_the_alternatives_for_the_wrong_number_of_components() {
-    let error = plan(Method::Ed, Target::Density(2.0), shape(64, 64, 3)).unwrap_err();
+    let error = plan(Method::Ed, Target::Percent(2.0), shape(64, 64, 3)).unwrap_err();
     assert!(error.to_string().contains("policy 'psa_d'"), "{error}");
     assert!(error.to_string().contains("psd_max_d"), "{error}");
     let error = Method::Ced.check_component_count(1).unwrap_err();
@@ -145,8 +145,8 @@ fn names_read_back_as_the_values_they_name() {
 
 #[test]
 fn an_initial_density_that_is_too_small_is_told_in_percent() {
-    let target = Target::Density(50.0);
-    let initial_size = InitialSize::Density(20.0);
+    let target = Target::Percent(50.0);
+    let initial_size = InitialSize::Percent(20.0);
     let parameters = Parameters { initial_size, ..Parameters::new(target) };
     let message = parameters.plan(shape(20, 10, 1)).unwrap_err().to_string();
     assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");

@@ -77,7 +77,7 @@ fn diffusion_of_constant_image_gives_corners() {
     let policies = Policy::ALL.iter().filter(|p| p.component_count().is_none_or(|n| n == 3));
     for &policy in policies {
         for method in [Method::Med, Method::Mgprfs] {
-            let own = method.parameters(Target::Density(20.0));
+            let own = method.parameters(Target::Percent(20.0));
             let made = model(&flat, &Parameters { policy, ..own });
             assert_eq!(made.mesh.points().len(), 4, "{method} by {policy}");
             assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
@@ -116,7 +116,7 @@ fn meshes_two_by_two_pixels() {
     for component_count in 1..=4 {
         let picture = noisy(2, 2, component_count);
         for method in methods_for(component_count) {
-            for target in [Target::Size(4), Target::Density(100.0), Target::Psnr(40.0)] {
+            for target in [Target::Size(4), Target::Percent(100.0), Target::Psnr(40.0)] {
                 let made = model(&picture, &method.parameters(target));
                 assert_eq!(made.mesh.points().len(), 4);
             }
@@ -145,7 +145,7 @@ fn meshes_sixteen_bits_and_many_components() {
 fn all_points_reproduce_image() {
     let picture = noisy(13, 8, 3);
     for method in methods_for(3) {
-        let made = model(&picture, &method.parameters(Target::Density(100.0)));
+        let made = model(&picture, &method.parameters(Target::Percent(100.0)));
         assert_eq!(made.mesh.points().len(), 104);
         if method == Method::Flat {
             continue; // One colour for a triangle of three points of different colours.
@@ -204,7 +204,7 @@ fn meshing_cancels_at_every_poll() {
 #[test]
 fn rasterize_cancels_at_every_poll() {
     let picture = noisy(30, 30, 2);
-    let mesh = model(&picture, &Method::Med.parameters(Target::Density(50.0))).mesh;
+    let mesh = model(&picture, &Method::Med.parameters(Target::Percent(50.0))).mesh;
     let listener = Listener::default();
     rasterize(&mesh, &listener).unwrap();
     let heard = listener.0.into_inner().unwrap();

@@ -37,7 +37,7 @@ fn choices() -> impl Strategy<Value = Parameters> {
         let (smoothing, smoothing_order, boundary, smoothing_direction, ..) = filters;
         let (.., double_convolution, smoothing_boundary, psc_tie) = filters;
         let (startup, scan, leaky, tolerance) = diffusion;
-        let own = Parameters::new(Target::Density(50.0));
+        let own = Parameters::new(Target::Percent(50.0));
         let single = Parameters { smoothing, smoothing_order, boundary, psc_tie, ..own };
         let filtered =
             Parameters { smoothing_direction, double_convolution, smoothing_boundary, ..single };

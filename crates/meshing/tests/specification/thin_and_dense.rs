@@ -108,7 +108,7 @@ fn meshes_three_rows_in_time() {
     let picture = middle_row(16_384);
     for (method, density) in [(Method::Med, 20.0), (Method::Mgprfs, 2.0), (Method::Mgprfs, 20.0)] {
         let name = format!("{method} of 16384x3 at {density} %");
-        meshed_soon(&name, &picture, &method.parameters(Target::Density(density)));
+        meshed_soon(&name, &picture, &method.parameters(Target::Percent(density)));
     }
 }
 
@@ -130,7 +130,7 @@ fn page(side: usize) -> Image {
 
 #[test]
 fn meshes_page_with_one_dot_in_time() {
-    meshed_soon("a page of 192x192", &page(192), &Method::Gpr.parameters(Target::Density(1.0)));
+    meshed_soon("a page of 192x192", &page(192), &Method::Gpr.parameters(Target::Percent(1.0)));
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn meshes_full_lattice_in_time() {
     for (name, picture) in [("a checkerboard", checkerboard), ("noise", noisy)] {
         for method in [Method::Med, Method::Mgprfs, Method::Mgpr] {
             for density in [100.0, 10.0, 1.0] {
-                let parameters = method.parameters(Target::Density(density));
+                let parameters = method.parameters(Target::Percent(density));
                 let name = format!("{method} of {name} at {density} %");
                 meshed_soon(&name, &picture, &parameters);
             }
@@ -152,7 +152,7 @@ fn meshes_full_lattice_in_time() {
 fn triangulation_polls_throughout() {
     // With 131,072 points a cancellation must take effect before the end.
     let polls = TriangulationPolls::default();
-    let parameters = Method::Med.parameters(Target::Density(50.0));
+    let parameters = Method::Med.parameters(Target::Percent(50.0));
     generate(&gray(512, 512, noise), &parameters, &polls).unwrap();
     let count = polls.0.into_inner();
     assert!(count >= 10, "{count} polls");
@@ -160,7 +160,7 @@ fn triangulation_polls_throughout() {
 
 #[test]
 fn meshes_regular_grid_in_time() {
-    let own = Method::Mgprfs.parameters(Target::Density(2.0));
+    let own = Method::Mgprfs.parameters(Target::Percent(2.0));
     let parameters = Parameters { generator: Generator::Uniform, ..own };
     meshed_soon("a regular grid on 256x256", &gray(256, 256, noise), &parameters);
 }

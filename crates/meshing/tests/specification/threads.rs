@@ -70,10 +70,10 @@ fn changing_thread_count_keeps_result() {
     let picture = picture(3);
     let tiles = |own| Parameters { parallel: Parallel::Tiles, ..own };
     for parameters in [
-        Method::Med.parameters(Target::Density(10.0)),
-        Method::Mgprfs.parameters(Target::Density(18.0)),
-        tiles(Method::Mgprfs.parameters(Target::Density(18.0))),
-        Parameters { effort: 2, ..Method::Optimal.parameters(Target::Density(6.0)) },
+        Method::Med.parameters(Target::Percent(10.0)),
+        Method::Mgprfs.parameters(Target::Percent(18.0)),
+        tiles(Method::Mgprfs.parameters(Target::Percent(18.0))),
+        Parameters { effort: 2, ..Method::Optimal.parameters(Target::Percent(6.0)) },
     ] {
         let expected = model_on(1, &picture, &parameters);
         for seed in 0..3 {
@@ -87,7 +87,7 @@ fn changing_thread_count_keeps_result() {
 #[test]
 fn gpr_is_independent_of_threads() {
     for component_count in [1, 3] {
-        let parameters = Method::Mgpr.parameters(Target::Density(50.0));
+        let parameters = Method::Mgpr.parameters(Target::Percent(50.0));
         let title = format!("MGPR of {component_count} components");
         let model = assert_same_on_all(&picture(component_count), &parameters, &title);
         assert_eq!(model.plan.initial_size, WIDTH * HEIGHT);
@@ -102,7 +102,7 @@ fn gprfsed_is_independent_of_threads() {
         [(1, PsaL), (2, PsdAvgL), (3, PsbD), (3, Psc), (4, PsdMaxD), (4, PseD)]
     {
         // 4 times 18 % is more than 30,000 points.
-        let own = Method::Mgprfs.parameters(Target::Density(18.0));
+        let own = Method::Mgprfs.parameters(Target::Percent(18.0));
         let parameters = Parameters { policy, ..own };
         let title = format!("MGPRFS of {component_count} components by {policy}");
         let model = assert_same_on_all(&picture(component_count), &parameters, &title);
@@ -119,7 +119,7 @@ fn bounds_and_metrics_are_independent_of_threads() {
     };
     let mut sets: Vec<Parameters> = ErrorMetric::ALL
         .iter()
-        .map(|&metric| of(Target::Density(60.0), metric, metric == ErrorMetric::VecSe))
+        .map(|&metric| of(Target::Percent(60.0), metric, metric == ErrorMetric::VecSe))
         .collect();
     sets.push(of(Target::Psnr(45.0), ErrorMetric::MeanCompSe, false));
     for parameters in sets {
@@ -133,7 +133,7 @@ fn bounds_and_metrics_are_independent_of_threads() {
 #[test]
 fn tiles_are_independent_of_threads_and_cost_little() {
     for (method, density) in [(Method::Mgprfs, 18.0), (Method::Mgpr, 3.0)] {
-        let own = method.parameters(Target::Density(density));
+        let own = method.parameters(Target::Percent(density));
         let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
         let model = assert_same_on_all(&picture(3), &tiles, &format!("tiles of {method}"));
         let exact = model_on(1, &picture(3), &own);
@@ -147,7 +147,7 @@ fn tiles_are_independent_of_threads_and_cost_little() {
 #[test]
 fn tiles_are_exact_for_bounds_and_small_meshes() {
     let picture = picture(1);
-    let few = Method::Mgprfs.parameters(Target::Density(1.5));
+    let few = Method::Mgprfs.parameters(Target::Percent(1.5));
     let quality = Method::Mgpr.parameters(Target::Psnr(40.0));
     for own in [few, quality] {
         let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
@@ -159,7 +159,7 @@ fn tiles_are_exact_for_bounds_and_small_meshes() {
 #[test]
 fn one_shot_methods_are_independent_of_threads() {
     for component_count in [1, 3, 4] {
-        let parameters = Method::Med.parameters(Target::Density(30.0));
+        let parameters = Method::Med.parameters(Target::Percent(30.0));
         let title = format!("MED of {component_count} components");
         let mesh = assert_same_on_all(&picture(component_count), &parameters, &title).mesh;
         let expected = rasterize(&mesh, &Unattended).unwrap();
@@ -190,8 +190,8 @@ impl Control for CancelAt {
 #[test]
 fn cancels_promptly_on_several_threads() {
     let picture = picture(3);
-    let parameters = Method::Mgpr.parameters(Target::Density(10.0));
-    let diffused = Method::Mgprfs.parameters(Target::Density(18.0));
+    let parameters = Method::Mgpr.parameters(Target::Percent(10.0));
+    let diffused = Method::Mgprfs.parameters(Target::Percent(18.0));
     let tiles = Parameters { parallel: Parallel::Tiles, ..parameters };
     // 5000 removals later there are still enough vertices for threads.
     let moments = [
