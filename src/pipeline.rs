@@ -24,7 +24,7 @@ use encode::{Writing, encode, encoded};
 use pixmesh_codec::{
     Limits, Texture, WeightsError, weights_of, weights_reading, write_progression,
 };
-use pixmesh_meshing::{Image, Progression, generate};
+use pixmesh_meshing::{Image, Progression, mesh_image};
 use std::time::Duration;
 
 /// A mesh as bytes, with what is known of it.
@@ -100,7 +100,7 @@ fn make(
     let image = weigh(image, weights, limits, watch)?;
     let pixels = image.pixel_count();
     watch.check()?;
-    let model = generate(&image, &order.parameters, watch)?;
+    let model = mesh_image(&image, &order.parameters, watch)?;
     let progression = ordered
         .then(|| Progression::new(&image, &model.mesh, &order.parameters, watch))
         .transpose()?;

@@ -8,7 +8,7 @@
 use super::cost::{Compared, Kept};
 use crate::extract::accept::Format;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{ErrorMetric, Generator, Meshed, Parallel, Parameters, Plan, Policy, Shape};
+use pixmesh_meshing::{ErrorMetric, Generator, Guide, Parallel, Parameters, Plan, Policy, Shape};
 
 /// Bytes per sample of an image.
 const SAMPLE: u64 = 2;
@@ -199,7 +199,7 @@ impl<'a> Footprint<'a> {
         let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
         let parameters = self.parameters;
         let tells_errors = parameters.error_metric == ErrorMetric::MeanCompSe
-            && parameters.meshed == Meshed::Components;
+            && parameters.guide == Guide::Components;
         let (vertex, pixel) = if tells_errors { (POINT, 0) } else { (REFINED, REFINED_MARKS) };
         let working = self.most * vertex + self.pixels * pixel;
         let mesh = self.most * (VERTEX + ORDERED_VERTEX + SAMPLE * self.components);
@@ -223,9 +223,9 @@ impl<'a> Footprint<'a> {
 
     /// The luma, where it is meshed instead of the image.
     fn meshed_luma(&self) -> u64 {
-        match self.parameters.meshed {
-            Meshed::Luma => self.pixels * SAMPLE,
-            Meshed::Components => 0,
+        match self.parameters.guide {
+            Guide::Luma => self.pixels * SAMPLE,
+            Guide::Components => 0,
         }
     }
 
@@ -364,7 +364,7 @@ mod tests {
         assert!(with_policy(Policy::Psc) > apart);
         let twice = changed(Method::Med, |with| with.double_convolution = true);
         assert!(twice > apart);
-        let luma = changed(Method::Med, |with| with.meshed = Meshed::Luma);
+        let luma = changed(Method::Med, |with| with.guide = Guide::Luma);
         assert!(luma > plain);
     }
 

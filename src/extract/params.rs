@@ -24,7 +24,7 @@ use pixmesh_codec::{
     Texturing,
 };
 use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parallel,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Method, Parallel,
     Parameters, Plan, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup,
     Target, Values,
 };
@@ -68,7 +68,7 @@ struct Choices {
     scan: Option<Scan>,
     leaky: Option<bool>,
     tolerance: Option<usize>,
-    meshed: Option<Meshed>,
+    meshed: Option<Guide>,
     error_metric: Option<ErrorMetric>,
     bad_point_removal: Option<bool>,
     effort: Option<u8>,
@@ -199,7 +199,7 @@ impl Choices {
             smoothing_boundary: self.smoothing_boundary.unwrap_or(method.smoothing_boundary),
             boundary: self.boundary.unwrap_or(method.boundary),
             psc_tie: self.psc_tie.unwrap_or(method.psc_tie),
-            meshed: self.meshed.unwrap_or(method.meshed),
+            guide: self.meshed.unwrap_or(method.guide),
             error_metric: self.error_metric.unwrap_or(method.error_metric),
             bad_point_removal: self.bad_point_removal.unwrap_or(method.bad_point_removal),
             effort: self.effort.unwrap_or(method.effort),

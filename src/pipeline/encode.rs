@@ -9,7 +9,7 @@ use pixmesh_codec::{
     write_model_with_comments, write_obj, write_ply, write_pmesh, write_png_while, write_pnm,
     write_progression, write_stl, write_svg,
 };
-use pixmesh_meshing::{Fidelity, Image, Mesh, Model, Progression, Shape, rasterize};
+use pixmesh_meshing::{Approximation, Fidelity, Image, Mesh, Progression, Shape, rasterize};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -49,7 +49,7 @@ pub(super) struct Writing<'a> {
     /// The image to show in it.
     pub(super) texture: Option<&'a Texture>,
     /// What is known of the mesh where it has just been made.
-    pub(super) model: Option<&'a Model>,
+    pub(super) model: Option<&'a Approximation>,
     /// How close it is to the image, where that is known.
     pub(super) fidelity: Option<&'a Fidelity>,
     /// The order of its vertices, where it is known.
@@ -100,7 +100,7 @@ pub(super) fn encode(
 /// The picture rebuilt from a mesh, or that of one colour for each face.
 fn picture<'m>(
     mesh: &Mesh,
-    model: Option<&'m Model>,
+    model: Option<&'m Approximation>,
     watch: &Watch,
 ) -> Result<Cow<'m, Image>, Problem> {
     match model.and_then(|model| model.flat.as_ref()) {

@@ -2,7 +2,7 @@
 
 use super::{Kind, Problem};
 use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, WeightsError};
-use pixmesh_meshing::{Cancelled, GenerateError, ImageError, ParameterError};
+use pixmesh_meshing::{Cancelled, ImageError, MeshingError, ParameterError};
 
 impl From<DecodeError> for Problem {
     fn from(error: DecodeError) -> Self {
@@ -110,11 +110,11 @@ impl From<ParameterError> for Problem {
     }
 }
 
-impl From<GenerateError> for Problem {
-    fn from(error: GenerateError) -> Self {
+impl From<MeshingError> for Problem {
+    fn from(error: MeshingError) -> Self {
         match error {
-            GenerateError::Parameter(error) => error.into(),
-            GenerateError::Cancelled(cancelled) => cancelled.into(),
+            MeshingError::Parameter(error) => error.into(),
+            MeshingError::Cancelled(cancelled) => cancelled.into(),
             _ => internal("mesh generation failed", &error),
         }
     }

@@ -71,7 +71,7 @@ pub enum CliError {
     Encode(#[from] pixmesh_codec::EncodeError),
     /// An option is not allowed for this picture.
     #[error(transparent)]
-    Generate(#[from] pixmesh_meshing::GenerateError),
+    Generate(#[from] pixmesh_meshing::MeshingError),
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] pixmesh_meshing::Cancelled),

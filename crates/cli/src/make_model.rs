@@ -8,8 +8,8 @@ use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
 use pixmesh_meshing::{
-    GenerateError, Image, Model, OnThreads, ParameterError, Parameters, Progression, Removal,
-    Stage, Unattended, generate, structural_similarity,
+    Approximation, Image, MeshingError, OnThreads, ParameterError, Parameters, Progression,
+    Removal, Stage, Unattended, mesh_image, structural_similarity,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -142,10 +142,10 @@ impl MakeModel {
         let image = self.weigh(image)?;
         self.written.check(image.component_count())?;
         let parameters = self.mesh.parameters(image.component_count());
-        let parameters = parameters.map_err(GenerateError::from)?;
+        let parameters = parameters.map_err(MeshingError::from)?;
         let attendant = Attendant::new();
         let control = OnThreads(&attendant, self.threads());
-        let model = generate(&image, &parameters, &control)?;
+        let model = mesh_image(&image, &parameters, &control)?;
         let stages = attendant.finish();
         let encoding = self.write(&model, texture.as_ref())?;
         self.write_compact(&image, &parameters, &model)?;
@@ -165,10 +165,7 @@ impl MakeModel {
         let weights =
             pixmesh_codec::read_weights(&bytes, (image.width(), image.height()), &files::LIMITS)
                 .map_err(|source| CliError::Weights { name: name(), source })?;
-        Ok(image
-            .with_weights(weights)
-            .map_err(ParameterError::from)
-            .map_err(GenerateError::from)?)
+        Ok(image.with_weights(weights).map_err(ParameterError::from).map_err(MeshingError::from)?)
     }
 
     /// Writes the mesh in the compact forms asked for.
@@ -176,7 +173,7 @@ impl MakeModel {
         &self,
         image: &Image,
         parameters: &Parameters,
-        model: &Model,
+        model: &Approximation,
     ) -> Result<(), CliError> {
         if let Some(file) = &self.pmesh {
             let mut bytes = Vec::new();
@@ -196,7 +193,11 @@ impl MakeModel {
     }
 
     /// Writes the model and the history, and tells how long the model took to encode.
-    fn write(&self, model: &Model, texture: Option<&Texture>) -> Result<Duration, CliError> {
+    fn write(
+        &self,
+        model: &Approximation,
+        texture: Option<&Texture>,
+    ) -> Result<Duration, CliError> {
         let start = Instant::now();
         let bytes = self.written.write(model, self.output.as_deref(), texture)?;
         let encoding = start.elapsed();
@@ -224,7 +225,7 @@ fn history(removals: &[Removal]) -> String {
 
 /// Prints the figures of a mesh and where the time went, a line each.
 fn print_statistics(
-    model: &Model,
+    model: &Approximation,
     ssim: Option<f64>,
     decoding: Duration,
     stages: &[(Stage, Duration)],

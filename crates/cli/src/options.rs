@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
 use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, Meshed, Method, Parallel,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Method, Parallel,
     ParameterError, Parameters, Policy, PscTie, Reconstruction, Scan, Smoothing,
     SmoothingDirection, Startup, Target, Values,
 };
@@ -98,7 +98,7 @@ pub struct MeshOptions {
     /// What is meshed: all components (mcmg), or the luma, whose mesh then gets the colours back
     /// (lsmg) [default: mcmg]
     #[arg(long, help_heading = REMOVAL, value_parser = choice(GENERATION_POLICIES))]
-    pub mesh_generation_policy: Option<Meshed>,
+    pub mesh_generation_policy: Option<Guide>,
     /// The error that removal raises least [default: mean_comp_se]
     #[arg(long, help_heading = REMOVAL, value_parser = named(ErrorMetric::NAMES, ErrorMetric::ALL))]
     pub error_metric: Option<ErrorMetric>,
@@ -196,8 +196,7 @@ const BOUNDARIES: &[(&str, Boundary)] = &[
 const STARTUPS: &[(&str, Startup)] =
     &[("zero", Startup::Classic), ("mirror", Startup::Mirroring), ("random", Startup::Random)];
 
-const GENERATION_POLICIES: &[(&str, Meshed)] =
-    &[("mcmg", Meshed::Components), ("lsmg", Meshed::Luma)];
+const GENERATION_POLICIES: &[(&str, Guide)] = &[("mcmg", Guide::Components), ("lsmg", Guide::Luma)];
 
 const LEAKAGES: &[(&str, bool)] = &[("leaky", true), ("no_leaky", false)];
 
@@ -287,7 +286,7 @@ impl MeshOptions {
     /// Sets what removal goes by. A gray picture is its own luma.
     fn set_removal(&self, parameters: &mut Parameters, component_count: usize) {
         let policy = self.mesh_generation_policy.filter(|_| component_count > 1);
-        set(&mut parameters.meshed, policy);
+        set(&mut parameters.guide, policy);
         set(&mut parameters.error_metric, self.error_metric);
         set(&mut parameters.bad_point_removal, self.bad_point_removal);
         set(&mut parameters.effort, self.effort);

@@ -7,7 +7,7 @@ use pixmesh_codec::{
     Compression, EncodeError, Geometry, GltfOptions, LengthUnit, PngCompression, Relief,
     ReliefHeight, ReliefSource, Shading, Texture, Texturing,
 };
-use pixmesh_meshing::{Image, Model, Unattended, rasterize};
+use pixmesh_meshing::{Approximation, Image, Unattended, rasterize};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -143,7 +143,7 @@ impl OutputOptions {
     /// When the format cannot hold the mesh.
     pub fn write(
         &self,
-        model: &Model,
+        model: &Approximation,
         path: Option<&Path>,
         texture: Option<&Texture>,
     ) -> Result<Vec<u8>, CliError> {
@@ -191,7 +191,7 @@ impl OutputOptions {
 }
 
 /// The picture that a model gives: of one colour for each face, where it is made for that.
-pub(crate) fn picture_of(model: &Model) -> Result<Cow<'_, Image>, CliError> {
+pub(crate) fn picture_of(model: &Approximation) -> Result<Cow<'_, Image>, CliError> {
     match &model.flat {
         Some(flat) => Ok(Cow::Borrowed(&flat.picture)),
         None => Ok(Cow::Owned(rasterize(&model.mesh, &Unattended)?)),

@@ -7,7 +7,7 @@ use pixmesh_codec::{
     EncodeError, Limits, PmeshError, read_pmesh, read_progression, write_pmesh, write_progression,
 };
 use pixmesh_meshing::{
-    Image, Mesh, Method, Point, Progression, Shape, Target, Unattended, generate,
+    Image, Mesh, Method, Point, Progression, Shape, Target, Unattended, mesh_image,
 };
 use proptest::prelude::*;
 
@@ -20,7 +20,7 @@ fn image(width: usize, height: usize, components: usize, precision: u8, seed: us
 }
 
 fn mesh(image: &Image, size: usize) -> Mesh {
-    generate(image, &Method::Mgprfs.parameters(Target::Size(size)), &Unattended).unwrap().mesh
+    mesh_image(image, &Method::Mgprfs.parameters(Target::Size(size)), &Unattended).unwrap().mesh
 }
 
 fn pmesh(mesh: &Mesh) -> Vec<u8> {

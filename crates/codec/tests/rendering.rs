@@ -9,7 +9,7 @@ use pixmesh_codec::{
     Compression, Geometry, GltfOptions, Limits, Relief, Shading, Texture, decode, write_glb,
     write_gltf, write_png, write_svg,
 };
-use pixmesh_meshing::{Image, Mesh, Method, Target, Unattended, generate, rasterize};
+use pixmesh_meshing::{Image, Mesh, Method, Target, Unattended, mesh_image, rasterize};
 use samples::skip;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -44,7 +44,7 @@ fn picture(component_count: usize) -> Image {
 
 fn mesh_of(image: &Image) -> Mesh {
     let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
-    generate(image, &parameters, &Unattended).unwrap().mesh
+    mesh_image(image, &parameters, &Unattended).unwrap().mesh
 }
 
 /// A folder that is gone with the test.

@@ -10,7 +10,9 @@ use pixmesh_codec::{
     PngCompression, Texture, WeightsError, read_model_while, read_progression_while,
     read_weights_while, write_model, write_png, write_png_while, write_pnm, write_progression,
 };
-use pixmesh_meshing::{Cancelled, Image, Mesh, Method, Progression, Target, Unattended, generate};
+use pixmesh_meshing::{
+    Cancelled, Image, Mesh, Method, Progression, Target, Unattended, mesh_image,
+};
 use samples::encoders::{bmp, gray_gif, tiff, webp};
 use samples::{gradient, jpeg, scattered};
 use std::cell::Cell;
@@ -163,7 +165,7 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
 fn large_mesh() -> (Image, Mesh) {
     let image = scattered(200, HEIGHT, 3, 8);
     let parameters = Method::Med.parameters(Target::Percent(60.0));
-    let mesh = generate(&image, &parameters, &Unattended).unwrap().mesh;
+    let mesh = mesh_image(&image, &parameters, &Unattended).unwrap().mesh;
     (image, mesh)
 }
 

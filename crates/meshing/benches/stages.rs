@@ -12,7 +12,7 @@ mod picture;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use pixmesh_meshing::{
-    Image, Mesh, Method, OnThreads, Parallel, Parameters, Point, Target, Unattended, generate,
+    Image, Mesh, Method, OnThreads, Parallel, Parameters, Point, Target, Unattended, mesh_image,
     rasterize, sample_points, triangulate,
 };
 use std::fmt;
@@ -86,7 +86,7 @@ fn orders_of_removal(bencher: Bencher<'_, '_>, Order { parallel, threads }: Orde
     let (image, parameters) = (case.image(), Parameters { parallel, ..case.parameters() });
     bencher
         .counter(ItemsCount::new(image.pixel_count()))
-        .bench_local(|| generate(&image, &parameters, &case.control()));
+        .bench_local(|| mesh_image(&image, &parameters, &case.control()));
 }
 
 /// An order of removal, and on how many threads.
@@ -149,7 +149,7 @@ impl Case {
     }
 
     fn mesh(self, image: &Image) -> Mesh {
-        generate(image, &self.parameters(), &self.control()).expect("nobody cancels").mesh
+        mesh_image(image, &self.parameters(), &self.control()).expect("nobody cancels").mesh
     }
 }
 

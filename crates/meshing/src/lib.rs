@@ -13,7 +13,7 @@
 //! state; a [`Control`] hears of progress and may cancel.
 //!
 //! ```
-//! use pixmesh_meshing::{Image, Method, Target, Unattended, generate, rasterize};
+//! use pixmesh_meshing::{Image, Method, Target, Unattended, mesh_image, rasterize};
 //!
 //! // A 64 by 64 picture of a bright disc, 8 bits, one component.
 //! let disc = |x: i32, y: i32| if (x - 32).pow(2) + (y - 32).pow(2) < 400 { 230 } else { 20 };
@@ -21,7 +21,7 @@
 //! let image = Image::from_bottom_up(64, 64, 8, vec![samples])?;
 //!
 //! let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
-//! let model = generate(&image, &parameters, &Unattended)?;
+//! let model = mesh_image(&image, &parameters, &Unattended)?;
 //! assert_eq!(model.mesh.points().len(), 163); // 4 % of 4096
 //! assert!(model.fidelity.psnr_db() > 24.0);
 //!
@@ -79,7 +79,7 @@ pub use model::mesh::{Mesh, MeshError};
 pub use model::progression::{Progression, ProgressionError};
 pub use model::rasterize::rasterize;
 pub use parameters::choices::{
-    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Parallel, Policy, PscTie,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, Parallel, Policy, PscTie,
     Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 pub use parameters::method::Method;
@@ -87,7 +87,7 @@ pub use parameters::{
     ErrorBound, InitialSize, MAX_EFFORT, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB,
     MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, ParameterError, Parameters, Plan, Target,
 };
-pub use pipeline::{GenerateError, Model, generate};
+pub use pipeline::{Approximation, MeshingError, mesh_image};
 pub use points::sample_points;
 pub use quality::fidelity::{Fidelity, ShapeMismatch};
 pub use quality::ssim::structural_similarity;

@@ -10,7 +10,7 @@ use crate::model::flat_color::{FlatColors, FlatFaces, RowSums};
 use crate::model::mesh::Mesh;
 use crate::model::rasterize::rasterize;
 use crate::parallel::in_parallel;
-use crate::parameters::choices::{Connectivity, ErrorMetric, Meshed, Parallel, Values};
+use crate::parameters::choices::{Connectivity, ErrorMetric, Guide, Parallel, Values};
 use crate::parameters::{ErrorBound, ParameterError, Parameters, Plan, Target};
 use crate::points::sample_points;
 use crate::quality::fidelity::Fidelity;
@@ -37,7 +37,7 @@ const FACES_PER_POLL: usize = 8192;
 
 /// A mesh made of an image, with what is known of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Model {
+pub struct Approximation {
     /// The mesh.
     pub mesh: Mesh,
     /// How close the picture rebuilt from the mesh is to the image.
@@ -55,7 +55,7 @@ pub struct Model {
 /// Why no mesh was made.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
-pub enum GenerateError {
+pub enum MeshingError {
     /// A parameter is out of its bounds or not defined for such an image.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
@@ -72,11 +72,11 @@ pub enum GenerateError {
 ///
 /// # Errors
 /// When a parameter is out of its bounds or not defined for such an image, or the control cancels.
-pub fn generate(
+pub fn mesh_image(
     image: &Image,
     parameters: &Parameters,
     control: &dyn Control,
-) -> Result<Model, GenerateError> {
+) -> Result<Approximation, MeshingError> {
     let plan = parameters.plan(image.shape())?;
     if let Some(bound) = plan.bound
         && (parameters.searches() || image.weights().is_some())
@@ -85,27 +85,28 @@ pub fn generate(
     }
     let ruling = ruling_image(image, parameters, control)?;
     let ruling = ruling.as_ref().unwrap_or(image);
-    let Made { points, faces, removals, squared_error } = match parameters.meshed {
-        Meshed::Components => triangulate_image(ruling, parameters, plan, control)?,
-        Meshed::Luma => {
+    let Made { points, faces, removals, squared_error } = match parameters.guide {
+        Guide::Components => triangulate_image(ruling, parameters, plan, control)?,
+        Guide::Luma => {
             let made = triangulate_image(&luma(ruling), &on_luma(parameters), plan, control)?;
             Made { squared_error: None, ..made }
         }
     };
-    let mut model =
-        if parameters.connectivity == Connectivity::Free || parameters.values == Values::Fitted {
-            let (mesh, squared_error) = liberate_mesh(image, points, &faces, parameters, control)?;
-            let fidelity = Fidelity::of_sum(squared_error, image);
-            Model { mesh, fidelity, plan, removals, remarks: remarks(parameters), flat: None }
-        } else {
-            let squared_error = match squared_error {
-                Some(known) if ruling.weights().is_none() => known,
-                _ => measure(image, &points, &faces, control)?,
-            };
-            let fidelity = Fidelity::of_sum(squared_error, image);
-            let mesh = Mesh::of_samples(image, points, faces);
-            Model { mesh, fidelity, plan, removals, remarks: remarks(parameters), flat: None }
+    let mut model = if parameters.connectivity == Connectivity::Free
+        || parameters.values == Values::Fitted
+    {
+        let (mesh, squared_error) = liberate_mesh(image, points, &faces, parameters, control)?;
+        let fidelity = Fidelity::of_sum(squared_error, image);
+        Approximation { mesh, fidelity, plan, removals, remarks: remarks(parameters), flat: None }
+    } else {
+        let squared_error = match squared_error {
+            Some(known) if ruling.weights().is_none() => known,
+            _ => measure(image, &points, &faces, control)?,
         };
+        let fidelity = Fidelity::of_sum(squared_error, image);
+        let mesh = Mesh::of_samples(image, points, faces);
+        Approximation { mesh, fidelity, plan, removals, remarks: remarks(parameters), flat: None }
+    };
     if parameters.is_flat() {
         let flat = FlatColors::new(image, &model.mesh, control)?;
         model.fidelity = flat.fidelity;
@@ -120,14 +121,14 @@ fn smallest_within(
     parameters: &Parameters,
     bound: ErrorBound,
     control: &dyn Control,
-) -> Result<Model, GenerateError> {
-    let (mut meshes, mut best) = (0, None::<Model>);
+) -> Result<Approximation, MeshingError> {
+    let (mut meshes, mut best) = (0, None::<Approximation>);
     let mut mesh_of = |size: usize| {
         let parameters = Parameters { target: Target::Size(size), ..parameters.clone() };
         let progress = SearchProgress { control, meshes };
         progress.poll(Stage::Search, 0, 1)?;
         meshes += 1;
-        generate(image, &parameters, &progress).map(|model| (model, meshes))
+        mesh_image(image, &parameters, &progress).map(|model| (model, meshes))
     };
     let all = image.pixel_count();
     let precision = if parameters.refines() { REFINED_SEARCH_PRECISION } else { usize::MAX };
@@ -135,11 +136,12 @@ fn smallest_within(
         let (model, meshes) = mesh_of(size)?;
         let progress = SearchProgress { control, meshes };
         let keeps = is_within(image, &model, parameters, bound, &progress)?;
-        let is_smaller = |best: &Model| model.mesh.points().len() < best.mesh.points().len();
+        let is_smaller =
+            |best: &Approximation| model.mesh.points().len() < best.mesh.points().len();
         if keeps && best.as_ref().is_none_or(is_smaller) {
             best = Some(model);
         }
-        Ok::<_, GenerateError>(keeps)
+        Ok::<_, MeshingError>(keeps)
     })?;
     match best {
         Some(model) => Ok(model),
@@ -150,7 +152,7 @@ fn smallest_within(
 /// Tells whether a mesh keeps a bound.
 pub(crate) fn is_within(
     image: &Image,
-    model: &Model,
+    model: &Approximation,
     parameters: &Parameters,
     bound: ErrorBound,
     control: &dyn Control,
@@ -158,9 +160,9 @@ pub(crate) fn is_within(
     Ok(match bound {
         ErrorBound::PsnrDb(least) => model.fidelity.psnr_db() >= least,
         ErrorBound::MeanError(most) => {
-            let metric = match parameters.meshed {
-                Meshed::Components => parameters.error_metric,
-                Meshed::Luma => parameters.error_metric.of_one_component(),
+            let metric = match parameters.guide {
+                Guide::Components => parameters.error_metric,
+                Guide::Luma => parameters.error_metric.of_one_component(),
             };
             mean_error(image, &rasterize(&model.mesh, control)?, metric) <= most
         }
@@ -314,7 +316,7 @@ fn simplify_within(
 fn on_luma(parameters: &Parameters) -> Parameters {
     let policy = parameters.policy.of_one_component();
     let error_metric = parameters.error_metric.of_one_component();
-    Parameters { policy, error_metric, meshed: Meshed::Components, ..parameters.clone() }
+    Parameters { policy, error_metric, guide: Guide::Components, ..parameters.clone() }
 }
 
 /// The squared error of an image's approximation by a mesh.
@@ -359,9 +361,9 @@ mod tests {
         let own = Method::Mgpr.parameters(Target::Psnr(35.0));
         let of_size = |size| {
             let target = Target::Size(size);
-            generate(&weighted, &Parameters { target, ..own.clone() }, &Unattended).unwrap()
+            mesh_image(&weighted, &Parameters { target, ..own.clone() }, &Unattended).unwrap()
         };
-        let found = generate(&weighted, &own, &Unattended).unwrap();
+        let found = mesh_image(&weighted, &own, &Unattended).unwrap();
         assert!(found.fidelity.psnr_db() >= 35.0);
         let size = found.mesh.points().len();
         assert_eq!(of_size(size).fidelity, found.fidelity);
@@ -373,8 +375,9 @@ mod tests {
         let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
         let image = Image::from_bottom_up(24, 24, 8, vec![samples]).unwrap();
         let own = Method::Mgprfs.parameters(Target::Size(60));
-        let with =
-            |effort| generate(&image, &Parameters { effort, ..own.clone() }, &Unattended).unwrap();
+        let with = |effort| {
+            mesh_image(&image, &Parameters { effort, ..own.clone() }, &Unattended).unwrap()
+        };
         let (simplified, refined) = (with(0), with(1));
         assert_eq!(refined.removals, simplified.removals);
         assert_eq!(refined.mesh.points().len(), simplified.mesh.points().len());
@@ -422,7 +425,7 @@ mod tests {
         let own = Method::Cgpr.parameters(Target::Size(50));
         for (&policy, &error_metric) in Policy::ALL.iter().zip(ErrorMetric::ALL.iter().cycle()) {
             let luma = on_luma(&Parameters { policy, error_metric, ..own.clone() });
-            assert_eq!(luma.meshed, Meshed::Components);
+            assert_eq!(luma.guide, Guide::Components);
             assert!(luma.policy.component_count().is_none_or(|count| count == 1), "{policy}");
             assert!(luma.error_metric.component_count().is_none_or(|count| count == 1));
             assert_eq!((luma.target, luma.generator), (own.target, own.generator));

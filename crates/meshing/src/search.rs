@@ -87,7 +87,7 @@ mod tests {
     use crate::model::rasterize::rasterize;
     use crate::parameters::method::Method;
     use crate::parameters::{ErrorBound, Target};
-    use crate::pipeline::{generate, is_within};
+    use crate::pipeline::{is_within, mesh_image};
 
     /// A slope with a disc on it: more points make a better mesh of it, and few a fair one.
     fn slope_with_disc() -> Image {
@@ -100,7 +100,7 @@ mod tests {
 
     fn psnr_of_size(image: &Image, size: usize) -> f64 {
         let parameters = Method::Preview.parameters(Target::Size(size));
-        generate(image, &parameters, &Unattended).unwrap().fidelity.psnr_db()
+        mesh_image(image, &parameters, &Unattended).unwrap().fidelity.psnr_db()
     }
 
     #[test]
@@ -111,7 +111,7 @@ mod tests {
         for wanted in [MIN_SIZE, MIN_SIZE + 2, first - 3, first, first + 5, 3 * first] {
             let bound = psnr_of_size(&image, wanted);
             let parameters = Method::Preview.parameters(Target::Psnr(bound));
-            let found = generate(&image, &parameters, &Unattended).unwrap();
+            let found = mesh_image(&image, &parameters, &Unattended).unwrap();
             assert!(found.fidelity.psnr_db() >= bound, "{wanted}");
             let size = found.mesh.points().len();
             if size > MIN_SIZE {
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn a_bound_that_every_mesh_keeps_needs_the_corners_alone() {
         let parameters = Method::Preview.parameters(Target::Psnr(1.0));
-        let found = generate(&slope_with_disc(), &parameters, &Unattended).unwrap();
+        let found = mesh_image(&slope_with_disc(), &parameters, &Unattended).unwrap();
         assert_eq!(found.mesh.points().len(), MIN_SIZE);
     }
 
@@ -147,7 +147,7 @@ mod tests {
     fn a_search_tells_of_the_meshes_made_and_of_no_other_stage() {
         let notes = Notes::default();
         let parameters = Method::Preview.parameters(Target::Psnr(30.0));
-        generate(&slope_with_disc(), &parameters, &notes).unwrap();
+        mesh_image(&slope_with_disc(), &parameters, &notes).unwrap();
         let quiet = SearchProgress { control: &notes, meshes: 3 };
         assert_eq!(quiet.threads(), notes.threads());
         let told = notes.0.into_inner().unwrap();
@@ -165,7 +165,7 @@ mod tests {
     fn a_bound_is_kept_when_it_is_just_reached() {
         let image = slope_with_disc();
         let parameters = Method::Preview.parameters(Target::Size(40));
-        let model = generate(&image, &parameters, &Unattended).unwrap();
+        let model = mesh_image(&image, &parameters, &Unattended).unwrap();
         let rebuilt = rasterize(&model.mesh, &Unattended).unwrap();
         let pairs = || image.components()[0].iter().zip(&rebuilt.components()[0]);
         let most = pairs().map(|(a, b)| a.abs_diff(*b)).max().unwrap();

@@ -10,10 +10,10 @@ use pixmesh_codec::{
     Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
 };
 use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, InitialSize, MAX_EFFORT, MAX_GAMMA,
-    MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, Meshed,
-    Method, Parallel, ParameterError, Policy, PscTie, Reconstruction, Scan, Smoothing,
-    SmoothingDirection, Startup, Target, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, MAX_EFFORT, MAX_GAMMA,
+    MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, Method,
+    Parallel, ParameterError, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection,
+    Startup, Target, Values,
 };
 use serde_json::Value;
 use std::str::FromStr;
@@ -312,8 +312,8 @@ pub static TABLE: [Parameter; 45] = [
         |order| order.parameters.double_convolution.then(|| order.parameters.smoothing_boundary.to_string())),
     word!(boundary: Boundary, "What the filters see beyond the image's border.",
         |order| Some(order.parameters.boundary.to_string())),
-    word!(meshed: Meshed, "What removal goes by: all components, or the luma, whose mesh then gets the colours back.",
-        |order| Some(order.parameters.meshed.to_string())),
+    word!(meshed: Guide, "What removal goes by: all components, or the luma, whose mesh then gets the colours back.",
+        |order| Some(order.parameters.guide.to_string())),
     word!(error_metric: ErrorMetric, "The error that removal raises least.",
         |order| Some(order.parameters.error_metric.to_string())),
     flag!(

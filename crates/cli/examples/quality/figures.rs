@@ -1,7 +1,7 @@
 //! What is measured of each mesh.
 
 use crate::series::{SERIES, Series};
-use pixmesh_meshing::{Image, Unattended, generate, rasterize, structural_similarity};
+use pixmesh_meshing::{Image, Unattended, mesh_image, rasterize, structural_similarity};
 use std::error::Error;
 use std::time::Instant;
 
@@ -46,7 +46,7 @@ pub(crate) fn measure(
             let mut model = None;
             for _ in 0..rounds {
                 let start = Instant::now();
-                model = Some(generate(image, &parameters, &Unattended)?);
+                model = Some(mesh_image(image, &parameters, &Unattended)?);
                 fastest = fastest.min(start.elapsed().as_secs_f64());
             }
             let Some(model) = model else { continue };

@@ -1,7 +1,7 @@
 //! The lines of the tables as data: the name that the thesis prints, and the parameters behind it.
 
 use pixmesh_meshing::{
-    Generator, InitialSize, Meshed, Method, Parameters, Policy, Shape, Startup, Target,
+    Generator, Guide, InitialSize, Method, Parameters, Policy, Shape, Startup, Target,
 };
 
 /// The densities of every table, in percent.
@@ -67,15 +67,15 @@ impl Series {
     #[must_use]
     pub fn on_colours(self) -> Self {
         let label = format!("{} (on the colours)", self.label);
-        let parameters = Parameters { meshed: Meshed::Components, ..self.parameters };
+        let parameters = Parameters { guide: Guide::Components, ..self.parameters };
         Self { label, parameters, ..self }
     }
 
     /// A method of Chapter 3: one of Chapter 4 with another policy and start-up.
     fn with_policy(like: &str, method: Method, policy: Policy, startup: Startup) -> Self {
-        let meshed = match policy {
-            Policy::PsbD | Policy::PsbL => Meshed::Luma,
-            _ => Meshed::Components,
+        let guide = match policy {
+            Policy::PsbD | Policy::PsbL => Guide::Luma,
+            _ => Guide::Components,
         };
         let start = match startup {
             Startup::Classic => "classic",
@@ -86,7 +86,7 @@ impl Series {
         Self::new(
             format!("{like} {} {start}", policy_label(policy)),
             if matches!(policy, Policy::PsaD | Policy::PsaL) { 1 } else { 3 },
-            Parameters { policy, startup, meshed, ..parameters },
+            Parameters { policy, startup, guide, ..parameters },
         )
     }
 
@@ -125,13 +125,13 @@ impl Case {
 
 /// What distinguishes the parameters of two cases; all others are those of every method.
 fn code(parameters: &Parameters, density: f64) -> String {
-    let Parameters { generator, policy, startup, meshed, .. } = parameters;
+    let Parameters { generator, policy, startup, guide, .. } = parameters;
     let points = match (generator, parameters.initial_size) {
         (Generator::ErrorDiffusion, InitialSize::Target) => format!("{policy} {startup}"),
         (Generator::ErrorDiffusion, size) => format!("{policy} {startup} {size:?}"),
         (generator, _) => generator.to_string(),
     };
-    format!("{points} {meshed} {density}")
+    format!("{points} {guide} {density}")
 }
 
 /// A policy's name in the thesis.

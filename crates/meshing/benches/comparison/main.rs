@@ -15,7 +15,7 @@ mod picture;
 use contest::{Contest, Yardstick};
 use image::{ImageFormat, RgbImage};
 use pixmesh_meshing::{
-    Image, Method, Parameters, Point, Target, Unattended, generate, rasterize, sample_points,
+    Image, Method, Parameters, Point, Target, Unattended, mesh_image, rasterize, sample_points,
     triangulate,
 };
 use spade::{DelaunayTriangulation, Point2, Triangulation};
@@ -71,7 +71,7 @@ fn one_shot(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
     let goal = Some(if colours == "gray" { 4.0 } else { 5.0 });
     let title = format!("MED {DENSITY} %, {colours}");
     let model = contest.time_stages(&title, Yardstick::Decode, goal, |clock| {
-        Ok(generate(image, &parameters, clock)?)
+        Ok(mesh_image(image, &parameters, clock)?)
     })?;
     let goal = Some(if colours == "gray" { 0.5 } else { 1.0 });
     let title = format!("picture rebuilt, {colours}");
@@ -93,7 +93,7 @@ fn simplified(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
     let goal = Some(if colours == "gray" { 4.0 } else { 6.0 });
     let title = format!("MGPRFS {DENSITY} %, {colours}");
     contest.time_stages(&title, Yardstick::InitialPoints, goal, |clock| {
-        Ok(generate(image, &parameters, clock)?)
+        Ok(mesh_image(image, &parameters, clock)?)
     })?;
     Ok(())
 }
@@ -106,7 +106,7 @@ fn from_full_grid(colours: &str, image: &Image, contest: &mut Contest) -> Outcom
     let goal = Some(if colours == "gray" { 6.0 } else { 9.0 });
     let title = format!("GPR {DENSITY} %, {colours}");
     contest.time_stages(&title, Yardstick::FullGrid, goal, |clock| {
-        Ok(generate(image, &parameters, clock)?)
+        Ok(mesh_image(image, &parameters, clock)?)
     })?;
     Ok(())
 }

@@ -3,7 +3,7 @@
 use crate::{Fallible, picture};
 use fearless_simd::Level;
 use pixmesh_meshing::{
-    Image, Method, Parameters, Point, Target, Unattended, generate, rasterize, sample_points,
+    Image, Method, Parameters, Point, Target, Unattended, mesh_image, rasterize, sample_points,
     triangulate,
 };
 use std::fmt;
@@ -27,10 +27,10 @@ impl Part {
     pub(crate) const ALL: [Self; 7] = [
         Self { method: Method::Med, stage: "points" },
         Self { method: Method::Med, stage: "triangulation" },
-        Self { method: Method::Med, stage: "generate" },
+        Self { method: Method::Med, stage: "mesh_image" },
         Self { method: Method::Mgprfs, stage: "points" },
         Self { method: Method::Mgprfs, stage: "triangulation" },
-        Self { method: Method::Mgprfs, stage: "generate" },
+        Self { method: Method::Mgprfs, stage: "mesh_image" },
         Self { method: Method::Mgprfs, stage: "rasterize" },
     ];
 
@@ -61,9 +61,9 @@ pub(crate) fn run(name: &str) -> Fallible<ExitCode> {
             let points = initial_points(&image, &parameters)?;
             counted(|| Ok(triangulate(&points)))?;
         }
-        "generate" => counted(|| Ok(generate(&image, &parameters, &Unattended)?))?,
+        "mesh_image" => counted(|| Ok(mesh_image(&image, &parameters, &Unattended)?))?,
         _ => {
-            let mesh = generate(&image, &parameters, &Unattended)?.mesh;
+            let mesh = mesh_image(&image, &parameters, &Unattended)?.mesh;
             counted(|| Ok(rasterize(&mesh, &Unattended)?))?;
         }
     }

@@ -11,7 +11,7 @@ use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::{FaceErrors, Measure};
 use crate::image::{Image, ImageError, Point, Shape, check_shape, corner_points};
 use crate::model::mesh::{Mesh, MeshError};
-use crate::parameters::choices::{ErrorMetric, Meshed, Parallel};
+use crate::parameters::choices::{ErrorMetric, Guide, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
 use crate::quality::fidelity::Fidelity;
 use crate::quality::ssim_weights::ruling_image;
@@ -266,9 +266,9 @@ fn remove_all(
 ) -> Result<Removed, Cancelled> {
     let weighted = ruling_image(image, parameters, control)?;
     let ruling = weighted.as_ref().unwrap_or(image);
-    let (gray, metric) = match parameters.meshed {
-        Meshed::Components => (None, parameters.error_metric),
-        Meshed::Luma => (Some(luma(ruling)), parameters.error_metric.of_one_component()),
+    let (gray, metric) = match parameters.guide {
+        Guide::Components => (None, parameters.error_metric),
+        Guide::Luma => (Some(luma(ruling)), parameters.error_metric.of_one_component()),
     };
     let triangulation = Triangulation::new(points, control)?;
     let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
@@ -331,7 +331,7 @@ mod tests {
     use super::*;
     use crate::parameters::method::Method;
     use crate::parameters::{InitialSize, Target};
-    use crate::pipeline::generate;
+    use crate::pipeline::mesh_image;
     use proptest::prelude::*;
 
     /// A picture of shapes and noise.
@@ -349,7 +349,7 @@ mod tests {
     fn check(image: &Image, parameters: &Parameters, most: usize, sizes: &[usize]) {
         let of_size = |size| {
             let target = Target::Size(size);
-            generate(image, &Parameters { target, ..parameters.clone() }, &Unattended).unwrap()
+            mesh_image(image, &Parameters { target, ..parameters.clone() }, &Unattended).unwrap()
         };
         let mesh = of_size(most).mesh;
         let progression = Progression::new(image, &mesh, parameters, &Unattended).unwrap();

@@ -191,7 +191,7 @@ named_values! {
 
 named_values! {
     /// Which image's error rules the simplification.
-    "meshed" Meshed {
+    "meshed" Guide {
         /// The image itself.
         Components = "components",
         /// The luma of its three components; the mesh carries their colours all the same.

@@ -6,7 +6,7 @@
 //! simplifies their triangulation. A [`Method`] is a named set of [`Parameters`].
 
 use crate::parameters::choices::{
-    Generator, Meshed, Parallel, Policy, Reconstruction, Startup, named_values,
+    Generator, Guide, Parallel, Policy, Reconstruction, Startup, named_values,
 };
 use crate::parameters::{
     DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target, check_count,
@@ -70,9 +70,9 @@ impl Method {
             M::Ed | M::Gprfsed | M::Gpr => (Policy::PsaD, Startup::Classic),
             M::Ced | M::Cgprfsed | M::Cgpr => (Policy::PsbD, Startup::Classic),
         };
-        let meshed = match self {
-            M::Ced | M::Cgprfsed | M::Cgpr => Meshed::Luma,
-            _ => Meshed::Components,
+        let guide = match self {
+            M::Ced | M::Cgprfsed | M::Cgpr => Guide::Luma,
+            _ => Guide::Components,
         };
         let effort = match self {
             M::Optimal => DEFAULT_EFFORT,
@@ -91,7 +91,7 @@ impl Method {
             generator,
             policy,
             startup,
-            meshed,
+            guide,
             bad_point_removal,
             effort,
             reconstruction,
@@ -145,7 +145,7 @@ mod tests {
             assert_eq!((made.generator, made.initial_size), points, "{method}");
             assert_eq!(made.target, Target::Size(77));
             let of_luma = [M::Ced, M::Cgprfsed, M::Cgpr].contains(&method);
-            assert_eq!(made.meshed == Meshed::Luma, of_luma, "{method}");
+            assert_eq!(made.guide == Guide::Luma, of_luma, "{method}");
             let (policy, startup) = match method.component_count() {
                 Some(1) => (Policy::PsaD, Startup::Classic),
                 Some(_) => (Policy::PsbD, Startup::Classic),

@@ -5,7 +5,7 @@ pub(crate) mod method;
 
 use crate::image::{ImageError, MAX_SIDE, Shape, check_shape};
 use crate::parameters::choices::{
-    Boundary, Connectivity, ErrorMetric, Generator, Meshed, Parallel, Policy, PscTie,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, Parallel, Policy, PscTie,
     Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 use thiserror::Error;
@@ -175,7 +175,7 @@ pub struct Parameters {
     /// The vector gradient where its rates of change in x and y are equal.
     pub psc_tie: PscTie,
     /// Which image's error rules the simplification.
-    pub meshed: Meshed,
+    pub guide: Guide,
     /// Which error that is.
     pub error_metric: ErrorMetric,
     /// Whether removal goes on below the target while it lowers the error.
@@ -237,7 +237,7 @@ impl Parameters {
             smoothing_boundary: Boundary::Zero,
             boundary: Boundary::Zero,
             psc_tie: PscTie::Published,
-            meshed: Meshed::Components,
+            guide: Guide::Components,
             error_metric: ErrorMetric::MeanCompSe,
             bad_point_removal: false,
             effort: 0,
@@ -392,9 +392,9 @@ impl Parameters {
 
     /// A PSNR is one of the squared error.
     fn check_metric_of_psnr(&self) -> Result<(), ParameterError> {
-        let metric = match self.meshed {
-            Meshed::Components => self.error_metric,
-            Meshed::Luma => self.error_metric.of_one_component(),
+        let metric = match self.guide {
+            Guide::Components => self.error_metric,
+            Guide::Luma => self.error_metric.of_one_component(),
         };
         match metric {
             ErrorMetric::MeanCompSe | ErrorMetric::VecSe => Ok(()),
@@ -408,13 +408,13 @@ impl Parameters {
             let (all, count) = (Policy::ALL, Policy::component_count);
             check_count(Policy::PARAMETER, self.policy, all, Policy::name, count, actual)?;
         }
-        if self.meshed == Meshed::Components {
+        if self.guide == Guide::Components {
             let (all, count) = (ErrorMetric::ALL, ErrorMetric::component_count);
             let (parameter, metric) = (ErrorMetric::PARAMETER, self.error_metric);
             check_count(parameter, metric, all, ErrorMetric::name, count, actual)?;
         }
-        let luma_needs = |meshed| (meshed == Meshed::Luma).then_some(3);
-        check_count(Meshed::PARAMETER, self.meshed, Meshed::ALL, Meshed::name, luma_needs, actual)
+        let luma_needs = |guide| (guide == Guide::Luma).then_some(3);
+        check_count(Guide::PARAMETER, self.guide, Guide::ALL, Guide::name, luma_needs, actual)
     }
 }
 

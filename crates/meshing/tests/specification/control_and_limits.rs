@@ -3,8 +3,8 @@
 use crate::pictures::{gray, image, methods_for, model, noise};
 use crate::twin::interpolation::rasterise;
 use pixmesh_meshing::{
-    Boundary, Cancelled, Control, GenerateError, Generator, Image, ImageError, Method,
-    ParameterError, Parameters, Policy, Shape, Stage, Target, Unattended, generate, rasterize,
+    Boundary, Cancelled, Control, Generator, Image, ImageError, MeshingError, Method,
+    ParameterError, Parameters, Policy, Shape, Stage, Target, Unattended, mesh_image, rasterize,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -33,7 +33,7 @@ impl Control for Countdown {
 
 fn polls(image: &Image, parameters: &Parameters) -> Vec<(Stage, usize, usize)> {
     let listener = Listener::default();
-    generate(image, parameters, &listener).unwrap();
+    mesh_image(image, parameters, &listener).unwrap();
     listener.0.into_inner().unwrap()
 }
 
@@ -170,7 +170,7 @@ fn refuses_wrong_component_count() {
         }
         for &policy in Policy::ALL {
             let own = Method::Med.parameters(Target::Size(9));
-            let made = generate(&picture, &Parameters { policy, ..own }, &Unattended);
+            let made = mesh_image(&picture, &Parameters { policy, ..own }, &Unattended);
             let expected = match policy {
                 Policy::PsaD | Policy::PsaL => component_count == 1,
                 Policy::PsbD | Policy::PsbL | Policy::Psc => component_count == 3,
@@ -192,11 +192,14 @@ fn meshing_cancels_at_every_poll() {
             // Refinement polls thousands of times: then not every one of them.
             for k in (0..count).step_by(1 + count / 40) {
                 let control = Countdown(AtomicUsize::new(k));
-                let made = generate(&picture, &parameters, &control);
-                assert_eq!(made, Err(GenerateError::Cancelled(Cancelled)), "{method}, poll {k}");
+                let made = mesh_image(&picture, &parameters, &control);
+                assert_eq!(made, Err(MeshingError::Cancelled(Cancelled)), "{method}, poll {k}");
             }
             let control = Countdown(AtomicUsize::new(count));
-            assert_eq!(generate(&picture, &parameters, &control), Ok(model(&picture, &parameters)));
+            assert_eq!(
+                mesh_image(&picture, &parameters, &control),
+                Ok(model(&picture, &parameters))
+            );
         }
     }
 }

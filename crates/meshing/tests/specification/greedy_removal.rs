@@ -6,7 +6,7 @@ use crate::twin::interpolation::total_error;
 use crate::twin::removal;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::{
-    ErrorMetric, Generator, Image, InitialSize, Meshed, Method, Parameters, Point, Policy, Target,
+    ErrorMetric, Generator, Guide, Image, InitialSize, Method, Parameters, Point, Policy, Target,
     Unattended, sample_points,
 };
 use proptest::prelude::*;
@@ -39,7 +39,7 @@ fn check(image: &Image, parameters: &Parameters) {
 
 /// The image whose error rules the removal and the parameters that mean the same for it.
 fn ruling_image(picture: &Image, parameters: &Parameters) -> (Image, Parameters) {
-    if parameters.meshed == Meshed::Components {
+    if parameters.guide == Guide::Components {
         return (picture.clone(), parameters.clone());
     }
     let (width, height) = (picture.width(), picture.height());
@@ -50,8 +50,8 @@ fn ruling_image(picture: &Image, parameters: &Parameters) -> (Image, Parameters)
         }
         _ => ErrorMetric::MeanCompSe,
     };
-    let (policy, meshed) = (Policy::PsaD, Meshed::Components);
-    let own = Parameters { policy, meshed, error_metric, ..parameters.clone() };
+    let (policy, guide) = (Policy::PsaD, Guide::Components);
+    let own = Parameters { policy, guide, error_metric, ..parameters.clone() };
     (luma, own)
 }
 
@@ -110,10 +110,10 @@ proptest! {
         colour in pictures(2..=5, 3..=3),
         share in 0.0..0.8,
         error_metric in prop::sample::select(WITHOUT_WEIGHTS),
-        meshed in prop::sample::select(Meshed::ALL),
+        guide in prop::sample::select(Guide::ALL),
     ) {
         let parameters = Method::Mgpr.parameters(size_target(&colour, share));
-        check(&colour, &Parameters { error_metric, meshed, ..parameters });
+        check(&colour, &Parameters { error_metric, guide, ..parameters });
         if error_metric.component_count().is_none() {
             let parameters = Method::Mgprfs.parameters(size_target(&image, share));
             check(&image, &Parameters { error_metric, ..parameters });

@@ -8,8 +8,8 @@ use crate::twin::triangulation::{
     Triangle, circle_sign, double_area, is_to_flip, triangles_of, triangulate,
 };
 use pixmesh_meshing::{
-    Fidelity, Generator, Image, InitialSize, Mesh, Meshed, Model, Parameters, Point, Unattended,
-    rasterize, sample_points,
+    Approximation, Fidelity, Generator, Guide, Image, InitialSize, Mesh, Parameters, Point,
+    Unattended, rasterize, sample_points,
 };
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -91,7 +91,7 @@ fn check_face_order(mesh: &Mesh) {
     assert!(mesh.faces().iter().all(|[a, b, c]| a < b && a < c), "faces begin with the smallest");
 }
 
-fn check_fidelity(model: &Model, image: &Image) {
+fn check_fidelity(model: &Approximation, image: &Image) {
     let rebuilt = rasterize(&model.mesh, &Unattended).unwrap();
     assert_eq!(rebuilt.components(), rasterise(&model.mesh));
     let rebuilt = model.flat.as_ref().map_or(rebuilt, |flat| flat.picture.clone());
@@ -133,7 +133,7 @@ proptest! {
     fn mesh_has_requested_size(
         (image, parameters) in requests()
     ) {
-        prop_assume!(parameters.meshed == Meshed::Components);
+        prop_assume!(parameters.guide == Guide::Components);
         let parameters = Parameters { bad_point_removal: false, ..parameters };
         let made = model(&image, &parameters);
         let (plan, count) = (made.plan, made.mesh.points().len());

@@ -4,8 +4,8 @@ use crate::pictures::{cases, model, pictures, size_target};
 use crate::twin::interpolation::rasterise;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::{
-    Connectivity, Fidelity, FlatColors, Image, Mesh, Method, Model, Parameters, Target, Unattended,
-    Values, rasterize,
+    Approximation, Connectivity, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target,
+    Unattended, Values, rasterize,
 };
 use proptest::prelude::*;
 
@@ -76,7 +76,7 @@ proptest! {
     ) {
         let own = Method::Mgpr.parameters(Target::MaxError(bound));
         let made = model(&image, &own);
-        let largest = |made: &Model| {
+        let largest = |made: &Approximation| {
             let pairs = image.components().iter().zip(rasterise(&made.mesh));
             let differences =
                 pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).collect::<Vec<_>>());

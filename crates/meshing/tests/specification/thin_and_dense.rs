@@ -5,8 +5,8 @@
 
 use crate::pictures::{gray, noise};
 use pixmesh_meshing::{
-    Cancelled, Control, Generator, Image, Method, Model, Parameters, Point, Stage, Target,
-    generate, triangulate,
+    Cancelled, Control, Generator, Image, Method, Approximation, Parameters, Point, Stage, Target,
+    mesh_image, triangulate,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -57,11 +57,11 @@ impl Control for TriangulationPolls {
 }
 
 /// Makes a mesh and checks its time and the time between its polls.
-fn meshed_soon(name: &str, image: &Image, parameters: &Parameters) -> Model {
+fn meshed_soon(name: &str, image: &Image, parameters: &Parameters) -> Approximation {
     // Other work on the machine may delay one attempt.
     for _ in 0..3 {
         let watch = Watch::new();
-        let made = generate(image, parameters, &watch);
+        let made = mesh_image(image, parameters, &watch);
         let silence = watch.longest_silence();
         report(&format!("{name}, silent for {silence:.2?}"), watch.start);
         let made = made.unwrap_or_else(|error| panic!("{name}: {error} after {LONG:?}"));
@@ -153,7 +153,7 @@ fn triangulation_polls_throughout() {
     // With 131,072 points a cancellation must take effect before the end.
     let polls = TriangulationPolls::default();
     let parameters = Method::Med.parameters(Target::Percent(50.0));
-    generate(&gray(512, 512, noise), &parameters, &polls).unwrap();
+    mesh_image(&gray(512, 512, noise), &parameters, &polls).unwrap();
     let count = polls.0.into_inner();
     assert!(count >= 10, "{count} polls");
 }

@@ -5,8 +5,8 @@
 
 use crate::pictures::{image, noise};
 use pixmesh_meshing::{
-    Cancelled, Control, ErrorMetric, GenerateError, Image, Method, Model, OnThreads, Parallel,
-    Parameters, Policy, Stage, Target, Unattended, generate, rasterize,
+    Approximation, Cancelled, Control, ErrorMetric, Image, MeshingError, Method, OnThreads,
+    Parallel, Parameters, Policy, Stage, Target, Unattended, mesh_image, rasterize,
 };
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
@@ -37,11 +37,11 @@ fn on_threads<C>(control: C, threads: usize) -> OnThreads<C> {
     OnThreads(control, NonZeroUsize::new(threads).unwrap())
 }
 
-fn model_on(threads: usize, picture: &Image, parameters: &Parameters) -> Model {
-    generate(picture, parameters, &on_threads(Unattended, threads)).unwrap()
+fn model_on(threads: usize, picture: &Image, parameters: &Parameters) -> Approximation {
+    mesh_image(picture, parameters, &on_threads(Unattended, threads)).unwrap()
 }
 
-fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> Model {
+fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> Approximation {
     let expected = model_on(1, picture, parameters);
     for threads in THREADS {
         // Not `assert_eq`, which would print both meshes.
@@ -78,7 +78,7 @@ fn changing_thread_count_keeps_result() {
         let expected = model_on(1, &picture, &parameters);
         for seed in 0..3 {
             let control = MoreAndLess(AtomicUsize::new(seed));
-            assert!(generate(&picture, &parameters, &control).unwrap() == expected);
+            assert!(mesh_image(&picture, &parameters, &control).unwrap() == expected);
             assert!(control.0.into_inner() > seed + 3, "it was asked");
         }
     }
@@ -205,9 +205,9 @@ fn cancels_promptly_on_several_threads() {
         for threads in THREADS {
             let end = || {
                 let control = CancelAt { stage, done, said: Mutex::default() };
-                let made = generate(&picture, parameters, &on_threads(&control, threads));
+                let made = mesh_image(&picture, parameters, &on_threads(&control, threads));
                 let ended = Instant::now();
-                assert_eq!(made, Err(GenerateError::Cancelled(Cancelled)), "{stage} {done}");
+                assert_eq!(made, Err(MeshingError::Cancelled(Cancelled)), "{stage} {done}");
                 let said = control.said.into_inner().unwrap();
                 assert_eq!(said.len(), 1, "nothing is asked after a cancellation");
                 ended - said[0]
