@@ -5,7 +5,8 @@ use super::footprint::{self, Footprint};
 use crate::extract::accept::Format;
 use crate::extract::params::Output;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{Parameters, Plan, Shape};
+use pixmesh_meshing::parameters::Plan;
+use pixmesh_meshing::{Parameters, Shape};
 
 /// What a picture is compared with.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,8 @@
 //! the other.
 
 use pixmesh_codec::Header;
-use pixmesh_meshing::{Parameters, Plan, Shape};
+use pixmesh_meshing::parameters::Plan;
+use pixmesh_meshing::{Parameters, Shape};
 
 /// Samples that are decoded and filtered in about the time in which one point is removed.
 const SAMPLES_PER_REMOVAL: f64 = 100.0;

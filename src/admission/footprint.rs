@@ -8,7 +8,8 @@
 use super::cost::{Compared, Kept};
 use crate::extract::accept::Format;
 use pixmesh_codec::Header;
-use pixmesh_meshing::{ErrorMetric, Generator, Guide, Parallel, Parameters, Plan, Policy, Shape};
+use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, Parallel, Plan, Policy};
+use pixmesh_meshing::{Parameters, Shape};
 
 /// Bytes per sample of an image.
 const SAMPLE: u64 = 2;
@@ -321,7 +322,8 @@ pub(super) fn shown_image(header: &Header) -> u64 {
 mod tests {
     use super::*;
     use pixmesh_codec::PictureFormat;
-    use pixmesh_meshing::{InitialSize, Method, Target};
+    use pixmesh_meshing::parameters::InitialSize;
+    use pixmesh_meshing::{Method, Target};
 
     fn header(width: usize, height: usize, component_count: usize) -> Header {
         Header { format: PictureFormat::Png, width, height, component_count, precision: 8 }

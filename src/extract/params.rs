@@ -23,11 +23,11 @@ use pixmesh_codec::{
     Alpha, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource, Shading,
     Texturing,
 };
-use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Method, Parallel,
-    Parameters, Plan, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup,
-    Target, Values,
+use pixmesh_meshing::parameters::{
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Parallel, Plan, Policy,
+    PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
+use pixmesh_meshing::{Method, Parameters, Target};
 use serde_json::{Map, Value};
 
 /// The density in percent, where no other target is given.

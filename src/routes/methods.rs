@@ -5,7 +5,8 @@ use crate::extract::params::{
     DEFAULT_DENSITY, DEFAULT_METHOD, Order, Output, Parameter, TABLE, Takes,
 };
 use axum::Json;
-use pixmesh_meshing::{Method, Policy, Target};
+use pixmesh_meshing::parameters::Policy;
+use pixmesh_meshing::{Method, Target};
 use serde_json::{Map, Value, json};
 
 /// Answers with everything that can be asked for.

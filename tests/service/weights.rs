@@ -64,7 +64,7 @@ fn a_request_and_a_job_with_weights_make_the_mesh_that_the_library_makes() {
     let answer = server.get(&format!("{job}/mesh?size=30"));
     let parameters = Method::Mgprfs.parameters(Target::Size(30));
     let parameters = pixmesh_meshing::Parameters {
-        initial_size: pixmesh_meshing::InitialSize::Size(480),
+        initial_size: pixmesh_meshing::parameters::InitialSize::Size(480),
         ..parameters
     };
     let smaller = mesh_image(&image, &parameters, &Unattended).unwrap();

@@ -2,11 +2,11 @@
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
-use pixmesh_meshing::{
-    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Method, Parallel,
-    ParameterError, Parameters, Policy, PscTie, Reconstruction, Scan, Smoothing,
-    SmoothingDirection, Startup, Target, Values,
+use pixmesh_meshing::parameters::{
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Parallel, Policy, PscTie,
+    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
+use pixmesh_meshing::{Method, ParameterError, Parameters, Target};
 
 /// The choices that decide the mesh.
 ///

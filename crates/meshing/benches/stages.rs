@@ -11,9 +11,10 @@ mod picture;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
+use pixmesh_meshing::parameters::Parallel;
 use pixmesh_meshing::{
-    Image, Mesh, Method, OnThreads, Parallel, Parameters, Point, Target, Unattended, mesh_image,
-    rasterize, sample_points, triangulate,
+    Image, Mesh, Method, OnThreads, Parameters, Point, Target, Unattended, mesh_image, rasterize,
+    sample_points, triangulate,
 };
 use std::fmt;
 use std::num::NonZeroUsize;

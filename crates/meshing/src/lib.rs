@@ -62,7 +62,7 @@ mod face_error;
 mod image;
 mod model;
 mod parallel;
-mod parameters;
+pub mod parameters;
 mod pipeline;
 mod points;
 mod quality;
@@ -78,15 +78,7 @@ pub use model::flat_color::FlatColors;
 pub use model::mesh::{Mesh, MeshError};
 pub use model::progression::{Progression, ProgressionError};
 pub use model::rasterize::rasterize;
-pub use parameters::choices::{
-    Boundary, Connectivity, ErrorMetric, Generator, Guide, Parallel, Policy, PscTie,
-    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
-};
-pub use parameters::method::Method;
-pub use parameters::{
-    ErrorBound, InitialSize, MAX_EFFORT, MAX_GAMMA, MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB,
-    MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, ParameterError, Parameters, Plan, Target,
-};
+pub use parameters::{Method, ParameterError, Parameters, Target};
 pub use pipeline::{Approximation, MeshingError, mesh_image};
 pub use points::sample_points;
 pub use quality::fidelity::{Fidelity, ShapeMismatch};

@@ -9,12 +9,12 @@ use crate::problem::Problem;
 use pixmesh_codec::{
     Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
 };
-use pixmesh_meshing::{
+use pixmesh_meshing::parameters::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, MAX_EFFORT, MAX_GAMMA,
-    MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, Method,
-    Parallel, ParameterError, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection,
-    Startup, Target, Values,
+    MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, Parallel,
+    Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
+use pixmesh_meshing::{Method, ParameterError, Target};
 use serde_json::Value;
 use std::str::FromStr;
 

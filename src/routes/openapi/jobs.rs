@@ -9,7 +9,7 @@ use crate::extract::params::TABLE;
 use crate::jobs::queue::MAX_ATTEMPTS;
 use crate::jobs::record::State;
 use crate::routes::jobs::list;
-use pixmesh_meshing::MIN_SIZE;
+use pixmesh_meshing::parameters::MIN_SIZE;
 use serde_json::{Value, json};
 use utoipa::openapi::path::{HttpMethod, OperationBuilder, PathItem, PathsBuilder};
 use utoipa::openapi::request_body::{RequestBody, RequestBodyBuilder};

@@ -1,6 +1,7 @@
 //! The methods that are compared.
 
-use pixmesh_meshing::{Connectivity, ErrorMetric, InitialSize, Method, Parameters, Target, Values};
+use pixmesh_meshing::parameters::{Connectivity, ErrorMetric, InitialSize, Values};
+use pixmesh_meshing::{Method, Parameters, Target};
 
 /// A method with a name and a colour.
 pub(crate) struct Series {

@@ -1,8 +1,7 @@
 //! The lines of the tables as data: the name that the thesis prints, and the parameters behind it.
 
-use pixmesh_meshing::{
-    Generator, Guide, InitialSize, Method, Parameters, Policy, Shape, Startup, Target,
-};
+use pixmesh_meshing::parameters::{Generator, Guide, InitialSize, Policy, Startup};
+use pixmesh_meshing::{Method, Parameters, Shape, Target};
 
 /// The densities of every table, in percent.
 pub const DENSITIES: [f64; 5] = [0.5, 1.0, 2.0, 3.0, 4.0];

@@ -110,7 +110,8 @@ fn read_line(line: &str) -> Result<PublishedFigure, &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pixmesh_meshing::{Method, Policy, Startup};
+    use pixmesh_meshing::Method;
+    use pixmesh_meshing::parameters::{Policy, Startup};
 
     fn known() -> Vec<Series> {
         vec![Series::method(Method::Med, 3), Series::ed_like(Policy::PsdMaxD, Startup::Mirroring)]

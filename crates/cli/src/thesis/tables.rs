@@ -3,7 +3,8 @@
 use super::cases::{Case, DENSITIES, POLICIES, Series};
 use super::grid::Unit;
 use super::measure::Job;
-use pixmesh_meshing::{Method, Policy, Startup};
+use pixmesh_meshing::Method;
+use pixmesh_meshing::parameters::{Policy, Startup};
 use std::collections::HashMap;
 
 /// A table of the thesis, by number.

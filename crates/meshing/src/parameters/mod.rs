@@ -3,11 +3,13 @@
 pub(crate) mod choices;
 pub(crate) mod method;
 
-use crate::image::{ImageError, MAX_SIDE, Shape, check_shape};
-use crate::parameters::choices::{
+pub use choices::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, Parallel, Policy, PscTie,
     Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
+pub use method::Method;
+
+use crate::image::{ImageError, MAX_SIDE, Shape, check_shape};
 use thiserror::Error;
 
 /// The most effort that refinement may take.

@@ -2,9 +2,10 @@
 
 use crate::pictures::{gray, image, methods_for, model, noise};
 use crate::twin::interpolation::rasterise;
+use pixmesh_meshing::parameters::{Boundary, Generator, Policy};
 use pixmesh_meshing::{
-    Boundary, Cancelled, Control, Generator, Image, ImageError, MeshingError, Method,
-    ParameterError, Parameters, Policy, Shape, Stage, Target, Unattended, mesh_image, rasterize,
+    Cancelled, Control, Image, ImageError, MeshingError, Method, ParameterError, Parameters, Shape,
+    Stage, Target, Unattended, mesh_image, rasterize,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -3,10 +3,10 @@
 use crate::pictures::{cases, gray, image, noise, pictures};
 use crate::twin;
 use crate::twin::error_diffusion::{Diffusion, with_corners};
-use pixmesh_meshing::{
-    Boundary, Density, Generator, Image, Parameters, Point, Policy, PscTie, Scan, Smoothing,
-    SmoothingDirection, Startup, Target, Unattended, sample_points,
+use pixmesh_meshing::parameters::{
+    Boundary, Generator, Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup,
 };
+use pixmesh_meshing::{Density, Image, Parameters, Point, Target, Unattended, sample_points};
 use proptest::prelude::*;
 
 /// How near to the threshold a value may come before the order of additions decides on it,

@@ -1,7 +1,8 @@
 //! Methods and policies that mean the same for one component.
 
 use crate::pictures::{cases, model, pictures, size_target};
-use pixmesh_meshing::{Method, Parameters, Policy, Startup};
+use pixmesh_meshing::parameters::{Policy, Startup};
+use pixmesh_meshing::{Method, Parameters};
 use proptest::prelude::*;
 
 proptest! {

@@ -5,10 +5,8 @@ use crate::twin::density::luma;
 use crate::twin::interpolation::total_error;
 use crate::twin::removal;
 use crate::twin::triangulation::{triangles_of, triangulate};
-use pixmesh_meshing::{
-    ErrorMetric, Generator, Guide, Image, InitialSize, Method, Parameters, Point, Policy, Target,
-    Unattended, sample_points,
-};
+use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, InitialSize, Policy};
+use pixmesh_meshing::{Image, Method, Parameters, Point, Target, Unattended, sample_points};
 use proptest::prelude::*;
 
 /// The metrics that do not depend on where a point lies.

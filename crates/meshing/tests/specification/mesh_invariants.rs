@@ -7,9 +7,9 @@ use crate::twin::removal::psnr_db;
 use crate::twin::triangulation::{
     Triangle, circle_sign, double_area, is_to_flip, triangles_of, triangulate,
 };
+use pixmesh_meshing::parameters::{Generator, Guide, InitialSize};
 use pixmesh_meshing::{
-    Approximation, Fidelity, Generator, Guide, Image, InitialSize, Mesh, Parameters, Point,
-    Unattended, rasterize, sample_points,
+    Approximation, Fidelity, Image, Mesh, Parameters, Point, Unattended, rasterize, sample_points,
 };
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};

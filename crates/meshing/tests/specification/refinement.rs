@@ -3,9 +3,10 @@
 use crate::pictures::{cases, model, pictures, size_target};
 use crate::twin::interpolation::rasterise;
 use crate::twin::triangulation::{triangles_of, triangulate};
+use pixmesh_meshing::parameters::{Connectivity, Values};
 use pixmesh_meshing::{
-    Approximation, Connectivity, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target,
-    Unattended, Values, rasterize,
+    Approximation, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target, Unattended,
+    rasterize,
 };
 use proptest::prelude::*;
 

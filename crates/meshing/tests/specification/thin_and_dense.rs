@@ -4,9 +4,10 @@
 //! The bounds are far above what the crate takes, and far below what a quadratic algorithm would.
 
 use crate::pictures::{gray, noise};
+use pixmesh_meshing::parameters::Generator;
 use pixmesh_meshing::{
-    Cancelled, Control, Generator, Image, Method, Approximation, Parameters, Point, Stage, Target,
-    mesh_image, triangulate,
+    Approximation, Cancelled, Control, Image, Method, Parameters, Point, Stage, Target, mesh_image,
+    triangulate,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};

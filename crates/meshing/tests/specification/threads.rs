@@ -4,9 +4,10 @@
 //! by the hundred, faces and vertices by the thousand.
 
 use crate::pictures::{image, noise};
+use pixmesh_meshing::parameters::{ErrorMetric, Parallel, Policy};
 use pixmesh_meshing::{
-    Approximation, Cancelled, Control, ErrorMetric, Image, MeshingError, Method, OnThreads,
-    Parallel, Parameters, Policy, Stage, Target, Unattended, mesh_image, rasterize,
+    Approximation, Cancelled, Control, Image, MeshingError, Method, OnThreads, Parameters, Stage,
+    Target, Unattended, mesh_image, rasterize,
 };
 use std::num::NonZeroUsize;
 use std::sync::Mutex;

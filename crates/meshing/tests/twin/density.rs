@@ -1,7 +1,8 @@
 //! Significance of each point, aggregated over the components and normalised.
 
 use super::stencil::{Derivatives, Plane, Stencils};
-use pixmesh_meshing::{Image, Parameters, Policy, PscTie};
+use pixmesh_meshing::parameters::{Policy, PscTie};
+use pixmesh_meshing::{Image, Parameters};
 
 /// The density fields that the parameters' policy gives an image, each row by row.
 pub(crate) fn density(image: &Image, parameters: &Parameters) -> Vec<Vec<f64>> {

@@ -1,7 +1,8 @@
 //! Floyd-Steinberg error diffusion over a buffer of the whole picture, and the search for its
 //! threshold.
 
-use pixmesh_meshing::{Parameters, Point, Policy, Scan, Startup};
+use pixmesh_meshing::parameters::{Policy, Scan, Startup};
+use pixmesh_meshing::{Parameters, Point};
 
 /// The most thresholds that the search tries.
 const STEPS: usize = 60;

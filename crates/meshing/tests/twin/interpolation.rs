@@ -3,7 +3,8 @@
 
 use super::metric;
 use super::triangulation::{Triangle, double_area};
-use pixmesh_meshing::{ErrorMetric, Image, Mesh, Point};
+use pixmesh_meshing::parameters::ErrorMetric;
+use pixmesh_meshing::{Image, Mesh, Point};
 
 /// The linear interpolant of three samples at `p`, rounded to the nearest integer, halves up.
 pub(crate) fn value([a, b, c]: Triangle, z: [u16; 3], p: Point) -> i128 {

@@ -1,6 +1,7 @@
 //! The error of one point by each metric, in the whole numbers that removal compares.
 
-use pixmesh_meshing::{ErrorMetric, Image};
+use pixmesh_meshing::Image;
+use pixmesh_meshing::parameters::ErrorMetric;
 
 /// The error of one point's sample vector.
 pub(crate) fn error(metric: ErrorMetric, before: &[i128], after: &Vec<i128>) -> u64 {

@@ -4,7 +4,8 @@
 use super::interpolation::total_error;
 use super::metric;
 use super::triangulation::triangulate;
-use pixmesh_meshing::{ErrorBound, ErrorMetric, Image, Parameters, Plan, Point};
+use pixmesh_meshing::parameters::{ErrorBound, ErrorMetric, Plan};
+use pixmesh_meshing::{Image, Parameters, Point};
 
 /// Removes points, each time the one whose removal raises the error least, then by row
 /// and column, as the plan and the parameters say.

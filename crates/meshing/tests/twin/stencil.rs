@@ -1,7 +1,8 @@
 //! Extension, smoothing and differentiation as one explicit sum over a two-dimensional stencil, or
 //! as two with the picture cropped in between.
 
-use pixmesh_meshing::{Boundary, Parameters, Smoothing, SmoothingDirection};
+use pixmesh_meshing::Parameters;
+use pixmesh_meshing::parameters::{Boundary, Smoothing, SmoothingDirection};
 
 /// Weights around a centre, `weights[i] / divisor` for the offset `i - weights.len() / 2`.
 struct Kernel {
