@@ -204,7 +204,7 @@ fn triangulate_image(
         let measure = LazyCell::new(|| Measure::new(image, metric));
         return simplify_image(image, &measure, parameters, plan, control);
     }
-    let measure = LazyCell::new(|| Measure::with_foresight(image, metric));
+    let measure = LazyCell::new(|| Measure::with_model(image, metric));
     let made = simplify_image(image, &measure, parameters, plan, control)?;
     let Made { points, faces, removals, .. } = made;
     let errors = FaceErrors::new(&measure);

@@ -11,7 +11,7 @@ pub(crate) mod probe;
 use crate::control::{Cancelled, Control};
 use crate::dynamic_mesh::half_edges::DynamicTriangulation;
 use crate::dynamic_mesh::occupancy::Occupancy;
-use crate::face_error::quadratic_model::Outlook;
+use crate::face_error::quadratic_model::ModelPixels;
 use crate::image::Point;
 use crate::triangulation::{Face, NONE};
 use moves::Trial;
@@ -43,8 +43,8 @@ pub(crate) trait FaceMeasure: Send + Sync {
     where
         Self: Sized;
 
-    /// The points by which moves can be foreseen, where the error is the squared one on them.
-    fn outlook(&self) -> Option<Outlook<'_>> {
+    /// The pixels of the quadratic model, where the error is the squared one of these.
+    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
         None
     }
 
@@ -67,8 +67,8 @@ impl FaceMeasure for crate::face_error::FaceErrors<'_> {
         Self::another(self)
     }
 
-    fn outlook(&self) -> Option<Outlook<'_>> {
-        Self::outlook(self)
+    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+        Self::model_pixels(self)
     }
 
     fn is_weighted(&self) -> bool {
@@ -201,9 +201,9 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             && !triangulation.is_corner(triangulation.points[vertex as usize])
     }
 
-    /// Tells whether moves of vertices at small faces can be foreseen.
-    pub(crate) fn can_be_foreseen(&self) -> bool {
-        self.probe.measure.outlook().is_some()
+    /// Whether a model predicts the change of the error when a vertex moves.
+    pub(crate) fn has_model(&self) -> bool {
+        self.probe.measure.model_pixels().is_some()
     }
 
     /// Tells whether a point may become a vertex: it lies in the image and is none.

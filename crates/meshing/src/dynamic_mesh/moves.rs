@@ -8,7 +8,7 @@
 use crate::dynamic_mesh::half_edges::Ring;
 use crate::dynamic_mesh::probe::Probe;
 use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
-use crate::face_error::quadratic_model::Outlook;
+use crate::face_error::quadratic_model::ModelPixels;
 use crate::image::Point;
 
 /// The error of a triangle of a fill that has not been measured.
@@ -66,27 +66,27 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         !star.is_fenced()
     }
 
-    /// Finds the places around the vertex looked at, at most [`REACH`](crate::face_error::quadratic_model::around::REACH)
-    /// columns and rows away, that promise most, at most `count`, the best first,
-    /// among those where the error is foreseen to rise by less than `doubt` times that of the faces
-    /// around the vertex; `false` when nothing can be foreseen.
-    pub(crate) fn find_promising(
+    /// Ranks the vacant positions at some offsets from the vertex by the predicted change of the
+    /// error: the `count` lowest, in ascending order, among those below `tolerance` times the error
+    /// of the faces around the vertex. `false` when there is no prediction.
+    pub(crate) fn find_candidates(
         &mut self,
         offsets: &[(i32, i32)],
-        (count, doubt): (usize, f32),
-        promising: &mut Vec<(f32, Point)>,
+        count: usize,
+        tolerance: f32,
+        candidates: &mut Vec<(f32, Point)>,
     ) -> bool {
-        promising.clear();
-        let Some(outlook) = self.probe.measure.outlook() else { return false };
+        candidates.clear();
+        let Some(pixels) = self.probe.measure.model_pixels() else { return false };
         let from = self.triangulation.points[self.trial.vertex as usize];
         let face_count = self.probe.star.beyond.len();
-        let Some(foreseen) = outlook.foresee(from, &self.probe.boundary, face_count) else {
+        let Some(model) = pixels.model(from, &self.probe.boundary, face_count) else {
             return false;
         };
-        let around: u64 = if let Outlook::Bytes(pixels) = outlook
+        let error: u64 = if let ModelPixels::Bits8(pixels) = pixels
             && self.probe.measure.is_weighted()
         {
-            // Forecasts know no weights, so that equal ones change nothing.
+            // The model knows no weights, so the tolerance is one of errors without weights.
             let faces = self.probe.star.triangles.iter().map(|&t| self.triangulation.corners(t));
             self.trial.tried.clear();
             pixels.squared_errors(&faces.collect::<Vec<_>>(), &mut self.trial.tried);
@@ -94,15 +94,19 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         } else {
             self.probe.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum()
         };
-        let mut limit = doubt * around as f32;
+        let mut limit = tolerance * error as f32;
         for &(dx, dy) in offsets {
-            let (change, place) = (foreseen.change((dx, dy)), Point::new(from.x + dx, from.y + dy));
-            if change < limit && self.is_vacant(place) {
-                let rank = promising.partition_point(|better| better.0 <= change);
-                promising.truncate(count - 1);
-                promising.insert(rank, (change, place));
-                if promising.len() == count {
-                    limit = promising[count - 1].0;
+            let to = Point::new(from.x + dx, from.y + dy);
+            if !self.is_vacant(to) {
+                continue;
+            }
+            let change = pixels.predicted_change(&model, from, to);
+            if change < limit {
+                let rank = candidates.partition_point(|better| better.0 <= change);
+                candidates.truncate(count - 1);
+                candidates.insert(rank, (change, to));
+                if candidates.len() == count {
+                    limit = candidates[count - 1].0;
                 }
             }
         }

@@ -15,7 +15,7 @@ use crate::face_error::face_rows::for_each_row;
 use crate::face_error::flat_areas::FlatAreas;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::metrics::Metric;
-use crate::face_error::quadratic_model::Outlook;
+use crate::face_error::quadratic_model::ModelPixels;
 use crate::face_error::small_face::{Pixels, TOO_LARGE};
 use crate::face_error::weighted::weighted_error;
 use crate::image::{Image, Point};
@@ -33,10 +33,10 @@ pub(crate) struct Measure<'a> {
     level: Level,
     /// How much each point matters, where that differs.
     weights: Option<&'a [u8]>,
-    /// The points by which moves are foreseen where weights keep errors from being taken on them.
-    foreseen_on: Option<Pixels>,
-    /// The same where they have too many bits for that.
-    words: Option<Pixels<u16>>,
+    /// The pixels of the quadratic model where errors are weighted.
+    model_8_bits: Option<Pixels>,
+    /// The same where samples have more than 8 bits.
+    model_16_bits: Option<Pixels<u16>>,
 }
 
 impl<'a> Measure<'a> {
@@ -59,20 +59,20 @@ impl<'a> Measure<'a> {
             flat: None,
             level: Level::new(),
             weights: None,
-            foreseen_on: None,
-            words: None,
+            model_8_bits: None,
+            model_16_bits: None,
         }
     }
 
-    /// The same as [`new`](Self::new) where vertices are to move, by the forecast of the error of
-    /// all points alike.
-    pub(crate) fn with_foresight(image: &'a Image, metric: ErrorMetric) -> Self {
+    /// The same as [`new`](Self::new), with the pixels of the quadratic model, which knows no
+    /// weights.
+    pub(crate) fn with_model(image: &'a Image, metric: ErrorMetric) -> Self {
         let measure = Self::new(image, metric);
         if image.weights().is_some() {
-            return Self { foreseen_on: Pixels::new(image), ..measure };
+            return Self { model_8_bits: Pixels::new(image), ..measure };
         }
-        let needs_words = measure.metric.is_none() && measure.pixels.is_none();
-        Self { words: needs_words.then(|| Pixels::new(image)).flatten(), ..measure }
+        let is_wide = measure.metric.is_none() && measure.pixels.is_none();
+        Self { model_16_bits: is_wide.then(|| Pixels::new(image)).flatten(), ..measure }
     }
 }
 
@@ -171,11 +171,11 @@ impl<'m> FaceErrors<'m> {
         sum
     }
 
-    /// The points of the picture, where the squared error of small faces can be foreseen by them.
-    pub(crate) fn outlook(&self) -> Option<Outlook<'_>> {
-        let Measure { pixels, foreseen_on, words, .. } = self.measure;
-        let bytes = pixels.as_ref().or(foreseen_on.as_ref()).map(Outlook::Bytes);
-        bytes.or(words.as_ref().map(Outlook::Words))
+    /// The pixels of the quadratic model, where one predicts the squared error of small faces.
+    pub(crate) fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+        let Measure { pixels, model_8_bits, model_16_bits, .. } = self.measure;
+        let narrow = pixels.as_ref().or(model_8_bits.as_ref()).map(ModelPixels::Bits8);
+        narrow.or(model_16_bits.as_ref().map(ModelPixels::Bits16))
     }
 
     /// Tells whether some points matter more than others.
@@ -355,31 +355,31 @@ mod tests {
     }
 
     #[test]
-    fn moves_are_foreseen_by_squared_errors_of_up_to_four_components_and_weighted_ones_of_8_bits() {
-        let outlook = |component_count, precision, is_weighted, metric| {
+    fn models_squared_errors_of_four_components_and_weighted_8_bits() {
+        let model_bits = |component_count, precision, is_weighted, metric| {
             let mut image = picture(8, component_count, precision);
             if is_weighted {
                 image = image.with_weights(vec![3; 64]).unwrap();
             }
-            let measure = Measure::with_foresight(&image, metric);
-            match FaceErrors::new(&measure).outlook() {
+            let measure = Measure::with_model(&image, metric);
+            match FaceErrors::new(&measure).model_pixels() {
                 None => 0,
-                Some(Outlook::Bytes(_)) => 8,
-                Some(Outlook::Words(_)) => 16,
+                Some(ModelPixels::Bits8(_)) => 8,
+                Some(ModelPixels::Bits16(_)) => 16,
             }
         };
         let squared = ErrorMetric::MeanCompSe;
-        assert_eq!(outlook(1, 8, false, squared), 8);
-        assert_eq!(outlook(4, 8, true, squared), 8);
-        assert_eq!(outlook(1, 9, false, squared), 16);
-        assert_eq!(outlook(4, 16, false, squared), 16);
-        assert_eq!(outlook(1, 9, true, squared), 0);
-        assert_eq!(outlook(5, 8, false, squared), 0);
-        assert_eq!(outlook(3, 9, false, ErrorMetric::MeanCompAe), 0);
-        // Without foresight nothing is kept for it.
+        assert_eq!(model_bits(1, 8, false, squared), 8);
+        assert_eq!(model_bits(4, 8, true, squared), 8);
+        assert_eq!(model_bits(1, 9, false, squared), 16);
+        assert_eq!(model_bits(4, 16, false, squared), 16);
+        assert_eq!(model_bits(1, 9, true, squared), 0);
+        assert_eq!(model_bits(5, 8, false, squared), 0);
+        assert_eq!(model_bits(3, 9, false, ErrorMetric::MeanCompAe), 0);
+        // Without a model nothing is kept for it.
         let image = picture(8, 1, 9);
         let measure = Measure::new(&image, squared);
-        assert!(FaceErrors::new(&measure).outlook().is_none());
+        assert!(FaceErrors::new(&measure).model_pixels().is_none());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Samples of a picture in the lanes of vectors, those of each point side by side.
 
 use crate::face_error::small_face::LANES;
-use fearless_simd::{Simd, f32x8, i32x8, prelude::*, u8x16, u8x32, u16x8, u32x4};
+use fearless_simd::{Simd, f32x8, prelude::*, u8x16, u16x8, u32x4};
 
 /// A sample as it is kept for small faces.
 pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
@@ -16,10 +16,6 @@ pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
 
     /// The samples of the first point, again and again.
     fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S>;
-
-    /// One component of the first eight of points with one or four samples each; there are at least
-    /// sixteen samples.
-    fn component<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self], c: usize) -> f32x8<S>;
 }
 
 impl Sample for u8 {
@@ -46,15 +42,6 @@ impl Sample for u8 {
         let samples = u32::from_le_bytes(bytes) * repetitions;
         first_bytes(u32x4::splat(simd, samples).to_bytes())
     }
-
-    #[inline(always)]
-    fn component<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self], c: usize) -> f32x8<S> {
-        if STRIDE == 1 {
-            return Self::first(simd, samples);
-        }
-        let points = i32x8::from_bytes(u8x32::from_slice(simd, &samples[..4 * LANES]));
-        ((points >> (8 * c as u32)) & 255).to_float()
-    }
 }
 
 impl Sample for u16 {
@@ -75,15 +62,6 @@ impl Sample for u16 {
     fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
         let samples = &samples[..STRIDE];
         f32x8::simd_from(simd, std::array::from_fn(|lane| f32::from(samples[lane % STRIDE])))
-    }
-
-    #[inline(always)]
-    fn component<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self], c: usize) -> f32x8<S> {
-        if STRIDE == 1 {
-            return Self::first(simd, samples);
-        }
-        let samples = &samples[..STRIDE * LANES];
-        f32x8::simd_from(simd, std::array::from_fn(|lane| f32::from(samples[lane * STRIDE + c])))
     }
 }
 
@@ -110,12 +88,6 @@ mod tests {
         assert_eq!(lanes(T::first(simd, samples)), expected(&|lane| lane));
         let repeated = lanes(T::repeated::<S, STRIDE>(simd, samples));
         assert_eq!(repeated, expected(&|lane| lane % STRIDE));
-        if STRIDE != 2 {
-            for c in 0..STRIDE {
-                let component = lanes(T::component::<S, STRIDE>(simd, samples, c));
-                assert_eq!(component, expected(&|lane| lane * STRIDE + c));
-            }
-        }
     }
 
     proptest! {

@@ -300,7 +300,7 @@ mod tests {
         };
         let components = shaded.components().iter().map(finer).collect();
         let image = Image::from_bottom_up(64, 64, 12, components).unwrap();
-        let [by_forecasts, by_trials] = [Measure::with_foresight, Measure::new].map(|new| {
+        let [by_forecasts, by_trials] = [Measure::with_model, Measure::new].map(|new| {
             let measure = new(&image, ErrorMetric::MeanCompSe);
             let mesh = measured(&measure, &image, scattered());
             refine(mesh, 1, &Unattended).unwrap().total_error()

@@ -96,7 +96,7 @@ impl Relocation {
             is_due: changed.clone(),
             changed,
             order,
-            passes_over_large: mesh.can_be_foreseen() && width * height <= DENSE * count,
+            passes_over_large: mesh.has_model() && width * height <= DENSE * count,
             promising: Vec::new(),
         }
     }
@@ -257,7 +257,7 @@ impl Relocation {
         if !mesh.look_at(vertex) {
             return Moved::Fenced;
         }
-        if !mesh.find_promising(window, (PROMISING, DOUBT), &mut self.promising) {
+        if !mesh.find_candidates(window, PROMISING, DOUBT, &mut self.promising) {
             return if self.passes_over_large {
                 Moved::No
             } else {

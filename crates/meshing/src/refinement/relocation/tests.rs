@@ -32,9 +32,8 @@ fn relocated_by_brute_force(
             Look::Foresighted => {
                 let mut mesh = measured(&measure, image, points.clone());
                 let mut promising = Vec::new();
-                let most = (PROMISING, DOUBT);
                 mesh.look_at(v);
-                assert!(mesh.find_promising(&offsets(2), most, &mut promising));
+                assert!(mesh.find_candidates(&offsets(2), PROMISING, DOUBT, &mut promising));
                 promising.into_iter().map(|(_, place)| place).collect()
             }
         };
@@ -144,9 +143,9 @@ proptest! {
         let (mut all, mut few, mut likely) = (Vec::new(), Vec::new(), Vec::new());
         for v in (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect::<Vec<_>>() {
             mesh.look_at(v);
-            assert!(mesh.find_promising(&offsets(2), (24, f32::MAX), &mut all));
-            assert!(mesh.find_promising(&offsets(2), (2, f32::MAX), &mut few));
-            assert!(mesh.find_promising(&offsets(2), (24, DOUBT), &mut likely));
+            assert!(mesh.find_candidates(&offsets(2), 24, f32::MAX, &mut all));
+            assert!(mesh.find_candidates(&offsets(2), 2, f32::MAX, &mut few));
+            assert!(mesh.find_candidates(&offsets(2), 24, DOUBT, &mut likely));
             let from = points[v as usize];
             let near = |p: &Point| (p.x - from.x).abs() <= 2 && (p.y - from.y).abs() <= 2;
             let lattice = (0..9).flat_map(|y| (0..9).map(move |x| Point::new(x, y)));
@@ -176,7 +175,7 @@ fn equal_weights_change_nothing_of_what_is_promised() {
     let (plain, points) = picture(9, 9, &samples, &seeds);
     let weighted = plain.clone().with_weights(vec![77; 81]).unwrap();
     let measures =
-        [&plain, &weighted].map(|image| Measure::with_foresight(image, ErrorMetric::MeanCompSe));
+        [&plain, &weighted].map(|image| Measure::with_model(image, ErrorMetric::MeanCompSe));
     let [mut plain_mesh, mut weighted_mesh] =
         [0, 1].map(|i| measured(&measures[i], &plain, points.clone()));
     assert_eq!(weighted_mesh.total_error(), 77 * plain_mesh.total_error());
@@ -185,8 +184,8 @@ fn equal_weights_change_nothing_of_what_is_promised() {
         let promised = [&mut plain_mesh, &mut weighted_mesh].map(|mesh| {
             let (mut any, mut likely) = (Vec::new(), Vec::new());
             mesh.look_at(v);
-            assert!(mesh.find_promising(&offsets(2), (24, f32::MAX), &mut any));
-            assert!(mesh.find_promising(&offsets(2), (24, DOUBT), &mut likely));
+            assert!(mesh.find_candidates(&offsets(2), 24, f32::MAX, &mut any));
+            assert!(mesh.find_candidates(&offsets(2), 24, DOUBT, &mut likely));
             refused += any.len() - likely.len();
             (any, likely)
         });
@@ -212,7 +211,7 @@ fn places_that_promise_alike_come_nearest_first_then_by_row_then_by_column() {
     let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap() as u32;
     let mut promising = Vec::new();
     mesh.look_at(vertex);
-    assert!(mesh.find_promising(&offsets(2), (9, DOUBT), &mut promising));
+    assert!(mesh.find_candidates(&offsets(2), 9, DOUBT, &mut promising));
     let found: Vec<(i32, i32)> = promising.iter().map(|(_, p)| (p.x - 5, p.y - 5)).collect();
     let nearest = [(0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, -2)];
     assert_eq!(found, nearest);
@@ -227,7 +226,7 @@ fn nothing_is_promised_where_there_is_no_error() {
     for v in (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect::<Vec<_>>() {
         let mut promising = Vec::new();
         mesh.look_at(v);
-        assert!(mesh.find_promising(&offsets(2), (24, f32::MAX), &mut promising));
+        assert!(mesh.find_candidates(&offsets(2), 24, f32::MAX, &mut promising));
         assert_eq!(promising, []);
     }
 }
@@ -350,7 +349,7 @@ fn a_foresighted_look_passes_over_large_faces_where_they_are_few_and_forecasts_a
     {
         let components = vec![samples.clone(); component_count];
         let image = Image::from_bottom_up(width, height, precision, components).unwrap();
-        let measure = Measure::with_foresight(&image, ErrorMetric::MeanCompSe);
+        let measure = Measure::with_model(&image, ErrorMetric::MeanCompSe);
         let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
         let mut points: Vec<Point> =
             near.chain(corner_points(width, height)).chain([far]).collect();
