@@ -3,7 +3,7 @@
 use crate::driver::{Request, request};
 use crate::pictures;
 use pixmesh_codec::{Limits, decode, write_model};
-use pixmesh_meshing::{Image, Parameters, Unattended, mesh_image};
+use pixmesh_meshing::{Image, Parameters, mesh_image};
 
 /// The query of the work that capacity is measured with.
 pub(crate) const QUERY: &str = "density=2";
@@ -67,7 +67,7 @@ impl Work {
 /// Meshes a picture as the service does, in this process and without one.
 pub(crate) fn mesh_alone(picture: &[u8], parameters: &Parameters) {
     let image = decode(picture, &Limits::default()).unwrap();
-    let model = mesh_image(&image, parameters, &Unattended).unwrap();
+    let model = mesh_image(&image, parameters, &()).unwrap();
     let mut text = Vec::new();
     write_model(&model.mesh, &mut text).unwrap();
     assert!(!text.is_empty());

@@ -1,7 +1,7 @@
 //! MODEL to a mesh.
 
 use pixmesh_codec::{Limits, probe_model, read_model, write_model};
-use pixmesh_meshing::{Unattended, rasterize};
+use pixmesh_meshing::rasterize;
 
 pub(crate) const LIMITS: Limits = Limits { max_pixels: 1 << 14, max_side: 1024 };
 
@@ -13,6 +13,6 @@ pub fn run(bytes: &[u8]) {
     let mut written = Vec::new();
     write_model(&mesh, &mut written).expect("memory takes everything");
     assert_eq!(read_model(&written, &LIMITS).expect("what was written is a MODEL"), mesh);
-    let picture = rasterize(&mesh, &Unattended).expect("nobody cancels");
+    let picture = rasterize(&mesh, &()).expect("nobody cancels");
     assert_eq!((picture.width(), picture.height()), (mesh.shape().width, mesh.shape().height));
 }

@@ -8,7 +8,7 @@
 use super::input::Input;
 use super::twin::removal;
 use super::twin::triangulation::{triangles_of, triangulate};
-use pixmesh_meshing::{Image, Method, Parameters, Target, Unattended, mesh_image, sample_points};
+use pixmesh_meshing::{Image, Method, Parameters, Target, mesh_image, sample_points};
 
 /// The most columns and rows.
 const MOST: usize = 6;
@@ -43,8 +43,8 @@ fn tried(from: usize, to: usize) -> usize {
 }
 
 fn check(image: &Image, parameters: &Parameters) {
-    let made = mesh_image(image, parameters, &Unattended).expect("a size that fits");
-    let initial = sample_points(image, parameters, made.plan.initial_size, &Unattended);
+    let made = mesh_image(image, parameters, &()).expect("a size that fits");
+    let initial = sample_points(image, parameters, made.plan.initial_size, &());
     let initial = initial.expect("nobody cancels");
     let is_trimmed = made.plan.initial_size > made.plan.size || parameters.bad_point_removal;
     let expected =

@@ -3,9 +3,7 @@
 use super::Finding;
 use super::delaunay;
 use pixmesh_codec::{Limits, decode, read_model, write_glb, write_model, write_png};
-use pixmesh_meshing::{
-    Approximation, Fidelity, Image, Method, Target, Unattended, mesh_image, rasterize,
-};
+use pixmesh_meshing::{Approximation, Fidelity, Image, Method, Target, mesh_image, rasterize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
 
@@ -75,12 +73,12 @@ fn picture() -> Result<Image, String> {
 
 fn made(picture: &Image, method: Method) -> Result<Approximation, String> {
     let parameters = method.parameters(Target::Percent(DENSITY));
-    mesh_image(picture, &parameters, &Unattended).map_err(|error| format!("{method}: {error}"))
+    mesh_image(picture, &parameters, &()).map_err(|error| format!("{method}: {error}"))
 }
 
 /// Whether the mesh's figures are those of the picture rebuilt from it.
 fn check_fidelity(picture: &Image, model: &Approximation) -> Result<(), String> {
-    let rebuilt = rasterize(&model.mesh, &Unattended).map_err(|error| error.to_string())?;
+    let rebuilt = rasterize(&model.mesh, &()).map_err(|error| error.to_string())?;
     let measured = Fidelity::between(picture, &rebuilt).map_err(|error| error.to_string())?;
     let (told, found) = (model.fidelity.mse(), measured.mse());
     if told == found { Ok(()) } else { Err(format!("the error is told as {told}, but is {found}")) }

@@ -4,7 +4,7 @@ use crate::client::{Answer, send};
 use crate::pictures::disc;
 use crate::server::Server;
 use pixmesh_codec::{Limits, decode, write_model};
-use pixmesh_meshing::{Method, Target, Unattended, mesh_image};
+use pixmesh_meshing::{Method, Target, mesh_image};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -38,7 +38,7 @@ pub(crate) fn kernel_rate(period: Duration) -> f64 {
     let parameters = Method::Mgprfs.parameters(Target::Percent(2.0));
     rate(WORKERS, period, || {
         let decoded = decode(&image, &Limits::default()).unwrap();
-        let model = mesh_image(&decoded, &parameters, &Unattended).unwrap();
+        let model = mesh_image(&decoded, &parameters, &()).unwrap();
         let mut text = Vec::new();
         write_model(&model.mesh, &mut text).unwrap();
         !text.is_empty()

@@ -4,7 +4,7 @@ use crate::client::Answer;
 use crate::pictures::{disc, disc_image};
 use crate::server::Server;
 use pixmesh_codec::{Limits, decode, read_model};
-use pixmesh_meshing::{Fidelity, Unattended, rasterize};
+use pixmesh_meshing::{Fidelity, rasterize};
 
 /// Name, media type, file name, and the first bytes of every format.
 const FORMATS: [(&str, &str, &str, &[u8]); 11] = [
@@ -69,7 +69,7 @@ fn the_headers_tell_the_figures_of_the_mesh_that_the_body_holds() {
     assert_eq!(figure(&answer, "mesh-vertices"), mesh.points().len() as f64);
     assert_eq!(figure(&answer, "mesh-faces"), mesh.faces().len() as f64);
     assert_eq!(mesh.points().len(), 100);
-    let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+    let rebuilt = rasterize(&mesh, &()).unwrap();
     let fidelity = Fidelity::between(&image, &rebuilt).unwrap();
     assert_eq!(figure(&answer, "mesh-mse"), fidelity.mse());
     assert_eq!(figure(&answer, "mesh-psnr"), fidelity.psnr_db());

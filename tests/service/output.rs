@@ -3,7 +3,7 @@
 use crate::pictures::{disc, disc_image};
 use crate::server::Server;
 use pixmesh_codec::{DecodeOptions, Geometry, Relief, ReliefHeight, write_ply, write_png};
-use pixmesh_meshing::{Image, Method, Target, Unattended, mesh_image};
+use pixmesh_meshing::{Image, Method, Target, mesh_image};
 use serde_json::Value;
 
 fn number(bytes: &[u8], at: usize) -> f32 {
@@ -25,7 +25,7 @@ fn a_relief_has_the_height_asked_for_and_says_so() {
     let ran = answer.header("mesh-parameters").to_owned();
     assert!(ran.contains("relief=luma&height=7.5&base=2&pixel_size=0.5"), "{ran}");
     let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
-    let model = mesh_image(&disc_image(40, 30, 1), &parameters, &Unattended).unwrap();
+    let model = mesh_image(&disc_image(40, 30, 1), &parameters, &()).unwrap();
     let relief = Relief { height: ReliefHeight::Total(7.5), ..Relief::default() };
     let geometry =
         Geometry { relief: Some(relief), pixel_size: 0.5, base: 2.0, ..Geometry::default() };

@@ -7,7 +7,7 @@ use crate::pictures::disc;
 use crate::server::{Server, program};
 use pixmesh_codec::{DecodeOptions, write_model};
 use pixmesh_meshing::parameters::Generator;
-use pixmesh_meshing::{Method, Parameters, Target, Unattended, mesh_image};
+use pixmesh_meshing::{Method, Parameters, Target, mesh_image};
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -147,7 +147,7 @@ fn a_picture_from_a_process_is_the_one_that_the_library_decodes_and_so_are_refus
         assert!(options.may_stop_late(&image), "{kind}");
         assert!(!options.may_stop_late(&make(width, height - 200)), "{kind}");
         let decoded = options.decode(&image).unwrap();
-        let made = mesh_image(&decoded, &parameters, &Unattended).unwrap();
+        let made = mesh_image(&decoded, &parameters, &()).unwrap();
         let mut model = Vec::new();
         write_model(&made.mesh, &mut model).unwrap();
         let answer = server.mesh(QUERY, &[], &image);

@@ -4,7 +4,7 @@ use crate::client::{Answer, send};
 use crate::pictures::{disc, disc_image};
 use crate::server::{Folder, Server};
 use pixmesh_codec::{Limits, read_model, read_pmesh, read_progression};
-use pixmesh_meshing::{Fidelity, Unattended, rasterize};
+use pixmesh_meshing::{Fidelity, rasterize};
 use std::sync::Arc;
 
 /// A job of 100 vertices, which starts with 400 points.
@@ -84,7 +84,7 @@ fn the_order_of_vertices_is_one_download_from_which_a_client_makes_every_size() 
         let mesh = progression.mesh(size).unwrap();
         let model = server.get(&format!("{job}/mesh?size={size}")).body;
         assert_eq!(read_model(&model, &limits).unwrap(), mesh, "{size}");
-        let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+        let rebuilt = rasterize(&mesh, &()).unwrap();
         assert_eq!(progression.fidelity(size), Ok(Fidelity::between(&image, &rebuilt).unwrap()));
         let short = server.get(&format!("{job}/mesh?size={size}&format=progression")).body;
         let short = read_progression(&short, &limits).unwrap();

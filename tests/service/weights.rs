@@ -6,7 +6,7 @@ use crate::server::{Folder, Server};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pixmesh_codec::{Limits, decode, read_model};
-use pixmesh_meshing::{Image, Method, Target, Unattended, mesh_image};
+use pixmesh_meshing::{Image, Method, Target, mesh_image};
 use std::sync::Arc;
 
 const SIDE: usize = 48;
@@ -42,7 +42,7 @@ fn a_request_and_a_job_with_weights_make_the_mesh_that_the_library_makes() {
     let mask = mask.components()[0].iter().map(|&sample| sample as u8).collect();
     let image = decode(&picture, &limits).unwrap().with_weights(mask).unwrap();
     let parameters = Method::Mgprfs.parameters(Target::Size(120));
-    let model = mesh_image(&image, &parameters, &Unattended).unwrap();
+    let model = mesh_image(&image, &parameters, &()).unwrap();
     assert_eq!(read_model(&direct.body, &limits).unwrap(), model.mesh);
     let plain = server.mesh(QUERY, &[], &picture);
     let on_the_left = |answer: &Answer| {
@@ -67,7 +67,7 @@ fn a_request_and_a_job_with_weights_make_the_mesh_that_the_library_makes() {
         initial_size: pixmesh_meshing::parameters::InitialSize::Size(480),
         ..parameters
     };
-    let smaller = mesh_image(&image, &parameters, &Unattended).unwrap();
+    let smaller = mesh_image(&image, &parameters, &()).unwrap();
     assert_eq!(read_model(&answer.body, &limits).unwrap(), smaller.mesh);
     assert_eq!(answer.header("mesh-mse"), smaller.fidelity.mse().to_string());
 

@@ -9,7 +9,7 @@ use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
 use pixmesh_meshing::{
     Approximation, Image, MeshingError, OnThreads, ParameterError, Parameters, Progression,
-    Removal, Stage, Unattended, mesh_image, structural_similarity,
+    Removal, Stage, mesh_image, structural_similarity,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -150,7 +150,7 @@ impl MakeModel {
         let encoding = self.write(&model, texture.as_ref())?;
         self.write_compact(&image, &parameters, &model)?;
         if self.stats {
-            let ssim = structural_similarity(&image, &*picture_of(&model)?, &Unattended)?;
+            let ssim = structural_similarity(&image, &*picture_of(&model)?, &())?;
             // Statistics that nobody can read are no reason to fail.
             let _ = print_statistics(&model, ssim, decoding, &stages, encoding);
         }
@@ -184,7 +184,7 @@ impl MakeModel {
             if !parameters.is_of_points_alone() {
                 return Err(EncodeError::NotOfPointsAlone { format: "pmesh" }.into());
             }
-            let progression = Progression::new(image, &model.mesh, parameters, &Unattended)?;
+            let progression = Progression::new(image, &model.mesh, parameters, &())?;
             let mut bytes = Vec::new();
             pixmesh_codec::write_progression(&progression, &mut bytes)?;
             files::write(Some(file), &bytes)?;

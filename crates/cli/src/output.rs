@@ -7,7 +7,7 @@ use pixmesh_codec::{
     Compression, EncodeError, Geometry, GltfOptions, LengthUnit, PngCompression, Relief,
     ReliefHeight, ReliefSource, Shading, Texture, Texturing,
 };
-use pixmesh_meshing::{Approximation, Image, Unattended, rasterize};
+use pixmesh_meshing::{Approximation, Image, rasterize};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -194,7 +194,7 @@ impl OutputOptions {
 pub(crate) fn picture_of(model: &Approximation) -> Result<Cow<'_, Image>, CliError> {
     match &model.flat {
         Some(flat) => Ok(Cow::Borrowed(&flat.picture)),
-        None => Ok(Cow::Owned(rasterize(&model.mesh, &Unattended)?)),
+        None => Ok(Cow::Owned(rasterize(&model.mesh, &())?)),
     }
 }
 

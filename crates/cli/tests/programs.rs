@@ -135,11 +135,7 @@ fn statistics_go_to_standard_error_and_agree_with_the_model() {
     assert_eq!(vertex_count(&output.stdout), 40);
     let picture = |bytes: &[u8]| pixmesh_codec::decode(bytes, &pixmesh_cli::files::LIMITS).unwrap();
     let rebuilt = picture(&succeed(RASTERIZE_MODEL, "", &output.stdout));
-    let ssim = pixmesh_meshing::structural_similarity(
-        &picture(&gray_pgm()),
-        &rebuilt,
-        &pixmesh_meshing::Unattended,
-    );
+    let ssim = pixmesh_meshing::structural_similarity(&picture(&gray_pgm()), &rebuilt, &());
     let ssim = format!("ssim         {:.4}\n", ssim.unwrap().unwrap());
     assert!(statistics.contains(&ssim), "{statistics} without {ssim}");
 }

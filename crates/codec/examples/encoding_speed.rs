@@ -7,7 +7,7 @@ use pixmesh_codec::{
     Compression, Geometry, GltfOptions, PngCompression, write_glb, write_model, write_ply,
     write_png_with, write_pnm,
 };
-use pixmesh_meshing::{Mesh, Point, Shape, Unattended, rasterize};
+use pixmesh_meshing::{Mesh, Point, Shape, rasterize};
 use std::time::Instant;
 
 /// A mesh of points four pixels apart, its samples a smooth pattern with some noise.
@@ -55,9 +55,9 @@ fn main() {
         let name = format!("GLB, {compression}");
         time(&name, || written(&|out| write_glb(&mesh, &options, out).unwrap()));
     }
-    let image = rasterize(&mesh, &Unattended).unwrap();
+    let image = rasterize(&mesh, &()).unwrap();
     let samples = image.pixel_count() * image.component_count();
-    time("rebuilding", || rasterize(&mesh, &Unattended).map(|_| samples).unwrap());
+    time("rebuilding", || rasterize(&mesh, &()).map(|_| samples).unwrap());
     time("PNM", || written(&|out| write_pnm(&image, out).unwrap()));
     time("PNG, fast", || {
         written(&|out| write_png_with(&image, PngCompression::Fast, out).unwrap())

@@ -6,9 +6,7 @@
 use pixmesh_codec::{
     EncodeError, Limits, PmeshError, read_pmesh, read_progression, write_pmesh, write_progression,
 };
-use pixmesh_meshing::{
-    Image, Mesh, Method, Point, Progression, Shape, Target, Unattended, mesh_image,
-};
+use pixmesh_meshing::{Image, Mesh, Method, Point, Progression, Shape, Target, mesh_image};
 use proptest::prelude::*;
 
 fn image(width: usize, height: usize, components: usize, precision: u8, seed: usize) -> Image {
@@ -20,7 +18,7 @@ fn image(width: usize, height: usize, components: usize, precision: u8, seed: us
 }
 
 fn mesh(image: &Image, size: usize) -> Mesh {
-    mesh_image(image, &Method::Mgprfs.parameters(Target::Size(size)), &Unattended).unwrap().mesh
+    mesh_image(image, &Method::Mgprfs.parameters(Target::Size(size)), &()).unwrap().mesh
 }
 
 fn pmesh(mesh: &Mesh) -> Vec<u8> {
@@ -45,7 +43,7 @@ proptest! {
         prop_assert_eq!(&read_pmesh(&pmesh(&mesh), &limits).unwrap(), &mesh);
         prop_assert!(matches!(read_progression(&pmesh(&mesh), &limits), Err(PmeshError::NoOrder)));
         let progression =
-            Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &Unattended).unwrap();
+            Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &()).unwrap();
         let mut bytes = Vec::new();
         write_progression(&progression, &mut bytes).unwrap();
         prop_assert_eq!(read_progression(&bytes, &limits).unwrap(), progression);
@@ -62,7 +60,7 @@ proptest! {
         let mesh = mesh(&image, 30);
         let mut bytes = Vec::new();
         let progression =
-            Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &Unattended).unwrap();
+            Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &()).unwrap();
         if ordered {
             write_progression(&progression, &mut bytes).unwrap();
         } else {

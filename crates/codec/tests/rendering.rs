@@ -9,7 +9,7 @@ use pixmesh_codec::{
     Compression, Geometry, GltfOptions, Limits, Relief, Shading, Texture, decode, write_glb,
     write_gltf, write_png, write_svg,
 };
-use pixmesh_meshing::{Image, Mesh, Method, Target, Unattended, mesh_image, rasterize};
+use pixmesh_meshing::{Image, Mesh, Method, Target, mesh_image, rasterize};
 use samples::skip;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -44,7 +44,7 @@ fn picture(component_count: usize) -> Image {
 
 fn mesh_of(image: &Image) -> Mesh {
     let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
-    mesh_image(image, &parameters, &Unattended).unwrap().mesh
+    mesh_image(image, &parameters, &()).unwrap().mesh
 }
 
 /// A folder that is gone with the test.
@@ -174,7 +174,7 @@ fn rasterized_in_linear_light(mesh: &Mesh) -> Image {
     let shape = pixmesh_meshing::Shape { precision: 16, ..mesh.shape() };
     let samples = mesh.samples().iter().map(|&sample| linear(sample)).collect();
     let linear = Mesh::new(shape, mesh.points().to_vec(), samples, mesh.faces().to_vec()).unwrap();
-    let light = rasterize(&linear, &Unattended).unwrap();
+    let light = rasterize(&linear, &()).unwrap();
     let planes = light.components().iter();
     let planes = planes.map(|plane| plane.iter().map(|&sample| gamma(sample)).collect()).collect();
     Image::from_bottom_up(light.width(), light.height(), 8, planes).unwrap()
@@ -269,7 +269,7 @@ fn svg_has_no_seams_and_gradients_show_what_our_rasteriser_shows() {
         let bright = seams.components().concat().into_iter().filter(|&sample| sample > 0).count();
         assert_eq!(bright, 0, "{shading}: samples of seams");
         for (mesh, drawn) in meshes.iter().zip(drawn.by_ref()) {
-            let expected = over_magenta(&rasterize(mesh, &Unattended).unwrap());
+            let expected = over_magenta(&rasterize(mesh, &()).unwrap());
             let (mean, largest) = difference(drawn, &expected);
             let count = mesh.shape().component_count;
             println!("{shading}, {count} components: mean {mean:.3}, largest {largest}");

@@ -10,9 +10,7 @@ use pixmesh_codec::{
     PngCompression, Texture, WeightsError, read_model_while, read_progression_while,
     read_weights_while, write_model, write_png, write_png_while, write_pnm, write_progression,
 };
-use pixmesh_meshing::{
-    Cancelled, Image, Mesh, Method, Progression, Target, Unattended, mesh_image,
-};
+use pixmesh_meshing::{Cancelled, Image, Mesh, Method, Progression, Target, mesh_image};
 use samples::encoders::{bmp, gray_gif, tiff, webp};
 use samples::{gradient, jpeg, scattered};
 use std::cell::Cell;
@@ -165,7 +163,7 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
 fn large_mesh() -> (Image, Mesh) {
     let image = scattered(200, HEIGHT, 3, 8);
     let parameters = Method::Med.parameters(Target::Percent(60.0));
-    let mesh = mesh_image(&image, &parameters, &Unattended).unwrap().mesh;
+    let mesh = mesh_image(&image, &parameters, &()).unwrap().mesh;
     (image, mesh)
 }
 
@@ -191,7 +189,7 @@ fn a_model_is_read_as_long_as_it_is_wanted() {
 fn a_pmesh_is_read_as_long_as_it_is_wanted() {
     let (image, mesh) = large_mesh();
     let parameters = Method::Mgpr.parameters(Target::Size(mesh.points().len()));
-    let progression = Progression::new(&image, &mesh, &parameters, &Unattended).unwrap();
+    let progression = Progression::new(&image, &mesh, &parameters, &()).unwrap();
     let mut bytes = Vec::new();
     write_progression(&progression, &mut bytes).unwrap();
     let read =

@@ -13,7 +13,7 @@
 mod picture;
 
 use image::DynamicImage;
-use pixmesh_meshing::{Image, Method, OnThreads, Target, Unattended, mesh_image};
+use pixmesh_meshing::{Image, Method, OnThreads, Target, mesh_image};
 use std::error::Error;
 use std::num::NonZeroUsize;
 use std::str::FromStr;
@@ -169,7 +169,7 @@ fn run(
     let mut parameters = method.parameters(Target::Percent(density));
     parameters.effort = effort;
     let begun = Instant::now();
-    let model = mesh_image(image, &parameters, &OnThreads(Unattended, threads))?;
+    let model = mesh_image(image, &parameters, &OnThreads((), threads))?;
     Ok((begun.elapsed().as_secs_f64(), model.fidelity.psnr_db()))
 }
 

@@ -13,7 +13,7 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use pixmesh_meshing::parameters::Parallel;
 use pixmesh_meshing::{
-    Image, Mesh, Method, OnThreads, Parameters, Point, Target, Unattended, mesh_image, rasterize,
+    Image, Mesh, Method, OnThreads, Parameters, Point, Target, mesh_image, rasterize,
     sample_points, triangulate,
 };
 use std::fmt;
@@ -138,8 +138,8 @@ impl Case {
         self.method.parameters(Target::Percent(DENSITY))
     }
 
-    fn control(self) -> OnThreads<Unattended> {
-        OnThreads(Unattended, NonZeroUsize::new(self.threads).unwrap_or(NonZeroUsize::MIN))
+    fn control(self) -> OnThreads<()> {
+        OnThreads((), NonZeroUsize::new(self.threads).unwrap_or(NonZeroUsize::MIN))
     }
 
     fn initial_points(self, image: &Image) -> Vec<Point> {

@@ -119,11 +119,8 @@ impl<C: Control + ?Sized> Control for &C {
     }
 }
 
-/// A control that listens to nothing and never cancels.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Unattended;
-
-impl Control for Unattended {
+/// The control of unattended work: it ignores every report and never cancels.
+impl Control for () {
     fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
         Ok(())
     }
@@ -144,36 +141,49 @@ pub(crate) mod tests {
     use super::*;
     use std::sync::{Arc, Mutex};
 
-    /// Notes what it is told of progress.
-    #[derive(Default)]
-    pub(crate) struct Told(Mutex<Vec<(Stage, usize, usize)>>);
+    /// What a kernel reported: the stage, the steps done and the steps in total.
+    pub(crate) type Report = (Stage, usize, usize);
 
-    impl Control for Told {
+    /// Records every report, and cancels from a chosen poll on.
+    pub(crate) struct Recorder {
+        reports: Mutex<Vec<Report>>,
+        first_cancelled: usize,
+    }
+
+    impl Default for Recorder {
+        /// Never cancels.
+        fn default() -> Self {
+            Self::cancelling_at(usize::MAX)
+        }
+    }
+
+    impl Control for Recorder {
         fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-            self.0.lock().unwrap().push((stage, done, total));
-            Ok(())
+            let mut reports = self.reports.lock().unwrap();
+            reports.push((stage, done, total));
+            if reports.len() > self.first_cancelled { Err(Cancelled) } else { Ok(()) }
         }
     }
 
-    impl Told {
-        /// How much was done each time, in the one stage and of the one total that were told of.
+    impl Recorder {
+        /// Cancels at poll number `first_cancelled`, counted from 0, and at all later ones.
+        pub(crate) fn cancelling_at(first_cancelled: usize) -> Self {
+            Self { reports: Mutex::default(), first_cancelled }
+        }
+
+        /// All reports, in order.
+        pub(crate) fn reports(self) -> Vec<Report> {
+            self.reports.into_inner().unwrap()
+        }
+
+        /// The steps done in all reports, which must be of this stage and this total.
         pub(crate) fn done(self, stage: Stage, total: usize) -> Vec<usize> {
-            let told = self.0.into_inner().unwrap();
-            assert!(told.iter().all(|told| (told.0, told.2) == (stage, total)), "{told:?}");
-            told.into_iter().map(|(_, done, _)| done).collect()
-        }
-    }
-
-    /// Answers that the work is not wanted, on three threads.
-    struct Unwanted;
-
-    impl Control for Unwanted {
-        fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
-            Err(Cancelled)
-        }
-
-        fn threads(&self) -> NonZeroUsize {
-            THREE
+            let reports = self.reports();
+            assert!(
+                reports.iter().all(|report| (report.0, report.2) == (stage, total)),
+                "{reports:?}"
+            );
+            reports.into_iter().map(|(_, done, _)| done).collect()
         }
     }
 
@@ -192,11 +202,12 @@ pub(crate) mod tests {
         fn answers(control: &impl Control) -> (Result<(), Cancelled>, usize) {
             (control.poll(Stage::Density, 0, 1), control.threads().get())
         }
-        assert_eq!(answers(&Unwanted), (Err(Cancelled), 3));
-        assert_eq!(answers(&&Unwanted), (Err(Cancelled), 3));
-        assert_eq!(answers(&Arc::new(Unwanted)), (Err(Cancelled), 3));
-        assert_eq!(answers(&OnThreads(Unwanted, NonZeroUsize::MIN)), (Err(Cancelled), 1));
-        assert_eq!(answers(&OnThreads(Unattended, THREE)), (Ok(()), 3));
-        assert_eq!(answers(&Unattended), (Ok(()), 1));
+        let cancelling = || OnThreads(Recorder::cancelling_at(0), THREE);
+        assert_eq!(answers(&cancelling()), (Err(Cancelled), 3));
+        assert_eq!(answers(&&cancelling()), (Err(Cancelled), 3));
+        assert_eq!(answers(&Arc::new(cancelling())), (Err(Cancelled), 3));
+        assert_eq!(answers(&OnThreads(cancelling(), NonZeroUsize::MIN)), (Err(Cancelled), 1));
+        assert_eq!(answers(&OnThreads((), THREE)), (Ok(()), 3));
+        assert_eq!(answers(&()), (Ok(()), 1));
     }
 }

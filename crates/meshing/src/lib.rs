@@ -13,7 +13,7 @@
 //! state; a [`Control`] hears of progress and may cancel.
 //!
 //! ```
-//! use pixmesh_meshing::{Image, Method, Target, Unattended, mesh_image, rasterize};
+//! use pixmesh_meshing::{Image, Method, Target, mesh_image, rasterize};
 //!
 //! // A 64 by 64 picture of a bright disc, 8 bits, one component.
 //! let disc = |x: i32, y: i32| if (x - 32).pow(2) + (y - 32).pow(2) < 400 { 230 } else { 20 };
@@ -21,11 +21,11 @@
 //! let image = Image::from_bottom_up(64, 64, 8, vec![samples])?;
 //!
 //! let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
-//! let model = mesh_image(&image, &parameters, &Unattended)?;
+//! let model = mesh_image(&image, &parameters, &())?;
 //! assert_eq!(model.mesh.points().len(), 163); // 4 % of 4096
 //! assert!(model.fidelity.psnr_db() > 24.0);
 //!
-//! let rebuilt = rasterize(&model.mesh, &Unattended)?;
+//! let rebuilt = rasterize(&model.mesh, &())?;
 //! assert_eq!(rebuilt.width(), 64);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -71,7 +71,7 @@ mod removal;
 mod search;
 mod triangulation;
 
-pub use control::{Cancelled, Control, OnThreads, Stage, Unattended};
+pub use control::{Cancelled, Control, OnThreads, Stage};
 pub use density::Density;
 pub use image::{Image, ImageError, MAX_SIDE, Point, Shape};
 pub use model::flat_color::FlatColors;

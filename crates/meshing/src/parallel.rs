@@ -1,71 +1,85 @@
-//! Work on slices shared out to threads.
+//! Work shared out to threads.
+//!
+//! Only the calling thread polls the caller's [`Control`], and once that cancels, all threads stop.
 
-use crate::control::Cancelled;
+use crate::control::{Cancelled, Control, OnThreads, Stage};
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Builder};
 
-/// Less than this many elements are not worth a thread.
+/// The least number of elements for which a thread is started.
 const LEAST_SHARE: usize = 512;
 
-/// Less than this many rows are not worth one.
+/// The least number of rows for which a thread is started.
 const LEAST_ROWS: usize = 128;
 
-/// Calls `own` on this thread and `other` on more of them, each on some of the shares, until every
-/// share has had one of the two; once `own` is cancelled none is begun any more. There are as many
-/// threads as are allowed and as there are shares for, or as many as the system gives: none but this
-/// one, if it must be. Which thread takes a share must not matter.
-pub(crate) fn share_out<S: Send>(
-    threads: NonZeroUsize,
-    shares: impl ExactSizeIterator<Item = S> + Send,
-    own: impl FnMut(S) -> Result<(), Cancelled>,
-    other: impl Fn(S) + Sync,
-) -> Result<(), Cancelled> {
-    share_out_on(Builder::new, threads, shares, own, other)
+/// The control of a helper thread: it cancels once the calling thread's work is cancelled.
+struct CancelledElsewhere<'a>(&'a AtomicBool);
+
+impl Control for CancelledElsewhere<'_> {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        if self.0.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
+    }
 }
 
-/// The same on threads built as is said.
+/// Calls `work` once for each share, on at most `control.threads()` threads, of which the calling
+/// thread is one. Work on the calling thread polls `control`; work on a helper thread polls whether
+/// the calling thread's work was cancelled. No share is begun after that.
+///
+/// The result of a share must not depend on its thread: fewer threads run where the system starts
+/// no more.
+pub(crate) fn share_out<S: Send>(
+    shares: impl ExactSizeIterator<Item = S> + Send,
+    control: &dyn Control,
+    work: impl Fn(S, &dyn Control) -> Result<(), Cancelled> + Sync,
+) -> Result<(), Cancelled> {
+    share_out_on(Builder::new, shares, control, work)
+}
+
+/// [`share_out`] on threads made by `new_thread`.
 fn share_out_on<S: Send>(
     new_thread: impl Fn() -> Builder,
-    threads: NonZeroUsize,
     shares: impl ExactSizeIterator<Item = S> + Send,
-    mut own: impl FnMut(S) -> Result<(), Cancelled>,
-    other: impl Fn(S) + Sync,
+    control: &dyn Control,
+    work: impl Fn(S, &dyn Control) -> Result<(), Cancelled> + Sync,
 ) -> Result<(), Cancelled> {
-    let helpers = shares.len().min(threads.get()).saturating_sub(1);
+    let helper_count = shares.len().min(control.threads().get()).saturating_sub(1);
     let shares = Mutex::new(shares);
-    let next = || shares.lock().unwrap_or_else(PoisonError::into_inner).next();
-    let help = || {
-        while let Some(share) = next() {
-            other(share);
-        }
-    };
-    thread::scope(|scope| {
-        // Where no thread starts, the next one would not either, and its share is left to the rest.
-        (0..helpers).all(|_| new_thread().spawn_scoped(scope, help).is_ok());
-        while let Some(share) = next() {
-            own(share).inspect_err(|_| while next().is_some() {})?;
+    let is_cancelled = AtomicBool::new(false);
+    let work_on_shares = |control: &dyn Control| {
+        let next = || shares.lock().unwrap_or_else(PoisonError::into_inner).next();
+        while !is_cancelled.load(Ordering::Relaxed)
+            && let Some(share) = next()
+        {
+            work(share, control)?;
         }
         Ok(())
+    };
+    // The calling thread returns a cancellation; helper threads only stop.
+    let help = || _ = work_on_shares(&CancelledElsewhere(&is_cancelled));
+    thread::scope(|scope| {
+        // Where one thread does not start, the next would not either.
+        (0..helper_count).all(|_| new_thread().spawn_scoped(scope, help).is_ok());
+        work_on_shares(control).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed))
     })
 }
 
-/// The same with one kind of work that nobody cancels.
+/// Calls `work` once for each share, on at most this many threads, without cancellation.
 pub(crate) fn share_out_all<S: Send>(
     threads: NonZeroUsize,
     shares: impl ExactSizeIterator<Item = S> + Send,
     work: impl Fn(S) + Sync,
 ) {
-    let own = |share| {
+    let work = |share, _: &dyn Control| {
         work(share);
         Ok(())
     };
-    let _ = share_out(threads, shares, own, &work);
+    let _ = share_out(shares, &OnThreads((), threads), work);
 }
 
-/// Calls `work` on corresponding parts of two slices of one length, on as many threads as are
-/// allowed and worth it. What `work` makes of an element must not depend on its part.
+/// Calls `work` on corresponding parts of two slices of one length, on at most this many threads.
+/// What `work` makes of an element must not depend on the part it is in.
 pub(crate) fn in_parallel<A: Sync, B: Send>(
     input: &[A],
     output: &mut [B],
@@ -74,87 +88,76 @@ pub(crate) fn in_parallel<A: Sync, B: Send>(
 ) {
     let share = input.len().div_ceil(threads.get()).max(LEAST_SHARE);
     let shares = input.chunks(share).zip(output.chunks_mut(share));
-    let work = |(input, output): (&[A], &mut [B])| work(input, output);
-    share_out_all(threads, shares, work);
+    share_out_all(threads, shares, |(input, output): (&[A], &mut [B])| work(input, output));
 }
 
-/// What a band asks before each of its rows: whether to go on.
-pub(crate) type Poll<'a> = &'a dyn Fn(usize) -> Result<(), Cancelled>;
-
-/// Calls `work` on bands of whole rows of a field: with the first row of each, the band, and what to
-/// ask before each row. In the bands of the caller's own thread that is `poll`, and in the others
-/// whether it has cancelled the work.
+/// Calls `work` on bands of whole rows of a field: with the number of the band's first row, the
+/// band, and the control of its thread as [`share_out`] has it.
 pub(crate) fn in_row_bands<T: Send>(
     field: &mut [T],
     width: usize,
-    threads: NonZeroUsize,
-    poll: impl Fn(usize) -> Result<(), Cancelled>,
-    work: impl Fn(usize, &mut [T], Poll<'_>) -> Result<(), Cancelled> + Sync,
+    control: &dyn Control,
+    work: impl Fn(usize, &mut [T], &dyn Control) -> Result<(), Cancelled> + Sync,
 ) -> Result<(), Cancelled> {
-    let rows = (field.len() / width).div_ceil(threads.get()).max(LEAST_ROWS);
+    let rows = (field.len() / width).div_ceil(control.threads().get()).max(LEAST_ROWS);
     let bands = field.chunks_mut(rows * width).enumerate();
-    let is_cancelled = AtomicBool::new(false);
-    let hear = |_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
-    let ask = |y| poll(y).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed));
-    let own = |(i, band): (usize, &mut [T])| work(i * rows, band, &ask);
-    // Only a cancelled work ends early, and of that the caller's own thread tells.
-    let other = |(i, band): (usize, &mut [T])| _ = work(i * rows, band, &hear);
-    share_out(threads, bands, own, other)
+    share_out(bands, control, |(i, band): (usize, &mut [T]), control| work(i * rows, band, control))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::Recorder;
     use std::sync::atomic::AtomicUsize;
 
     const THREADS: NonZeroUsize = NonZeroUsize::new(8).unwrap();
 
-    /// A thread that no system has the memory to start.
-    fn that_never_starts() -> Builder {
+    /// A thread for whose stack no system has the memory.
+    fn never_starting() -> Builder {
         Builder::new().stack_size(1 << 60)
     }
 
     #[test]
-    fn where_no_thread_starts_the_caller_does_the_work_of_all() {
-        assert!(that_never_starts().spawn(|| ()).is_err());
-        for shares in [0, 1, 2, 7] {
-            let mut done = Vec::new();
-            let own = |share: usize| {
-                done.push(share);
+    fn caller_works_alone_where_no_thread_starts() {
+        assert!(never_starting().spawn(|| ()).is_err());
+        for count in [0, 1, 2, 7] {
+            let done = Mutex::new(Vec::new());
+            let work = |share: usize, _: &dyn Control| {
+                done.lock().unwrap().push(share);
                 Ok(())
             };
-            let other = |_| unreachable!();
-            assert_eq!(share_out_on(that_never_starts, THREADS, 0..shares, own, other), Ok(()));
-            assert_eq!(done, (0..shares).collect::<Vec<_>>());
+            let control = OnThreads((), THREADS);
+            assert_eq!(share_out_on(never_starting, 0..count, &control, work), Ok(()));
+            assert_eq!(done.into_inner().unwrap(), (0..count).collect::<Vec<_>>());
         }
     }
 
     #[test]
-    fn no_share_is_begun_after_a_cancellation() {
-        let mut begun = 0;
-        let own = |_| {
-            begun += 1;
-            Err(Cancelled)
-        };
-        let result = share_out_on(that_never_starts, THREADS, 0..5, own, |_: usize| unreachable!());
-        assert_eq!((result, begun), (Err(Cancelled), 1));
+    fn no_share_begins_after_a_cancellation() {
+        let control = OnThreads(Recorder::cancelling_at(2), THREADS);
+        let poll = |i, control: &dyn Control| control.poll(Stage::Density, i, 5);
+        assert_eq!(share_out_on(never_starting, 0..5, &control, poll), Err(Cancelled));
+        assert_eq!(control.0.done(Stage::Density, 5), [0, 1, 2]);
     }
 
     #[test]
-    fn where_threads_start_they_take_shares_that_the_caller_is_too_busy_for() {
-        let taken = AtomicBool::new(false);
-        let wait = |_| {
-            while !taken.load(Ordering::Relaxed) {
+    fn helper_threads_take_shares() {
+        let caller = thread::current().id();
+        let is_helped = AtomicBool::new(false);
+        let work = |_, _: &dyn Control| {
+            if thread::current().id() != caller {
+                is_helped.store(true, Ordering::Relaxed);
+            }
+            while !is_helped.load(Ordering::Relaxed) {
                 thread::yield_now();
             }
             Ok(())
         };
-        let take = |_: usize| taken.store(true, Ordering::Relaxed);
-        assert_eq!(share_out(THREADS, 0..2, wait, take), Ok(()));
+        assert_eq!(share_out(0..2, &OnThreads((), THREADS), work), Ok(()));
     }
 
     #[test]
-    fn every_element_is_worked_on_once_whatever_the_number_of_threads() {
+    fn every_element_is_worked_on_once() {
         let input: Vec<u32> = (0..5000).collect();
         for threads in [1, 2, 3, 16] {
             let mut output = vec![0; input.len()];
@@ -169,63 +172,37 @@ mod tests {
 
     #[test]
     fn every_row_is_in_one_band() {
-        for threads in [1, 2, 5] {
-            let mut field = vec![0; 3 * 1000];
-            let threads = NonZeroUsize::new(threads).unwrap();
-            let number = |first: usize, band: &mut [usize], poll: Poll<'_>| {
-                for (y, row) in (first..).zip(band.chunks_exact_mut(3)) {
-                    poll(y)?;
-                    row.iter_mut().for_each(|place| *place += y);
-                }
-                Ok(())
-            };
-            assert_eq!(in_row_bands(&mut field, 3, threads, |_| Ok(()), number), Ok(()));
-            assert!(field.iter().enumerate().all(|(i, &y)| y == i / 3));
-        }
-    }
-
-    #[test]
-    fn there_is_a_band_for_each_thread_and_each_knows_its_first_row() {
-        let caller = thread::current().id();
-        for (threads, bands) in [(2, 2), (5, 5), (16, 8)] {
-            let mut field: Vec<usize> = (0..3 * 1000).map(|i| i / 3).collect();
-            let (is_shared, begun) = (AtomicBool::new(false), AtomicUsize::new(0));
-            let work = |first: usize, band: &mut [usize], poll: Poll<'_>| {
-                assert_eq!(band[0], first);
+        for (threads, bands) in [(1, 1), (2, 2), (5, 5), (16, 8)] {
+            let (mut field, begun) = (vec![0; 3 * 1000], AtomicUsize::new(0));
+            let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
+            let number = |first: usize, band: &mut [usize], _: &dyn Control| {
                 begun.fetch_add(1, Ordering::Relaxed);
-                if thread::current().id() != caller {
-                    is_shared.store(true, Ordering::Relaxed);
-                }
-                poll(first)
-            };
-            // The caller lets others take bands.
-            let wait = |_| {
-                while !is_shared.load(Ordering::Relaxed) {
-                    thread::yield_now();
+                for (y, row) in (first..).zip(band.chunks_exact_mut(3)) {
+                    row.iter_mut().for_each(|element| *element += y);
                 }
                 Ok(())
             };
-            let threads = NonZeroUsize::new(threads).unwrap();
-            assert_eq!(in_row_bands(&mut field, 3, threads, wait, work), Ok(()));
+            assert_eq!(in_row_bands(&mut field, 3, &control, number), Ok(()));
+            assert!(field.iter().enumerate().all(|(i, &y)| y == i / 3));
             assert_eq!(begun.into_inner(), bands);
         }
     }
 
     #[test]
-    fn all_bands_end_when_the_caller_s_own_is_cancelled() {
+    fn cancellation_stops_all_bands() {
         for threads in [1, 2, 5] {
             let mut field = vec![0; 3 * 1000];
             let threads = NonZeroUsize::new(threads).unwrap();
-            let cancel = |y| if y < 10 { Ok(()) } else { Err(Cancelled) };
-            // The others would never end by themselves.
-            let wait = |_, _: &mut [usize], poll: Poll<'_>| {
+            let control = OnThreads(Recorder::cancelling_at(10), threads);
+            // Ends by cancellation only.
+            let wait = |_, _: &mut [usize], control: &dyn Control| {
                 for y in 0.. {
-                    poll(y)?;
+                    control.poll(Stage::Density, y, 0)?;
                     thread::yield_now();
                 }
                 Ok(())
             };
-            assert_eq!(in_row_bands(&mut field, 3, threads, cancel, wait), Err(Cancelled));
+            assert_eq!(in_row_bands(&mut field, 3, &control, wait), Err(Cancelled));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! From an image to its mesh: the stages of every method, in order.
 
-use crate::control::{Cancelled, Control, Stage, Unattended};
+use crate::control::{Cancelled, Control, Stage};
 use crate::density::luma::luma;
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::metrics::mean_error;
@@ -307,7 +307,7 @@ fn simplify_within(
     removals.truncate(count);
     let gone: HashSet<Point> = removals.iter().map(|removal| removal.point).collect();
     let kept = initial.into_iter().filter(|point| !gone.contains(point)).collect();
-    let triangulation = Triangulation::new(kept, &Unattended)?;
+    let triangulation = Triangulation::new(kept, &())?;
     let faces = triangulation.faces();
     Ok(Made { points: triangulation.points, faces, removals, squared_error: None })
 }
@@ -347,7 +347,7 @@ fn measure(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::tests::Told;
+    use crate::control::tests::Recorder;
     use crate::parameters::Target;
     use crate::parameters::choices::Policy;
     use crate::parameters::method::Method;
@@ -361,9 +361,9 @@ mod tests {
         let own = Method::Mgpr.parameters(Target::Psnr(35.0));
         let of_size = |size| {
             let target = Target::Size(size);
-            mesh_image(&weighted, &Parameters { target, ..own.clone() }, &Unattended).unwrap()
+            mesh_image(&weighted, &Parameters { target, ..own.clone() }, &()).unwrap()
         };
-        let found = mesh_image(&weighted, &own, &Unattended).unwrap();
+        let found = mesh_image(&weighted, &own, &()).unwrap();
         assert!(found.fidelity.psnr_db() >= 35.0);
         let size = found.mesh.points().len();
         assert_eq!(of_size(size).fidelity, found.fidelity);
@@ -375,9 +375,7 @@ mod tests {
         let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
         let image = Image::from_bottom_up(24, 24, 8, vec![samples]).unwrap();
         let own = Method::Mgprfs.parameters(Target::Size(60));
-        let with = |effort| {
-            mesh_image(&image, &Parameters { effort, ..own.clone() }, &Unattended).unwrap()
-        };
+        let with = |effort| mesh_image(&image, &Parameters { effort, ..own.clone() }, &()).unwrap();
         let (simplified, refined) = (with(0), with(1));
         assert_eq!(refined.removals, simplified.removals);
         assert_eq!(refined.mesh.points().len(), simplified.mesh.points().len());
@@ -399,10 +397,10 @@ mod tests {
         let image = Image::from_bottom_up(width, height, 8, vec![samples]).unwrap();
         let lattice =
             (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y)));
-        let triangulation = Triangulation::new(lattice.collect(), &Unattended).unwrap();
-        let (faces, told) = (triangulation.faces(), Told::default());
-        assert_eq!(measure(&image, &triangulation.points, &faces, &told), Ok(0));
-        assert_eq!(told.done(Stage::Measure, faces.len()), [0, 8192, 16384]);
+        let triangulation = Triangulation::new(lattice.collect(), &()).unwrap();
+        let (faces, recorder) = (triangulation.faces(), Recorder::default());
+        assert_eq!(measure(&image, &triangulation.points, &faces, &recorder), Ok(0));
+        assert_eq!(recorder.done(Stage::Measure, faces.len()), [0, 8192, 16384]);
     }
 
     #[test]
@@ -439,7 +437,7 @@ mod tests {
         let own = Method::Mgpr.parameters(Target::Size(50));
         let parameters = Parameters { error_metric: ErrorMetric::Ssim, ..own };
         let seen = |image: &Image| {
-            let ruling = ruling_image(image, &parameters, &Unattended).unwrap().unwrap();
+            let ruling = ruling_image(image, &parameters, &()).unwrap().unwrap();
             ruling.weights().unwrap().to_vec()
         };
         let alone = seen(&image);

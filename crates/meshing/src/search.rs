@@ -82,7 +82,6 @@ impl Control for SearchProgress<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::image::Image;
     use crate::model::rasterize::rasterize;
     use crate::parameters::method::Method;
@@ -100,7 +99,7 @@ mod tests {
 
     fn psnr_of_size(image: &Image, size: usize) -> f64 {
         let parameters = Method::Preview.parameters(Target::Size(size));
-        mesh_image(image, &parameters, &Unattended).unwrap().fidelity.psnr_db()
+        mesh_image(image, &parameters, &()).unwrap().fidelity.psnr_db()
     }
 
     #[test]
@@ -111,7 +110,7 @@ mod tests {
         for wanted in [MIN_SIZE, MIN_SIZE + 2, first - 3, first, first + 5, 3 * first] {
             let bound = psnr_of_size(&image, wanted);
             let parameters = Method::Preview.parameters(Target::Psnr(bound));
-            let found = mesh_image(&image, &parameters, &Unattended).unwrap();
+            let found = mesh_image(&image, &parameters, &()).unwrap();
             assert!(found.fidelity.psnr_db() >= bound, "{wanted}");
             let size = found.mesh.points().len();
             if size > MIN_SIZE {
@@ -124,7 +123,7 @@ mod tests {
     #[test]
     fn a_bound_that_every_mesh_keeps_needs_the_corners_alone() {
         let parameters = Method::Preview.parameters(Target::Psnr(1.0));
-        let found = mesh_image(&slope_with_disc(), &parameters, &Unattended).unwrap();
+        let found = mesh_image(&slope_with_disc(), &parameters, &()).unwrap();
         assert_eq!(found.mesh.points().len(), MIN_SIZE);
     }
 
@@ -165,13 +164,13 @@ mod tests {
     fn a_bound_is_kept_when_it_is_just_reached() {
         let image = slope_with_disc();
         let parameters = Method::Preview.parameters(Target::Size(40));
-        let model = mesh_image(&image, &parameters, &Unattended).unwrap();
-        let rebuilt = rasterize(&model.mesh, &Unattended).unwrap();
+        let model = mesh_image(&image, &parameters, &()).unwrap();
+        let rebuilt = rasterize(&model.mesh, &()).unwrap();
         let pairs = || image.components()[0].iter().zip(&rebuilt.components()[0]);
         let most = pairs().map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         let squared: u64 = pairs().map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum();
         let mean = squared as f64 / 1024.0;
-        let keeps = |bound| is_within(&image, &model, &parameters, bound, &Unattended).unwrap();
+        let keeps = |bound| is_within(&image, &model, &parameters, bound, &()).unwrap();
         assert!(most > 1 && mean > 1.0);
         assert!(keeps(ErrorBound::MaxError(most)) && !keeps(ErrorBound::MaxError(most - 1)));
         assert!(keeps(ErrorBound::MeanError(mean)) && !keeps(ErrorBound::MeanError(mean * 0.999)));

@@ -3,7 +3,7 @@
 use crate::extract::params::{DEFAULT_DENSITY, DEFAULT_METHOD, Order, Parameter as Row, Takes};
 use crate::problem::Kind;
 use pixmesh_codec::{Limits, decode, write_model};
-use pixmesh_meshing::{Target, Unattended, mesh_image};
+use pixmesh_meshing::{Target, mesh_image};
 use serde_json::{Value, json};
 
 /// A picture that can be written in a document: a square on a ground, as plain graymap.
@@ -16,7 +16,7 @@ const DENSITY: f64 = 40.0;
 pub(super) fn model() -> String {
     let mut text = Vec::new();
     if let Ok(image) = decode(PICTURE.as_bytes(), &Limits::default())
-        && let Ok(model) = mesh_image(&image, &order(DENSITY).parameters, &Unattended)
+        && let Ok(model) = mesh_image(&image, &order(DENSITY).parameters, &())
     {
         // Memory takes everything.
         let _ = write_model(&model.mesh, &mut text);

@@ -11,7 +11,7 @@ mod picture;
 mod wireframe;
 
 use pixmesh_codec::write_png;
-use pixmesh_meshing::{Image, Method, Target, Unattended, mesh_image, rasterize};
+use pixmesh_meshing::{Image, Method, Target, mesh_image, rasterize};
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -21,10 +21,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args_os().nth(1).ok_or("name a folder to write into")?);
     let picture = picture::balloon_over_hills()?;
     let parameters = Method::Mgprfs.parameters(Target::Percent(2.0));
-    let model = mesh_image(&picture, &parameters, &Unattended)?;
+    let model = mesh_image(&picture, &parameters, &())?;
     save(&folder.join("picture.png"), &picture)?;
     save(&folder.join("wireframe.png"), &wireframe::draw(&picture, &model.mesh, 2)?)?;
-    save(&folder.join("rebuilt.png"), &rasterize(&model.mesh, &Unattended)?)?;
+    save(&folder.join("rebuilt.png"), &rasterize(&model.mesh, &())?)?;
     let (vertices, faces) = (model.mesh.points().len(), model.mesh.faces().len());
     let psnr_db = model.fidelity.psnr_db();
     writeln!(std::io::stdout(), "{vertices} vertices, {faces} faces, {psnr_db:.2} dB")?;

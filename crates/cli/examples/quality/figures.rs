@@ -1,7 +1,7 @@
 //! What is measured of each mesh.
 
 use crate::series::{SERIES, Series};
-use pixmesh_meshing::{Image, Unattended, mesh_image, rasterize, structural_similarity};
+use pixmesh_meshing::{Image, mesh_image, rasterize, structural_similarity};
 use std::error::Error;
 use std::time::Instant;
 
@@ -46,16 +46,16 @@ pub(crate) fn measure(
             let mut model = None;
             for _ in 0..rounds {
                 let start = Instant::now();
-                model = Some(mesh_image(image, &parameters, &Unattended)?);
+                model = Some(mesh_image(image, &parameters, &())?);
                 fastest = fastest.min(start.elapsed().as_secs_f64());
             }
             let Some(model) = model else { continue };
             let (vertices, psnr_db) = (model.mesh.points().len(), model.fidelity.psnr_db());
             let rebuilt = match model.flat {
                 Some(flat) => flat.picture,
-                None => rasterize(&model.mesh, &Unattended)?,
+                None => rasterize(&model.mesh, &())?,
             };
-            let ssim = structural_similarity(image, &rebuilt, &Unattended)?.unwrap_or(f64::NAN);
+            let ssim = structural_similarity(image, &rebuilt, &())?.unwrap_or(f64::NAN);
             figures.push(Figure { series, density, vertices, psnr_db, ssim, seconds: fastest });
         }
     }

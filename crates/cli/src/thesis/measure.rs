@@ -10,7 +10,7 @@ use super::journal::{Journal, Key, Outcome};
 use super::pictures::{self, Picture};
 use super::progress::Progress;
 use crate::CliError;
-use pixmesh_meshing::{Image, Unattended, mesh_image};
+use pixmesh_meshing::{Image, mesh_image};
 use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -163,7 +163,7 @@ struct Plan<'a> {
 /// Makes a mesh, and takes the time if it is made alone.
 fn make(task: &Task<'_>, alone: bool) -> Result<Outcome, CliError> {
     let start = Instant::now();
-    let model = mesh_image(task.image, &task.case.parameters, &Unattended)?;
+    let model = mesh_image(task.image, &task.case.parameters, &())?;
     let seconds = alone.then(|| start.elapsed().as_secs_f64());
     Ok(Outcome { psnr_db: model.fidelity.psnr_db(), seconds })
 }

@@ -15,8 +15,7 @@ mod picture;
 use contest::{Contest, Yardstick};
 use image::{ImageFormat, RgbImage};
 use pixmesh_meshing::{
-    Image, Method, Parameters, Point, Target, Unattended, mesh_image, rasterize, sample_points,
-    triangulate,
+    Image, Method, Parameters, Point, Target, mesh_image, rasterize, sample_points, triangulate,
 };
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::error::Error;
@@ -75,7 +74,7 @@ fn one_shot(colours: &str, image: &Image, contest: &mut Contest) -> Outcome {
     })?;
     let goal = Some(if colours == "gray" { 0.5 } else { 1.0 });
     let title = format!("picture rebuilt, {colours}");
-    contest.time(&title, Yardstick::Decode, goal, || Ok(rasterize(&model.mesh, &Unattended)?))?;
+    contest.time(&title, Yardstick::Decode, goal, || Ok(rasterize(&model.mesh, &())?))?;
     let points = initial_points(image, &parameters)?;
     compare_triangulations(&format!("MED, {colours}"), &points, Yardstick::OneShotPoints, contest)
 }
@@ -130,7 +129,7 @@ fn compare_triangulations(
 
 fn initial_points(image: &Image, parameters: &Parameters) -> Result<Vec<Point>, Box<dyn Error>> {
     let plan = parameters.plan(image.shape())?;
-    Ok(sample_points(image, parameters, plan.initial_size, &Unattended)?)
+    Ok(sample_points(image, parameters, plan.initial_size, &())?)
 }
 
 fn spade_bulk_load(points: &[Point]) -> Result<DelaunayTriangulation<Point2<f64>>, Box<dyn Error>> {

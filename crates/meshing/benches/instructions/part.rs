@@ -3,8 +3,7 @@
 use crate::{Fallible, picture};
 use fearless_simd::Level;
 use pixmesh_meshing::{
-    Image, Method, Parameters, Point, Target, Unattended, mesh_image, rasterize, sample_points,
-    triangulate,
+    Image, Method, Parameters, Point, Target, mesh_image, rasterize, sample_points, triangulate,
 };
 use std::fmt;
 use std::hint::black_box;
@@ -61,10 +60,10 @@ pub(crate) fn run(name: &str) -> Fallible<ExitCode> {
             let points = initial_points(&image, &parameters)?;
             counted(|| Ok(triangulate(&points)))?;
         }
-        "mesh_image" => counted(|| Ok(mesh_image(&image, &parameters, &Unattended)?))?,
+        "mesh_image" => counted(|| Ok(mesh_image(&image, &parameters, &())?))?,
         _ => {
-            let mesh = mesh_image(&image, &parameters, &Unattended)?.mesh;
-            counted(|| Ok(rasterize(&mesh, &Unattended)?))?;
+            let mesh = mesh_image(&image, &parameters, &())?.mesh;
+            counted(|| Ok(rasterize(&mesh, &())?))?;
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -72,7 +71,7 @@ pub(crate) fn run(name: &str) -> Fallible<ExitCode> {
 
 fn initial_points(image: &Image, parameters: &Parameters) -> Fallible<Vec<Point>> {
     let plan = parameters.plan(image.shape())?;
-    Ok(sample_points(image, parameters, plan.initial_size, &Unattended)?)
+    Ok(sample_points(image, parameters, plan.initial_size, &())?)
 }
 
 /// Runs what is to be counted.

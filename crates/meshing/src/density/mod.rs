@@ -154,16 +154,15 @@ fn aggregate(
         // The first one of a field is written without reading: pages that were read before they are
         // written are mapped twice, and the second time interrupts all threads.
         let is_first = c < field_count;
-        let poll = |y: usize| poll_row(control, c * height + y, count * height);
+        let poll = |y, control: &dyn Control| poll_row(control, c * height + y, count * height);
         if SecondDerivatives::new(parameters, component, width).is_some() {
-            let threads = control.threads();
-            in_row_bands(field, width, threads, poll, |first_row, band, poll| {
+            in_row_bands(field, width, control, |first_row, band, control| {
                 let sweep = SecondDerivatives::new(parameters, component, width);
                 let (Some(mut sweep), mut values) = (sweep, vec![0.0; width]) else {
                     return Ok(());
                 };
                 for (y, row) in (first_row..).zip(band.chunks_exact_mut(width)) {
-                    poll(y)?;
+                    poll(y, control)?;
                     if is_first {
                         sweep.evaluate(significance, y, row);
                     } else {
@@ -176,7 +175,7 @@ fn aggregate(
         } else {
             let mut values = vec![0.0; width];
             filter.for_each_row(component, width, Order::Second, |y, row| {
-                poll(y)?;
+                poll(y, control)?;
                 let whole = &mut field[y * width..][..width];
                 if is_first {
                     significance.evaluate(row, filter.divisor(), whole);

@@ -108,16 +108,12 @@ pub(crate) fn find_all<M: FaceMeasure, T: Clone + Default + Send>(
     control: &dyn Control,
 ) -> Result<Vec<T>, Cancelled> {
     let mut found = vec![T::default(); of.len()];
-    let work = |(of, found): (&[u32], &mut [T])| {
+    let work = |(of, found): (&[u32], &mut [T]), control: &dyn Control| {
+        control.poll(Stage::Refine, 0, 1)?;
         let mut probe = new_probe();
         found.iter_mut().zip(of).for_each(|(found, &of)| *found = find(of, &mut probe));
-    };
-    let shares = of.chunks(SHARE).zip(found.chunks_mut(SHARE));
-    let own = |share| {
-        control.poll(Stage::Refine, 0, 1)?;
-        work(share);
         Ok(())
     };
-    share_out(control.threads(), shares, own, work)?;
+    share_out(of.chunks(SHARE).zip(found.chunks_mut(SHARE)), control, work)?;
     Ok(found)
 }

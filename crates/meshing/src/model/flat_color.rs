@@ -154,8 +154,7 @@ impl FaceMeasure for FlatFaces<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
-    use crate::control::tests::Told;
+    use crate::control::tests::Recorder;
     use crate::image::corner_points;
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
@@ -165,11 +164,11 @@ mod tests {
     fn the_control_is_told_of_every_64_faces() {
         let image = Image::from_bottom_up(20, 15, 9, vec![(0..300).collect()]).unwrap();
         let inner: Vec<(usize, usize)> = (0..300).map(|i| (i % 20, i / 20)).collect();
-        let (mesh, told) = (mesh_of(&image, &inner), Told::default());
-        FlatColors::new(&image, &mesh, &told).unwrap();
+        let (mesh, recorder) = (mesh_of(&image, &inner), Recorder::default());
+        FlatColors::new(&image, &mesh, &recorder).unwrap();
         let multiples: Vec<usize> = (0..mesh.faces().len()).step_by(64).collect();
         assert!(multiples.len() > 4);
-        assert_eq!(told.done(Stage::Rasterize, mesh.faces().len()), multiples);
+        assert_eq!(recorder.done(Stage::Rasterize, mesh.faces().len()), multiples);
     }
 
     /// A mesh of the corners and other points, which carries the image's samples.
@@ -198,7 +197,7 @@ mod tests {
             let components = vec![samples[..count].to_vec(), samples[81..81 + count].to_vec()];
             let image = Image::from_bottom_up(width, height, 16, components).unwrap();
             let mesh = mesh_of(&image, &inner);
-            let flat = FlatColors::new(&image, &mesh, &Unattended).unwrap();
+            let flat = FlatColors::new(&image, &mesh, &()).unwrap();
             prop_assert_eq!(Fidelity::between(&image, &flat.picture).unwrap(), flat.fidelity);
             let sums = RowSums::new(&image);
             let mut total = 0;

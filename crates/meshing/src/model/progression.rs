@@ -5,7 +5,7 @@
 //! what the preferred-directions Delaunay triangulation is. So one order holds every size, and a mesh
 //! of it costs one triangulation. The squared errors of all sizes are known, too.
 
-use crate::control::{Cancelled, Control, Stage, Unattended};
+use crate::control::{Cancelled, Control, Stage};
 use crate::density::luma::luma;
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::{FaceErrors, Measure};
@@ -229,7 +229,7 @@ impl Progression {
     /// # Errors
     /// When the size is under 4 or more than there are points.
     pub fn mesh(&self, size: usize) -> Result<Mesh, ProgressionError> {
-        self.mesh_while(size, &Unattended)
+        self.mesh_while(size, &())
     }
 
     /// The same under a control.
@@ -349,10 +349,10 @@ mod tests {
     fn check(image: &Image, parameters: &Parameters, most: usize, sizes: &[usize]) {
         let of_size = |size| {
             let target = Target::Size(size);
-            mesh_image(image, &Parameters { target, ..parameters.clone() }, &Unattended).unwrap()
+            mesh_image(image, &Parameters { target, ..parameters.clone() }, &()).unwrap()
         };
         let mesh = of_size(most).mesh;
-        let progression = Progression::new(image, &mesh, parameters, &Unattended).unwrap();
+        let progression = Progression::new(image, &mesh, parameters, &()).unwrap();
         for &size in sizes {
             let model = of_size(size);
             assert_eq!(progression.mesh(size).unwrap(), model.mesh, "{size}");

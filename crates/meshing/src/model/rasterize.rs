@@ -133,8 +133,7 @@ fn fill_row<S: Simd>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
-    use crate::control::tests::Told;
+    use crate::control::tests::Recorder;
     use crate::image::{Point, corner_points};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
@@ -146,10 +145,10 @@ mod tests {
         let (count, samples) = (faces.len(), vec![0; points.len()]);
         let shape = Shape { width: 20, height: 15, component_count: 1, precision: 8 };
         let mesh = Mesh::new(shape, points, samples, faces).unwrap();
-        let told = Told::default();
-        rasterize(&mesh, &told).unwrap();
+        let recorder = Recorder::default();
+        rasterize(&mesh, &recorder).unwrap();
         let multiples: Vec<usize> = (0..count).step_by(64).collect();
-        assert_eq!(told.done(Stage::Rasterize, count), multiples);
+        assert_eq!(recorder.done(Stage::Rasterize, count), multiples);
     }
 
     #[test]
@@ -158,7 +157,7 @@ mod tests {
         let points = [(0, 0), (4, 0), (0, 2), (4, 2)].map(|(x, y)| Point::new(x, y)).to_vec();
         let samples = vec![0, 9, 40, 9, 20, 9, 60, 9];
         let mesh = Mesh::new(shape, points, samples, vec![[0, 1, 3], [0, 3, 2]]).unwrap();
-        let image = rasterize(&mesh, &Unattended).unwrap();
+        let image = rasterize(&mesh, &()).unwrap();
         assert_eq!(image.row(0, 0), [0, 10, 20, 30, 40]);
         assert_eq!(image.row(0, 1), [10, 20, 30, 40, 50]);
         assert_eq!(image.row(0, 2), [20, 30, 40, 50, 60]);
@@ -184,7 +183,7 @@ mod tests {
             let shape = Shape { width, height, component_count, precision };
             let faces = triangulate(&points);
             let mesh = Mesh::new(shape, points, samples, faces).unwrap();
-            let vectors = rasterize(&mesh, &Unattended).unwrap();
+            let vectors = rasterize(&mesh, &()).unwrap();
             let components = vec![vec![0; width * height]; component_count];
             let mut canvas = Canvas { mesh: &mesh, width, components };
             mesh.faces().iter().for_each(|&face| canvas.fill_face(face));

@@ -10,7 +10,7 @@
 //! that its next steps are most likely to come to (see `threshold_search`), and the one taken is
 //! the one that the steps take.
 
-use crate::control::{Cancelled, Control, Stage, Unattended};
+use crate::control::{Cancelled, Control, Stage};
 use crate::density::Density;
 use crate::parallel::share_out;
 use crate::parameters::Parameters;
@@ -188,10 +188,7 @@ impl<'a> Diffusion<'a> {
         let run = |((group, chosen), counts): Group<'_>, control: &dyn Control| {
             this.run_group(group, chosen, control).map(|counted| *counts = counted)
         };
-        // Only a control cancels, and the caller's own thread alone asks it.
-        let other = |group: Group<'_>| _ = run(group, &Unattended);
-        let result =
-            share_out(this.control.threads(), groups, |group| run(group, this.control), other);
+        let result = share_out(groups, this.control, run);
         self.chosen = fields;
         result.map(|()| counts.concat())
     }
@@ -297,21 +294,8 @@ impl Density {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::tests::Told;
+    use crate::control::tests::Recorder;
     use crate::parameters::Target;
-    use std::sync::atomic::{AtomicUsize, Ordering};
-
-    /// Cancels after so many polls.
-    struct Patience(AtomicUsize);
-
-    impl Control for Patience {
-        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-            assert!(stage == Stage::Diffuse && done <= total);
-            let left = self.0.load(Ordering::Relaxed).checked_sub(1).ok_or(Cancelled)?;
-            self.0.store(left, Ordering::Relaxed);
-            Ok(())
-        }
-    }
 
     #[test]
     fn a_pass_can_be_cancelled_among_its_rows() {
@@ -319,11 +303,10 @@ mod tests {
         let density = Density { width: 4, height: 100, fields: vec![field] };
         let parameters = Parameters::new(Target::Size(90));
         for polls in 0..4 {
-            let control = Patience(AtomicUsize::new(polls));
+            let control = Recorder::cancelling_at(polls);
             assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
         }
-        let control = Patience(AtomicUsize::new(usize::MAX));
-        let marks = diffuse_to_size(&density, 90, &parameters, &control).unwrap();
+        let marks = diffuse_to_size(&density, 90, &parameters, &()).unwrap();
         assert!(marks.iter().map(|&mark| usize::from(mark)).sum::<usize>().abs_diff(90) <= 10);
     }
 
@@ -333,13 +316,13 @@ mod tests {
         let density = Density { width: 4, height: 2000, fields: vec![field] };
         let parameters =
             Parameters { startup: Startup::Classic, ..Parameters::new(Target::Size(900)) };
-        let told = Told::default();
-        let mut diffusion = Diffusion::new(&density, 900, &parameters, &told).unwrap();
+        let recorder = Recorder::default();
+        let mut diffusion = Diffusion::new(&density, 900, &parameters, &recorder).unwrap();
         diffusion.run(&[0.1]).unwrap();
         diffusion.tries = 3;
         diffusion.run(&[0.2]).unwrap();
         let rows = 2000_usize.div_ceil(32);
-        let done = told.done(Stage::Diffuse, MAX_TRIES);
+        let done = recorder.done(Stage::Diffuse, MAX_TRIES);
         assert_eq!(done, [vec![0; rows], vec![3; rows]].concat());
     }
 

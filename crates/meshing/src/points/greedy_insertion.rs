@@ -155,8 +155,7 @@ fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
-    use crate::control::tests::Told;
+    use crate::control::tests::Recorder;
     use crate::triangulation::Face;
     use proptest::prelude::*;
 
@@ -169,7 +168,7 @@ mod tests {
         ) {
             let image = Image::from_bottom_up(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
             let metric = ErrorMetric::MeanCompSe;
-            let points = inserted_points(&image, metric, size, &Unattended).unwrap();
+            let points = inserted_points(&image, metric, size, &()).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
             let faces = triangulate(&points);
             let measure = Measure::new(&image, metric);
@@ -248,9 +247,9 @@ mod tests {
     fn the_control_is_asked_before_the_first_insertion_and_every_64_points() {
         let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 8, vec![samples]).unwrap();
-        let told = Told::default();
-        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &told).unwrap();
-        assert_eq!((points.len(), told.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
+        let recorder = Recorder::default();
+        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &recorder).unwrap();
+        assert_eq!((points.len(), recorder.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
     }
 
     #[test]
@@ -260,7 +259,7 @@ mod tests {
         let weights = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();
         let weighted = image.with_weights(weights).unwrap();
         let metric = ErrorMetric::MeanCompSe;
-        let points = inserted_points(&weighted, metric, 60, &Unattended).unwrap();
+        let points = inserted_points(&weighted, metric, 60, &()).unwrap();
         assert_eq!(points.len(), 60);
         let corners = corner_points(20, 20);
         assert!(points.iter().all(|point| point.x < 8 || corners.contains(point)), "{points:?}");

@@ -170,7 +170,6 @@ mod tests {
 
     #[test]
     fn insertion_gives_no_more_points_than_asked_for_unless_all_are() {
-        use crate::control::Unattended;
         use crate::parameters::Target;
         use crate::parameters::method::Method;
 
@@ -178,7 +177,7 @@ mod tests {
         let image = Image::from_bottom_up(8, 8, 8, vec![samples]).unwrap();
         let of = |size| {
             let parameters = Method::Preview.parameters(Target::Size(size));
-            sample_points(&image, &parameters, size, &Unattended).unwrap().len()
+            sample_points(&image, &parameters, size, &()).unwrap().len()
         };
         assert_eq!(of(5), 5);
         assert!(of(20) <= 20 && of(63) < 63, "nearly all of it is flat");

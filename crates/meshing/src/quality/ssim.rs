@@ -43,10 +43,10 @@ const FIELDS: usize = 5;
 /// When the control cancels.
 ///
 /// ```
-/// use pixmesh_meshing::{Image, Unattended, structural_similarity};
+/// use pixmesh_meshing::{Image, structural_similarity};
 ///
 /// let ramp = Image::from_bottom_up(16, 16, 8, vec![(0..256).map(|i| i as u16).collect()])?;
-/// assert_eq!(structural_similarity(&ramp, &ramp, &Unattended)?, Some(1.0));
+/// assert_eq!(structural_similarity(&ramp, &ramp, &())?, Some(1.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn structural_similarity(
@@ -137,7 +137,6 @@ impl Index {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
 
     fn gray(side: usize, sample: impl Fn(usize, usize) -> u16) -> Image {
         let samples = (0..side * side).map(|i| sample(i % side, i / side)).collect();
@@ -145,7 +144,7 @@ mod tests {
     }
 
     fn index(first: &Image, second: &Image) -> f64 {
-        structural_similarity(first, second, &Unattended).unwrap().unwrap()
+        structural_similarity(first, second, &()).unwrap().unwrap()
     }
 
     #[test]
@@ -252,7 +251,7 @@ mod tests {
     #[test]
     fn pictures_smaller_than_the_window_have_no_index() {
         let small = gray(10, |x, _| x as u16);
-        assert_eq!(structural_similarity(&small, &small, &Unattended), Ok(None));
+        assert_eq!(structural_similarity(&small, &small, &()), Ok(None));
     }
 
     #[test]

@@ -132,7 +132,6 @@ pub(crate) fn ruling_image(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
 
     fn gray(width: usize, height: usize, of: impl Fn(usize, usize) -> u16) -> Image {
         let samples = (0..width * height).map(|i| of(i % width, i / width)).collect();
@@ -142,7 +141,7 @@ mod tests {
     #[test]
     fn plain_areas_are_more_sensitive_than_busy_ones() {
         let picture = gray(40, 20, |x, y| if x < 20 { 90 } else { (x * 71 + y * 97) as u16 % 256 });
-        let weights = sensitivity(&picture, &Unattended).unwrap();
+        let weights = sensitivity(&picture, &()).unwrap();
         assert_eq!(weights[10 * 40 + 3], 255);
         assert!(weights[10 * 40 + 35] < 40);
     }
@@ -188,7 +187,7 @@ mod tests {
                     .collect()
             };
             let image = Image::from_bottom_up(width, height, 8, vec![plane(3), plane(8)]).unwrap();
-            let weights = sensitivity(&image, &Unattended).unwrap();
+            let weights = sensitivity(&image, &()).unwrap();
             let expected = by_definition(&image);
             assert_eq!(weights.len(), expected.len());
             for (i, (&weight, expected)) in weights.iter().zip(&expected).enumerate() {

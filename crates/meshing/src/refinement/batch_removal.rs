@@ -74,7 +74,7 @@ fn cheapest(costs: &mut [Cost], count: usize) -> &[Cost] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{OnThreads, Unattended};
+    use crate::control::OnThreads;
     use crate::image::Point;
     use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
     use crate::triangulation::{Face, triangulate};
@@ -91,7 +91,7 @@ mod tests {
             (part, threads) in (0usize..=100, 1usize..4),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let (measure, control) = (measure_of(&image), OnThreads(Unattended, NonZeroUsize::new(threads).unwrap()));
+            let (measure, control) = (measure_of(&image), OnThreads((), NonZeroUsize::new(threads).unwrap()));
             let mut mesh = measured(&measure, &image, points.clone());
             let count = (points.len() - 4) * part / 100;
             let mut heard = Vec::new();
@@ -137,7 +137,7 @@ mod tests {
         let (image, points) = picture(8, 8, &samples, &seeds);
         let measure = measure_of(&image);
         let mut mesh = measured(&measure, &image, points);
-        remove_in_batches(&mut mesh, usize::MAX, |_| (), &Unattended).unwrap();
+        remove_in_batches(&mut mesh, usize::MAX, |_| (), &()).unwrap();
         assert_eq!(mesh.vertex_count(), 4);
     }
 }

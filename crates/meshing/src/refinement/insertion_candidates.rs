@@ -134,7 +134,6 @@ fn weighted_mean(corners: [Point; 3], weights: [i32; 3]) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
@@ -150,7 +149,7 @@ mod tests {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mesh, usize::MAX, 0, &Unattended).unwrap();
+            let mut openings = Openings::find(&mesh, usize::MAX, 0, &()).unwrap();
             let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
             let before = error(&points);
             let gain = |place: Point| {
@@ -176,7 +175,7 @@ mod tests {
             prop_assert_eq!(&found, &expected);
             // Of these, only those that are worth more than something.
             let worth_more = |least: i64| {
-                let mut openings = Openings::find(&mesh, usize::MAX, least, &Unattended).unwrap();
+                let mut openings = Openings::find(&mesh, usize::MAX, least, &()).unwrap();
                 let gains = std::iter::from_fn(|| openings.pop(&mesh)).map(|opening| opening.gain);
                 gains.collect::<Vec<i64>>()
             };

@@ -245,7 +245,6 @@ fn decibels_to_goal(error_at_first: u64, error: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::face_error::{FaceErrors, Measure};
     use crate::image::{Image, Point, corner_points};
     use crate::model::flat_color::{FlatFaces, RowSums};
@@ -283,7 +282,7 @@ mod tests {
         let errors: Vec<u64> = (0..=9)
             .map(|effort| {
                 let mesh = measured(&measure, &image, points.clone());
-                refine(mesh, effort, &Unattended).unwrap().total_error()
+                refine(mesh, effort, &()).unwrap().total_error()
             })
             .collect();
         let known =
@@ -303,7 +302,7 @@ mod tests {
         let [by_forecasts, by_trials] = [Measure::with_model, Measure::new].map(|new| {
             let measure = new(&image, ErrorMetric::MeanCompSe);
             let mesh = measured(&measure, &image, scattered());
-            refine(mesh, 1, &Unattended).unwrap().total_error()
+            refine(mesh, 1, &()).unwrap().total_error()
         });
         assert_eq!((by_forecasts, by_trials), (218_475_408, 217_276_596));
     }
@@ -330,7 +329,7 @@ mod tests {
             let mesh = measured(&measure, &image, points.clone());
             let (relocation, error_at_first) = (Relocation::new(&mesh), mesh.total_error());
             let mut refinement = Refinement { mesh, relocation, error_at_first };
-            refinement.reach(decibels, &Unattended).unwrap();
+            refinement.reach(decibels, &()).unwrap();
             let mesh = refinement.mesh;
             // Growth gives numbers to more vertices than stay.
             assert_eq!(mesh.vertex_count(), points.len());
@@ -362,10 +361,10 @@ mod tests {
             let mesh = measured(&measure, &image, points.clone());
             let relocation = Relocation::new(&mesh);
             let mut refinement = Refinement { mesh, relocation, error_at_first: 0 };
-            refinement.relocate(look, &Unattended).unwrap();
+            refinement.relocate(look, &()).unwrap();
             let passed = |scope| {
                 let mut mesh = measured(&measure, &image, points.clone());
-                Relocation::new(&mesh).pass(&mut mesh, (look, scope), &Unattended).unwrap();
+                Relocation::new(&mesh).pass(&mut mesh, (look, scope), &()).unwrap();
                 mesh.total_error()
             };
             assert_eq!(refinement.mesh.total_error(), passed(scope), "{look:?}");
@@ -388,7 +387,7 @@ mod tests {
             // All of the decibel is lacking, or twice the error has been there.
             let (relocation, error_at_first) = (Relocation::new(&mesh), part * mesh.total_error());
             let mut refinement = Refinement { mesh, relocation, error_at_first };
-            refinement.take(step, &Unattended).unwrap();
+            refinement.take(step, &()).unwrap();
             // 25, 20, 14 and 0 percent of 104.
             let numbered = refinement.mesh.triangulation.points.len();
             assert_eq!(numbered - points.len(), more, "{step:?}, {part}");
@@ -405,7 +404,7 @@ mod tests {
         let faces = triangulate(&points);
         let mesh = MeasuredMesh::new(points, &faces, (40, 40), FlatFaces::new(&sums));
         let before = mesh.total_error();
-        let refined = refine(mesh, 5, &Unattended).unwrap();
+        let refined = refine(mesh, 5, &()).unwrap();
         let (points, faces, _) = refined.triangulation.mesh();
         let error = |face: &Face| FlatFaces::new(&sums).error(face.map(|v| points[v as usize]));
         assert_eq!(refined.total_error(), faces.iter().map(error).sum::<u64>());
@@ -425,11 +424,11 @@ mod tests {
             Refinement { mesh, relocation, error_at_first: 0 }
         };
         let (mut at_once, mut in_turn) = (new(), new());
-        at_once.take(Step::GrowWhileItPays(10), &Unattended).unwrap();
+        at_once.take(Step::GrowWhileItPays(10), &()).unwrap();
         let mut errors = vec![in_turn.mesh.total_error()];
         let mut paid = true;
         while paid {
-            paid = in_turn.grow(10, THOROUGH, &Unattended).unwrap();
+            paid = in_turn.grow(10, THOROUGH, &()).unwrap();
             let (before, after) = (errors[errors.len() - 1], in_turn.mesh.total_error());
             assert_eq!(paid, (before - after) * 5000 >= before, "{before} to {after}");
             errors.push(after);
@@ -514,7 +513,7 @@ mod tests {
             let (measure, count) = (measure_of(&image), points.len());
             let mut last = measured(&measure, &image, points.clone()).total_error();
             for effort in [0, 1, 3, 6, 9] {
-                let mesh = refine(measured(&measure, &image, points.clone()), effort, &Unattended).unwrap();
+                let mesh = refine(measured(&measure, &image, points.clone()), effort, &()).unwrap();
                 let (points, faces, _) = mesh.triangulation.mesh();
                 prop_assert_eq!(points.len(), count);
                 prop_assert_eq!(&faces, &triangulate(&points));
@@ -538,7 +537,7 @@ mod tests {
             let mut refinement = Refinement { mesh, relocation, error_at_first: 0 };
             for _ in 0..4 {
                 let before = (refinement.mesh.total_error(), refinement.mesh.triangulation.mesh());
-                let paid = refinement.grow(30, THOROUGH, &Unattended).unwrap();
+                let paid = refinement.grow(30, THOROUGH, &()).unwrap();
                 if refinement.mesh.total_error() == before.0 {
                     prop_assert!(!paid);
                     prop_assert_eq!(refinement.mesh.triangulation.mesh(), before.1);

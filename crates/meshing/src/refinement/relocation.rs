@@ -13,9 +13,9 @@ use crate::dynamic_mesh::moves::{Choice, Moved};
 use crate::dynamic_mesh::partition::{Cuts, Part, Partition};
 use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
 use crate::image::Point;
-use crate::parallel::{Poll, share_out};
+use crate::parallel::share_out;
 use crate::removal::vertex_order::tile_order;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Places that a foresighted look tries at most.
 const PROMISING: usize = 3;
@@ -163,29 +163,17 @@ impl Relocation {
         patches.resize_with(orders.len(), || None);
         let count = self.order.len();
         let (total, done) = (3 * count, AtomicUsize::new(cuts as usize * count));
-        let is_cancelled = AtomicBool::new(false);
-        let hear = |_| if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
-        let ask = |i| {
-            let poll = control.poll(Stage::Refine, done.load(Ordering::Relaxed) + i, total);
-            poll.inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed))
-        };
-        let work = |number: u32, order: Vec<u32>, poll: Poll<'_>| {
-            let (mut patch, is_inner) = mesh.patch(&partition, number);
-            let mut relocation = self.of_part(&partition.parts[number as usize], order, &is_inner);
-            let looked_at = relocation.look_in_order(&mut patch, look, poll)?;
+        let work = |(number, (slot, order)): (usize, (&mut Option<_>, _)),
+                    control: &dyn Control| {
+            let poll = |i| control.poll(Stage::Refine, done.load(Ordering::Relaxed) + i, total);
+            let (mut patch, is_inner) = mesh.patch(&partition, number as u32);
+            let mut relocation = self.of_part(&partition.parts[number], order, &is_inner);
+            let looked_at = relocation.look_in_order(&mut patch, look, &poll)?;
             done.fetch_add(relocation.order.len(), Ordering::Relaxed);
-            Ok((patch, relocation, looked_at))
-        };
-        let shares = patches.iter_mut().zip(orders).enumerate();
-        let own = |(number, (patch, order)): (usize, (&mut Option<_>, _))| {
-            *patch = Some(work(number as u32, order, &ask)?);
+            *slot = Some((patch, relocation, looked_at));
             Ok(())
         };
-        // Only a cancelled work ends early, and of that the caller's own thread tells.
-        let other = |(number, (patch, order)): (usize, (&mut Option<_>, _))| {
-            *patch = work(number as u32, order, &hear).ok();
-        };
-        share_out(control.threads(), shares, own, other)?;
+        share_out(patches.iter_mut().zip(orders).enumerate(), control, work)?;
         let (before, mut all_looked_at) = (mesh.total_error(), 0);
         for (part, patch) in partition.parts.iter().zip(patches) {
             let Some((patch, relocation, looked_at)) = patch else { return Err(Cancelled) };
@@ -217,7 +205,7 @@ impl Relocation {
         &mut self,
         mesh: &mut MeasuredMesh<M>,
         look: Look,
-        poll: Poll<'_>,
+        poll: &dyn Fn(usize) -> Result<(), Cancelled>,
     ) -> Result<usize, Cancelled> {
         let (near, window, mut looked_at) = (offsets(1), offsets(2), 0);
         for i in 0..self.order.len() {

@@ -50,7 +50,6 @@ impl RemovalCosts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
@@ -66,7 +65,7 @@ mod tests {
             let (image, mut points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mut mesh = measured(&measure, &image, points.clone());
-            let mut costs = RemovalCosts::new(&mesh, &Unattended).unwrap();
+            let mut costs = RemovalCosts::new(&mesh, &()).unwrap();
             let error = |points: &[_]| sum_of_errors(&image, points, &triangulate(points)) as i64;
             let numbers = points.clone();
             while let Some((cost, vertex)) = costs.cheapest() {

@@ -60,7 +60,6 @@ fn swap<M: FaceMeasure>(mesh: &mut MeasuredMesh<M>, vertex: u32, opening: Openin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
@@ -77,7 +76,7 @@ mod tests {
             let measure = measure_of(&image);
             let mut mesh = measured(&measure, &image, points);
             let mut relocation = Relocation::new(&mesh);
-            swap_vertices(&mut mesh, usize::MAX, &mut relocation, &Unattended).unwrap();
+            swap_vertices(&mut mesh, usize::MAX, &mut relocation, &()).unwrap();
             mesh.total_error()
         });
         assert_eq!(errors, [17288, 16770, 18354, 18038, 7338, 15639]);
@@ -94,7 +93,7 @@ mod tests {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mesh, usize::MAX, 0, &Unattended).unwrap();
+            let mut openings = Openings::find(&mesh, usize::MAX, 0, &()).unwrap();
             let vertices: Vec<u32> =
                 (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect();
             let Some(opening) = openings.pop(&mesh) else { return Ok(()) };
@@ -130,7 +129,7 @@ mod tests {
             let mut mesh = measured(&measure, &image, points.clone());
             let before = mesh.total_error();
             let mut relocation = Relocation::new(&mesh);
-            swap_vertices(&mut mesh, usize::MAX, &mut relocation, &Unattended).unwrap();
+            swap_vertices(&mut mesh, usize::MAX, &mut relocation, &()).unwrap();
             let (left, faces, _) = mesh.triangulation.mesh();
             prop_assert_eq!(left.len(), points.len());
             prop_assert_eq!(&faces, &triangulate(&left));

@@ -136,7 +136,6 @@ fn prepare_all(share: &mut [Prepared], remover: &mut Remover<'_>, net: &Net<'_, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::image::{Image, Point};
     use crate::parameters::choices::ErrorMetric;
     use crate::removal::{Prepared as Begun, StopRule, prepare};
@@ -159,10 +158,10 @@ mod tests {
     fn begun<'a>(image: &'a Image, measure: &Measure<'_>) -> Begun<'a> {
         let lattice =
             (0..SIDE as i32).flat_map(|y| (0..SIDE as i32).map(move |x| Point::new(x, y)));
-        let triangulation = Triangulation::new(lattice.collect(), &Unattended).unwrap();
+        let triangulation = Triangulation::new(lattice.collect(), &()).unwrap();
         let metric = ErrorMetric::MeanCompSe;
         let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
-        prepare(image, triangulation, rule, measure, u32::BITS, &Unattended).unwrap()
+        prepare(image, triangulation, rule, measure, u32::BITS, &()).unwrap()
     }
 
     fn assert_same(foreseen: &[Neighbour], fresh: &[Neighbour]) {

@@ -77,7 +77,6 @@ impl FaceMeasure for Breaches<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
     use crate::parameters::choices::{ErrorMetric, Parallel};
@@ -86,10 +85,10 @@ mod tests {
 
     /// The largest difference of a sample in the mesh of some points.
     fn largest(image: &Image, points: &[Point]) -> u16 {
-        let triangulation = Triangulation::new(points.to_vec(), &Unattended).unwrap();
+        let triangulation = Triangulation::new(points.to_vec(), &()).unwrap();
         let faces = triangulation.faces();
         let mesh = Mesh::of_samples(image, points.to_vec(), faces);
-        let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+        let rebuilt = rasterize(&mesh, &()).unwrap();
         let samples = image.components().concat().into_iter().zip(rebuilt.components().concat());
         samples.map(|(a, b)| a.abs_diff(b)).max().unwrap()
     }
@@ -102,12 +101,12 @@ mod tests {
         let lattice: Vec<Point> = (0..side as i32)
             .flat_map(|y| (0..side as i32).map(move |x| Point::new(x, y)))
             .collect();
-        let triangulation = Triangulation::new(lattice.clone(), &Unattended).unwrap();
+        let triangulation = Triangulation::new(lattice.clone(), &()).unwrap();
         let faces = triangulation.faces();
         let metric = ErrorMetric::MeanCompSe;
         let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
         let removals =
-            simplify(&image, triangulation, rule, Parallel::Exact, &Unattended).unwrap().removals;
+            simplify(&image, triangulation, rule, Parallel::Exact, &()).unwrap().removals;
         // The largest differences after none of the removals, after one, and so on.
         let mut points = lattice.clone();
         let mut differences = vec![0];
@@ -118,13 +117,12 @@ mod tests {
         for most in 0..45 {
             let expected = differences.iter().position(|&difference| difference > most);
             let expected = expected.map_or(removals.len(), |first| first - 1);
-            let within =
-                removals_within(&image, lattice.clone(), &faces, &removals, most, &Unattended);
+            let within = removals_within(&image, lattice.clone(), &faces, &removals, most, &());
             assert_eq!(within, Ok(expected), "{most}");
         }
         // Meshes that break the bound before any removal, one of them more than after it.
         let corners = [(0, 0), (8, 0), (4, 4), (0, 8), (8, 8)].map(|(x, y)| Point::new(x, y));
-        let faces = Triangulation::new(corners.to_vec(), &Unattended).unwrap().faces();
+        let faces = Triangulation::new(corners.to_vec(), &()).unwrap().faces();
         let removal = Removal { point: Point::new(4, 4), change: 0 };
         let sample = |i| if i == 4 * side + 4 { 40 } else { 0 };
         let peak =
@@ -132,7 +130,7 @@ mod tests {
                 .unwrap();
         for image in [&image, &peak] {
             let points = corners.to_vec();
-            let within = removals_within(image, points, &faces, &[removal], 1, &Unattended);
+            let within = removals_within(image, points, &faces, &[removal], 1, &());
             assert_eq!(within, Ok(0));
         }
     }

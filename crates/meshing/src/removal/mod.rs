@@ -425,7 +425,6 @@ fn faces_at(vertex: u32, net: &Net<'_, impl StarSource>, numbers: &[u32], faces:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::removal::star::Star;
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
@@ -497,12 +496,12 @@ mod tests {
             samples in prop::collection::vec(0u16..64, 64),
         ) {
             let image = picture(width, height, &samples);
-            let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
+            let triangulation = Triangulation::new(all_points(width, height), &()).unwrap();
             let metric = ErrorMetric::MeanCompSe;
             let measure = Measure::new(&image, metric);
             let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
             let Prepared { vertices, stars, entries, mut tally } =
-                prepare(&image, triangulation, rule, &measure, ALL_DIGITS, &Unattended).unwrap();
+                prepare(&image, triangulation, rule, &measure, ALL_DIGITS, &()).unwrap();
             let mut simplification =
                 Simplification::new(&vertices, stars.into_one(), entries, &measure);
             while let Some(first) = simplification.queue.first() {

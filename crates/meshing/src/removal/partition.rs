@@ -22,7 +22,6 @@ use crate::removal::{Prepared, Simplified, StopRule, Tally, Vertices, touch_next
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Vertices of a tile, as a power of two, where there are many: what is known of them and their part of
 /// a picture lie in a second-level cache.
@@ -140,13 +139,10 @@ fn remove_in_groups(
     tally: &mut Tally<'_>,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
-    let is_cancelled = AtomicBool::new(false);
-    let hear = || if is_cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) };
-    let ask = || tally.poll(control).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed));
-    let own = |group: &mut Group<'_, '_>| group.remove_own(limit, &ask);
-    // Only a cancelled work ends early, and of that the caller's own thread tells.
-    let other = |group: &mut Group<'_, '_>| _ = group.remove_own(limit, &hear);
-    share_out(control.threads(), groups.iter_mut(), own, other)?;
+    let before: &Tally<'_> = tally;
+    share_out(groups.iter_mut(), control, |group, control| {
+        group.remove_own(limit, &|| before.poll(control))
+    })?;
     note_gone(&groups, tally);
     Ok(())
 }
@@ -325,7 +321,7 @@ impl Group<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{OnThreads, Unattended};
+    use crate::control::OnThreads;
     use crate::dynamic_mesh::MeasuredMesh;
     use crate::face_error::FaceErrors;
     use crate::image::{Image, Point};
@@ -343,9 +339,9 @@ mod tests {
     fn remove(image: &Image, size: usize, digits: u32, threads: usize) -> Simplified {
         let rule = rule(size);
         let points = all_points(image.width(), image.height());
-        let triangulation = Triangulation::new(points, &Unattended).unwrap();
+        let triangulation = Triangulation::new(points, &()).unwrap();
         let measure = Measure::new(image, rule.metric);
-        let control = OnThreads(Unattended, NonZeroUsize::new(threads).unwrap());
+        let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let prepared = prepare(image, triangulation, rule, &measure, digits, &control).unwrap();
         remove_by_tiles(prepared, &measure, digits, &control).unwrap()
     }
@@ -400,9 +396,8 @@ mod tests {
     fn a_single_tile_is_simplified_in_the_exact_order() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
-        let triangulation = Triangulation::new(all_points(30, 30), &Unattended).unwrap();
-        let exact =
-            simplify(&image, triangulation, rule(100), Parallel::Exact, &Unattended).unwrap();
+        let triangulation = Triangulation::new(all_points(30, 30), &()).unwrap();
+        let exact = simplify(&image, triangulation, rule(100), Parallel::Exact, &()).unwrap();
         assert_eq!(remove(&image, 100, 10, 2).removals, exact.removals);
         // In several tiles the order is another one, or the test would be of nothing.
         assert_ne!(remove(&image, 100, 5, 2).removals, exact.removals);
@@ -415,8 +410,8 @@ mod tests {
         let image = Image::from_bottom_up(width, height, 4, vec![plane]).unwrap();
         let size = width * height - 1000;
         let removals = |parallel| {
-            let triangulation = Triangulation::new(all_points(width, height), &Unattended).unwrap();
-            simplify(&image, triangulation, rule(size), parallel, &Unattended).unwrap().removals
+            let triangulation = Triangulation::new(all_points(width, height), &()).unwrap();
+            simplify(&image, triangulation, rule(size), parallel, &()).unwrap().removals
         };
         let by_tiles_of = |digits| remove(&image, size, digits, 1).removals;
         assert!(removals(Parallel::Tiles) == by_tiles_of(LEAST_TILE));
@@ -444,10 +439,10 @@ mod tests {
     fn a_limit_has_as_many_below_it_as_asked_for_and_quotas_are_twice_these() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
-        let triangulation = Triangulation::new(all_points(30, 30), &Unattended).unwrap();
+        let triangulation = Triangulation::new(all_points(30, 30), &()).unwrap();
         let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
         let Prepared { stars, entries, .. } =
-            prepare(&image, triangulation, rule(4), &measure, 6, &Unattended).unwrap();
+            prepare(&image, triangulation, rule(4), &measure, 6, &()).unwrap();
         let mut tiles = tiles(stars, entries.clone());
         assert_eq!(tiles.len(), 900_usize.div_ceil(64));
         for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2)] {

@@ -14,7 +14,7 @@ pub(crate) mod predicates;
 pub(crate) mod small_hole;
 mod sweep;
 
-use crate::control::{Cancelled, Control, Stage, Unattended};
+use crate::control::{Cancelled, Control, Stage};
 use crate::image::Point;
 
 /// Three indices of vertices, counter-clockwise with `y` up.
@@ -65,7 +65,7 @@ pub fn triangulate(points: &[Point]) -> Vec<Face> {
     by_row.dedup_by_key(|v| points[*v as usize]);
     let sorted = by_row.iter().map(|&v| points[v as usize]).collect();
     // Nobody is there to cancel.
-    let Ok(mut triangulation) = Triangulation::new(sorted, &Unattended) else { return Vec::new() };
+    let Ok(mut triangulation) = Triangulation::new(sorted, &()) else { return Vec::new() };
     for origin in &mut triangulation.origins {
         *origin = by_row[*origin as usize];
     }

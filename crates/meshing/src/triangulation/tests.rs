@@ -2,7 +2,7 @@
 //! points from random to as bad as can be.
 
 use super::*;
-use crate::control::tests::Told;
+use crate::control::tests::Recorder;
 use crate::image::corner_points;
 use crate::triangulation::predicates::{in_circle, orientation};
 use proptest::prelude::*;
@@ -108,12 +108,12 @@ impl Triangulation {
 
 /// The triangulation by sweeping, if that comes to an end.
 fn swept(points: &[Point]) -> Option<Triangulation> {
-    let (origins, twins) = sweep::triangulate(points, &Unattended).unwrap()?;
+    let (origins, twins) = sweep::triangulate(points, &()).unwrap()?;
     Some(Triangulation { points: points.to_vec(), origins, twins })
 }
 
 fn merged(points: &[Point]) -> Triangulation {
-    let (origins, twins) = divide_and_conquer::triangulate(points, &Unattended).unwrap();
+    let (origins, twins) = divide_and_conquer::triangulate(points, &()).unwrap();
     Triangulation { points: points.to_vec(), origins, twins }
 }
 
@@ -129,7 +129,7 @@ fn check(points: &[Point]) {
         swept.assert_preferred();
         assert_eq!(swept.faces(), expected);
     }
-    let chosen = Triangulation::new(points.to_vec(), &Unattended).unwrap();
+    let chosen = Triangulation::new(points.to_vec(), &()).unwrap();
     chosen.assert_preferred();
     assert_eq!(chosen.faces(), expected);
 }
@@ -178,7 +178,7 @@ fn points_elsewhere_on_the_lattice_are_triangulated_as_where_they_stood() {
         let moved: Vec<Point> = points.iter().map(|p| Point::new(p.x + dx, p.y + dy)).collect();
         assert_eq!(swept(&moved).unwrap().faces(), expected);
         assert_eq!(merged(&moved).faces(), expected);
-        assert_eq!(Triangulation::new(moved, &Unattended).unwrap().faces(), expected);
+        assert_eq!(Triangulation::new(moved, &()).unwrap().faces(), expected);
     }
 }
 
@@ -189,10 +189,7 @@ fn a_full_grid_written_down_is_the_one_that_the_other_ways_give() {
         let points = with_corners(all, width, height);
         let direct = Triangulation::of_full_grid(points.clone());
         direct.assert_preferred();
-        assert_eq!(
-            direct.faces(),
-            Triangulation::new(points.clone(), &Unattended).unwrap().faces()
-        );
+        assert_eq!(direct.faces(), Triangulation::new(points.clone(), &()).unwrap().faces());
         assert_eq!(direct.faces(), swept(&points).unwrap().faces());
         assert_eq!(direct.faces(), merged(&points).faces());
         check(&points);
@@ -271,7 +268,7 @@ fn of_points_at_one_place_the_first_is_taken() {
 fn a_sweep_that_would_take_too_many_flips_gives_way() {
     let points = far_rows(300);
     assert!(swept(&points).is_none());
-    Triangulation::new(points, &Unattended).unwrap().assert_preferred();
+    Triangulation::new(points, &()).unwrap().assert_preferred();
 }
 
 #[test]
@@ -288,7 +285,7 @@ fn the_worst_places_for_points_take_no_longer_than_others() {
         foot_and_side(30_000),
         far_rows(60_000),
     ] {
-        Triangulation::new(points, &Unattended).unwrap().assert_preferred();
+        Triangulation::new(points, &()).unwrap().assert_preferred();
     }
     let seconds = start.elapsed().as_secs_f64();
     assert!(seconds < 30.0, "{seconds} s");
@@ -297,11 +294,11 @@ fn the_worst_places_for_points_take_no_longer_than_others() {
 #[test]
 fn the_control_is_told_of_the_points_every_thousand_steps_or_so() {
     let points = random(20_000, 512, 512);
-    let (sweeping, merging) = (Told::default(), Told::default());
+    let (sweeping, merging) = (Recorder::default(), Recorder::default());
     sweep::triangulate(&points, &sweeping).unwrap().unwrap();
     divide_and_conquer::triangulate(&points, &merging).unwrap();
-    for told in [sweeping, merging] {
-        let done = told.done(Stage::Triangulate, points.len());
+    for recorder in [sweeping, merging] {
+        let done = recorder.done(Stage::Triangulate, points.len());
         // A few steps are made for each point.
         let least = points.len() / POINTS_PER_POLL;
         assert!((least..20 * least).contains(&done.len()), "{} times", done.len());

@@ -5,7 +5,7 @@ use crate::twin::interpolation::rasterise;
 use pixmesh_meshing::parameters::{Boundary, Generator, Policy};
 use pixmesh_meshing::{
     Cancelled, Control, Image, ImageError, MeshingError, Method, ParameterError, Parameters, Shape,
-    Stage, Target, Unattended, mesh_image, rasterize,
+    Stage, Target, mesh_image, rasterize,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -136,7 +136,7 @@ fn meshes_sixteen_bits_and_many_components() {
         for method in methods_for(component_count) {
             let made = model(&picture, &method.parameters(Target::Size(30)));
             assert_eq!(made.mesh.shape(), picture.shape());
-            let rebuilt = rasterize(&made.mesh, &Unattended).unwrap();
+            let rebuilt = rasterize(&made.mesh, &()).unwrap();
             assert_eq!(rebuilt.components(), rasterise(&made.mesh));
         }
     }
@@ -152,7 +152,7 @@ fn all_points_reproduce_image() {
             continue; // One colour for a triangle of three points of different colours.
         }
         assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
-        assert_eq!(rasterize(&made.mesh, &Unattended).unwrap(), picture);
+        assert_eq!(rasterize(&made.mesh, &()).unwrap(), picture);
     }
 }
 
@@ -171,7 +171,7 @@ fn refuses_wrong_component_count() {
         }
         for &policy in Policy::ALL {
             let own = Method::Med.parameters(Target::Size(9));
-            let made = mesh_image(&picture, &Parameters { policy, ..own }, &Unattended);
+            let made = mesh_image(&picture, &Parameters { policy, ..own }, &());
             let expected = match policy {
                 Policy::PsaD | Policy::PsaL => component_count == 1,
                 Policy::PsbD | Policy::PsbL | Policy::Psc => component_count == 3,

@@ -6,7 +6,7 @@ use crate::twin::error_diffusion::{Diffusion, with_corners};
 use pixmesh_meshing::parameters::{
     Boundary, Generator, Policy, PscTie, Scan, Smoothing, SmoothingDirection, Startup,
 };
-use pixmesh_meshing::{Density, Image, Parameters, Point, Target, Unattended, sample_points};
+use pixmesh_meshing::{Density, Image, Parameters, Point, Target, sample_points};
 use proptest::prelude::*;
 
 /// How near to the threshold a value may come before the order of additions decides on it,
@@ -53,7 +53,7 @@ fn with_policies(parameters: &Parameters, component_count: usize) -> Vec<Paramet
 }
 
 fn check_density(image: &Image, parameters: &Parameters) {
-    let actual = Density::new(image, parameters, &Unattended).unwrap();
+    let actual = Density::new(image, parameters, &()).unwrap();
     let expected = twin::density::density(image, parameters);
     assert_eq!((actual.width(), actual.height()), (image.width(), image.height()));
     assert_eq!(actual.fields().len(), expected.len());
@@ -68,7 +68,7 @@ fn check_density(image: &Image, parameters: &Parameters) {
 /// Compares the points of a diffusion of the same density. Nothing is compared where the search
 /// ends without a threshold that serves and has bisected until rounding decides.
 fn check_points(image: &Image, parameters: &Parameters, size: usize) {
-    let density = Density::new(image, parameters, &Unattended).unwrap();
+    let density = Density::new(image, parameters, &()).unwrap();
     if density.fields()[0].iter().all(|&value| value == 0.0) {
         // The search begins at the first field's sum, and no multiple of 0 is another threshold.
         return;
@@ -78,7 +78,7 @@ fn check_points(image: &Image, parameters: &Parameters, size: usize) {
     if !expected.met && expected.margin < ROUNDING {
         return;
     }
-    let actual = sample_points(image, parameters, size, &Unattended).unwrap();
+    let actual = sample_points(image, parameters, size, &()).unwrap();
     let expected_points = with_corners(&expected.marks, image.width());
     assert_eq!(actual, expected_points, "{size} points, met: {}, {parameters:?}", expected.met);
 }
@@ -119,7 +119,7 @@ proptest! {
     ) {
         let size = 4 + ((image.pixel_count() - 4) as f64 * share) as usize;
         let parameters = Parameters { generator, seed, ..Parameters::new(Target::Size(size)) };
-        let points = sample_points(&image, &parameters, size, &Unattended).unwrap();
+        let points = sample_points(&image, &parameters, size, &()).unwrap();
         prop_assert!(points.windows(2).all(|pair| pair[0] < pair[1]));
         let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
         for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
@@ -127,7 +127,7 @@ proptest! {
         }
         prop_assert!(points.len() <= size);
         prop_assert!(generator == Generator::Uniform || points.len() == size);
-        prop_assert_eq!(sample_points(&image, &parameters, size, &Unattended), Ok(points));
+        prop_assert_eq!(sample_points(&image, &parameters, size, &()), Ok(points));
     }
 }
 
@@ -175,7 +175,7 @@ fn diffusion_meets_size_within_tolerance() {
     for policy in [Policy::PsaD, Policy::PsaL, Policy::PseD] {
         for size in [40, 100, 307, 1000] {
             let parameters = Parameters { policy, ..Parameters::new(Target::Size(size)) };
-            let count = sample_points(&picture, &parameters, size, &Unattended).unwrap().len();
+            let count = sample_points(&picture, &parameters, size, &()).unwrap().len();
             assert!((size - 10..=size + 14).contains(&count), "{count} of {size}");
         }
     }
@@ -186,7 +186,7 @@ fn third_order_smoothing_stencils() {
     // One bright dot: the second derivatives are the stencils themselves.
     let picture = gray(9, 9, |x, y| if (x, y) == (4, 4) { 64 } else { 0 });
     let parameters = Parameters { policy: Policy::PsaL, ..Parameters::new(Target::Size(30)) };
-    let density = Density::new(&picture, &parameters, &Unattended).unwrap();
+    let density = Density::new(&picture, &parameters, &()).unwrap();
     let field = &density.fields()[0];
     // |fxx + fyy| at the dot is 2 * 1/2 * 1/2, at (2, 0) from it 1/4 * 1/2.
     assert!((field[4 * 9 + 4] - 1.0).abs() < 1e-12);

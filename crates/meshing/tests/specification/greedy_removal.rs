@@ -6,7 +6,7 @@ use crate::twin::interpolation::total_error;
 use crate::twin::removal;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, InitialSize, Policy};
-use pixmesh_meshing::{Image, Method, Parameters, Point, Target, Unattended, sample_points};
+use pixmesh_meshing::{Image, Method, Parameters, Point, Target, sample_points};
 use proptest::prelude::*;
 
 /// The metrics that do not depend on where a point lies.
@@ -24,7 +24,7 @@ const WITHOUT_WEIGHTS: &[ErrorMetric] = &[
 fn check(image: &Image, parameters: &Parameters) {
     let made = model(image, parameters);
     let (ruling, parameters) = ruling_image(image, parameters);
-    let initial = sample_points(&ruling, &parameters, made.plan.initial_size, &Unattended).unwrap();
+    let initial = sample_points(&ruling, &parameters, made.plan.initial_size, &()).unwrap();
     let trimmed = made.plan.initial_size > made.plan.size
         || made.plan.bound.is_some()
         || parameters.bad_point_removal;
@@ -136,7 +136,7 @@ proptest! {
         let parameters = Method::Mgprfs.parameters(size_target(&image, share));
         let made = model(&image, &parameters);
         let mut points =
-            sample_points(&image, &parameters, made.plan.initial_size, &Unattended).unwrap();
+            sample_points(&image, &parameters, made.plan.initial_size, &()).unwrap();
         let before = total_error(&image, &triangulate(&points), ErrorMetric::MeanCompSe);
         points.retain(|&p| made.removals.iter().all(|removal| removal.point != p));
         prop_assert_eq!(made.mesh.points(), points);

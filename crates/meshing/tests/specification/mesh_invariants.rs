@@ -9,7 +9,7 @@ use crate::twin::triangulation::{
 };
 use pixmesh_meshing::parameters::{Generator, Guide, InitialSize};
 use pixmesh_meshing::{
-    Approximation, Fidelity, Image, Mesh, Parameters, Point, Unattended, rasterize, sample_points,
+    Approximation, Fidelity, Image, Mesh, Parameters, Point, rasterize, sample_points,
 };
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -92,7 +92,7 @@ fn check_face_order(mesh: &Mesh) {
 }
 
 fn check_fidelity(model: &Approximation, image: &Image) {
-    let rebuilt = rasterize(&model.mesh, &Unattended).unwrap();
+    let rebuilt = rasterize(&model.mesh, &()).unwrap();
     assert_eq!(rebuilt.components(), rasterise(&model.mesh));
     let rebuilt = model.flat.as_ref().map_or(rebuilt, |flat| flat.picture.clone());
     assert_eq!(Fidelity::between(image, &rebuilt), Ok(model.fidelity));
@@ -137,7 +137,7 @@ proptest! {
         let parameters = Parameters { bad_point_removal: false, ..parameters };
         let made = model(&image, &parameters);
         let (plan, count) = (made.plan, made.mesh.points().len());
-        let initial = sample_points(&image, &parameters, plan.initial_size, &Unattended).unwrap();
+        let initial = sample_points(&image, &parameters, plan.initial_size, &()).unwrap();
         if plan.initial_size > plan.size {
             prop_assert_eq!(count, initial.len().min(plan.size));
         } else if parameters.refines() {

@@ -1,6 +1,6 @@
 //! Random small pictures: flat, noisy, ramps, steps and few-valued ones, of all precisions.
 
-use pixmesh_meshing::{Image, Method, Parameters, Target, Unattended, mesh_image};
+use pixmesh_meshing::{Image, Method, Parameters, Target, mesh_image};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use std::ops::RangeInclusive;
@@ -115,5 +115,5 @@ pub(crate) fn size_target(image: &Image, share: f64) -> Target {
 
 /// The model that a set of parameters makes of an image, which it must be able to.
 pub(crate) fn model(image: &Image, parameters: &Parameters) -> pixmesh_meshing::Approximation {
-    mesh_image(image, parameters, &Unattended).expect("the parameters fit the image")
+    mesh_image(image, parameters, &()).expect("the parameters fit the image")
 }

@@ -5,8 +5,7 @@ use crate::twin::interpolation::rasterise;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::parameters::{Connectivity, Values};
 use pixmesh_meshing::{
-    Approximation, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target, Unattended,
-    rasterize,
+    Approximation, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target, rasterize,
 };
 use proptest::prelude::*;
 
@@ -22,7 +21,7 @@ fn check(image: &Image, parameters: &Parameters) -> u64 {
     let made = model(image, parameters);
     assert_eq!(made.mesh.validate(), Ok(()));
     assert_eq!(made.fidelity.squared_error, squared_error(image, &made.mesh));
-    let rebuilt = rasterize(&made.mesh, &Unattended).unwrap();
+    let rebuilt = rasterize(&made.mesh, &()).unwrap();
     assert_eq!(Fidelity::between(image, &rebuilt).unwrap(), made.fidelity);
     let faces = triangles_of(made.mesh.points(), made.mesh.faces());
     let is_delaunay = faces == triangulate(made.mesh.points());
@@ -166,7 +165,7 @@ fn flat_method_wins_for_flat_faces() {
     let image = noise(24);
     let with = |method: Method| {
         let made = model(&image, &method.parameters(Target::Size(80)));
-        FlatColors::new(&image, &made.mesh, &Unattended).unwrap().fidelity.mse()
+        FlatColors::new(&image, &made.mesh, &()).unwrap().fidelity.mse()
     };
     assert!(with(Method::Flat) < with(Method::Optimal));
     let made = model(&image, &Method::Flat.parameters(Target::Size(80)));

@@ -7,7 +7,7 @@ use crate::pictures::{image, noise};
 use pixmesh_meshing::parameters::{ErrorMetric, Parallel, Policy};
 use pixmesh_meshing::{
     Approximation, Cancelled, Control, Image, MeshingError, Method, OnThreads, Parameters, Stage,
-    Target, Unattended, mesh_image, rasterize,
+    Target, mesh_image, rasterize,
 };
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
@@ -39,7 +39,7 @@ fn on_threads<C>(control: C, threads: usize) -> OnThreads<C> {
 }
 
 fn model_on(threads: usize, picture: &Image, parameters: &Parameters) -> Approximation {
-    mesh_image(picture, parameters, &on_threads(Unattended, threads)).unwrap()
+    mesh_image(picture, parameters, &on_threads((), threads)).unwrap()
 }
 
 fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> Approximation {
@@ -163,9 +163,9 @@ fn one_shot_methods_are_independent_of_threads() {
         let parameters = Method::Med.parameters(Target::Percent(30.0));
         let title = format!("MED of {component_count} components");
         let mesh = assert_same_on_all(&picture(component_count), &parameters, &title).mesh;
-        let expected = rasterize(&mesh, &Unattended).unwrap();
+        let expected = rasterize(&mesh, &()).unwrap();
         for threads in THREADS {
-            let rebuilt = rasterize(&mesh, &on_threads(Unattended, threads)).unwrap();
+            let rebuilt = rasterize(&mesh, &on_threads((), threads)).unwrap();
             assert!(rebuilt == expected, "{title} on {threads} threads");
         }
     }

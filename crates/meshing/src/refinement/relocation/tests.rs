@@ -1,8 +1,8 @@
 //! Passes against trying every place on fresh meshes, patches against the whole, and their order.
 
 use super::*;
-use crate::control::tests::Told;
-use crate::control::{OnThreads, Unattended};
+use crate::control::OnThreads;
+use crate::control::tests::Recorder;
 use crate::face_error::{FaceErrors, Measure};
 use crate::image::{Image, corner_points};
 use crate::parameters::choices::ErrorMetric;
@@ -71,7 +71,7 @@ proptest! {
         let mut mesh = measured(&measure, &image, points.clone());
         let mut relocation = Relocation::new(&mesh);
         let order = relocation.order.clone();
-        relocation.pass(&mut mesh, (look, Scope::All), &Unattended).unwrap();
+        relocation.pass(&mut mesh, (look, Scope::All), &()).unwrap();
         let expected = relocated_by_brute_force(&image, points, &order, look);
         prop_assert_eq!(&mesh.triangulation.points, &expected);
         let total = sum_of_errors(&image, &expected, &triangulate(&expected));
@@ -94,7 +94,7 @@ proptest! {
         let (image, points) = picture(width, height, &samples, &seeds);
         let measure = measure_of(&image);
         let new_mesh = || measured(&measure, &image, points.clone());
-        let threads = OnThreads(Unattended, NonZeroUsize::new(threads).unwrap());
+        let threads = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let mut mesh = new_mesh();
         let mut relocation = Relocation::new(&mesh);
         // The same looks on the whole mesh, one patch after the other, then at what is left.
@@ -267,19 +267,19 @@ fn a_third_of_the_progress_of_a_pass_is_that_in_patches_each_time_and_a_third_th
     let mut relocation = Relocation::new(&mesh);
     let count = points.len();
     for (third, cuts) in [Cuts::Straight, Cuts::Diagonal].into_iter().enumerate() {
-        let in_patches = Told::default();
+        let in_patches = Recorder::default();
         let looked_at = relocation
             .look_in_patches(&mut mesh, Look::Foresighted, (cuts, 2), &in_patches)
             .unwrap();
         let done = in_patches.done(Stage::Refine, 3 * count);
         assert!(done.is_sorted_by(|a, b| a < b));
         assert!(done.iter().all(|done| (third * count..(third + 1) * count).contains(done)));
-        // Where the vertices at fences are passed over, nothing is told.
+        // Where the vertices at fences are passed over, nothing is reported.
         assert!(looked_at > 0 && done.len() >= looked_at);
         // Nearly all are looked at the first time.
         assert!(third > 0 || done[done.len() / 2] > count / 4);
     }
-    let in_order = Told::default();
+    let in_order = Recorder::default();
     let (image, points) = level_but_for(&[(5, 9)], &[(5, 5), (2, 3), (7, 8)]);
     let measure = measure_of(&image);
     let mut mesh = measured(&measure, &image, points.clone());
@@ -304,12 +304,12 @@ fn a_large_mesh_is_looked_at_in_patches_and_then_in_order_as_far_as_the_scope_go
             Scope::All => relocation.look_in_order(&mut in_steps, look, &|_| Ok(())).unwrap(),
             _ => {
                 let cuts = if scope == Scope::Inner { Cuts::Straight } else { Cuts::Diagonal };
-                relocation.look_in_patches(&mut in_steps, look, (cuts, 1), &Unattended).unwrap()
+                relocation.look_in_patches(&mut in_steps, look, (cuts, 1), &()).unwrap()
             }
         };
         let mut whole = new_mesh();
         let mut at_once = Relocation::new(&whole);
-        let looked_at = at_once.pass(&mut whole, (look, scope), &Unattended).unwrap();
+        let looked_at = at_once.pass(&mut whole, (look, scope), &()).unwrap();
         assert_eq!(looked_at, in_turn, "{scope:?}");
         assert_eq!(whole.triangulation.points, in_steps.triangulation.points, "{scope:?}");
         // What was left out is due in the next pass, like all that has changed.
@@ -330,8 +330,7 @@ fn a_mesh_too_small_for_patches_is_looked_at_whole_in_every_scope() {
     for scope in [Scope::Inner, Scope::Most, Scope::All] {
         let mut mesh = measured(&measure, &image, points.clone());
         let mut relocation = Relocation::new(&mesh);
-        let looked_at =
-            relocation.pass(&mut mesh, (Look::Foresighted, scope), &Unattended).unwrap();
+        let looked_at = relocation.pass(&mut mesh, (Look::Foresighted, scope), &()).unwrap();
         assert_eq!(looked_at, 3);
     }
 }
@@ -359,7 +358,7 @@ fn a_foresighted_look_passes_over_large_faces_where_they_are_few_and_forecasts_a
         let is_moved = |look| {
             let mut mesh = measured(&measure, &image, points.clone());
             let mut relocation = Relocation::new(&mesh);
-            relocation.pass(&mut mesh, (look, Scope::All), &Unattended).unwrap();
+            relocation.pass(&mut mesh, (look, Scope::All), &()).unwrap();
             !mesh.triangulation.points.contains(&far)
         };
         assert_eq!(is_moved(Look::Foresighted), !passes_over, "{others} others, {precision} bits");
@@ -384,7 +383,7 @@ fn nearly_all_vertices_are_looked_at_in_patches_and_nearly_all_others_in_those_a
     let mut relocation = Relocation::new(&mesh);
     let mut look = |cuts| {
         let how = (cuts, 1);
-        relocation.look_in_patches(&mut mesh, Look::Foresighted, how, &Unattended).unwrap()
+        relocation.look_in_patches(&mut mesh, Look::Foresighted, how, &()).unwrap()
     };
     let (first, second) = (look(Cuts::Straight), look(Cuts::Diagonal));
     let all = points.len() - 4;

@@ -202,7 +202,6 @@ impl Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::image::{Image, Shape};
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
@@ -273,7 +272,7 @@ mod tests {
             let equations = NormalEquations::new(&mesh);
             for c in 0..2 {
                 let mut values = vec![0.0; points.len()];
-                equations.solve(c, &mut values, &Unattended).unwrap();
+                equations.solve(c, &mut values, &()).unwrap();
                 for (value, expected) in values.iter().zip(solved_by_elimination(&mesh, c)) {
                     prop_assert!((value - expected).abs() < 1e-3, "{value} is not {expected}");
                 }
@@ -301,7 +300,7 @@ mod tests {
             let lowers = error(&rounded) < error(&before);
             let expected = if lowers { rounded } else { before };
             let expected_error = error(&expected);
-            fit_values(&mut mesh, &Unattended).unwrap();
+            fit_values(&mut mesh, &()).unwrap();
             prop_assert_eq!(&mesh.values, &expected);
             prop_assert_eq!(mesh.total_error, expected_error);
             prop_assert_eq!(mesh.face_errors.iter().sum::<u64>(), expected_error);
@@ -361,7 +360,7 @@ mod tests {
         let vertex_values = (0..5).flat_map(|v| values.map(|component| component[v])).collect();
         let shape = Shape { width: 25, height: 25, component_count: 2, precision: 8 };
         let model = Mesh::from_kernel(shape, points.clone(), vertex_values, faces.clone());
-        let mut components = rasterize(&model, &Unattended).unwrap().components().to_vec();
+        let mut components = rasterize(&model, &()).unwrap().components().to_vec();
         for component in &mut components {
             for p in &points {
                 component[p.y as usize * 25 + p.x as usize] = 100;
@@ -370,7 +369,7 @@ mod tests {
         let image = Image::from_bottom_up(25, 25, 8, components).unwrap();
         let mut mesh = ValuedMesh::new(&image, points, &faces);
         let before = mesh.total_error;
-        fit_values(&mut mesh, &Unattended).unwrap();
+        fit_values(&mut mesh, &()).unwrap();
         for (v, found) in mesh.values.chunks(2).enumerate() {
             for (c, &found) in found.iter().enumerate() {
                 assert!(found.abs_diff(values[c][v]) <= 4, "{found}, not {}", values[c][v]);

@@ -66,7 +66,7 @@ pub(crate) fn liberate(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Cancelled, Unattended};
+    use crate::control::Cancelled;
     use crate::image::{Image, Point};
     use crate::triangulation::triangulate;
     use std::sync::atomic::Ordering;
@@ -138,9 +138,9 @@ mod tests {
         let before = ValuedMesh::new(&image, points.clone(), &triangulate(&points)).total_error;
         for (connectivity, values) in [(true, false), (false, true), (true, true)] {
             let freedom = Freedom { connectivity, values };
-            let (still, places) = freed(freedom, 0, &Unattended);
+            let (still, places) = freed(freedom, 0, &());
             assert!(still < before && places == points, "{connectivity} {values}");
-            let (moved, places) = freed(freedom, 2, &Unattended);
+            let (moved, places) = freed(freedom, 2, &());
             assert!(moved < still && places != points, "{connectivity} {values}");
         }
     }
@@ -151,9 +151,9 @@ mod tests {
         let after = |rounds| freed(freedom, 2, &Rounds(rounds)).0;
         let errors: Vec<u64> = (1..=6).map(after).collect();
         assert!(errors[0] > errors[1] && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
-        assert_eq!(freed(freedom, 2, &Unattended).0, errors[5]);
+        assert_eq!(freed(freedom, 2, &()).0, errors[5]);
         // Half the effort is half the rounds.
-        assert_eq!(freed(freedom, 1, &Unattended).0, errors[2]);
+        assert_eq!(freed(freedom, 1, &()).0, errors[2]);
     }
 
     #[test]

@@ -233,7 +233,6 @@ fn add_face(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::image::{Image, Shape, corner_points};
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
@@ -319,7 +318,7 @@ mod tests {
             let mut last = mesh.total_error;
             for _ in 0..3 {
                 let before = (mesh.triangulation.points.clone(), mesh.values.clone());
-                moves.pass(&mut mesh, &Unattended).unwrap();
+                moves.pass(&mut mesh, &()).unwrap();
                 if mesh.total_error == last {
                     prop_assert_eq!((&mesh.triangulation.points, &mesh.values), (&before.0, &before.1));
                 }
@@ -431,7 +430,7 @@ mod tests {
         let values = (0..points.len() as u16).flat_map(|v| [v * 97 % 211, 250 - v * 61 % 239]);
         let shape = Shape { width: side, height: side, component_count: 2, precision: 8 };
         let mesh = Mesh::from_kernel(shape, points.clone(), values.collect(), faces.clone());
-        let image = rasterize(&mesh, &Unattended).unwrap();
+        let image = rasterize(&mesh, &()).unwrap();
         (points, faces, image)
     }
 
@@ -464,10 +463,10 @@ mod tests {
                         let mut moves = VertexMoves::new(points.len(), freedom);
                         // All but this one are said to be as they were.
                         moves.changed.fill(false);
-                        moves.pass(&mut mesh, &Unattended).unwrap();
+                        moves.pass(&mut mesh, &()).unwrap();
                         assert_eq!(mesh.triangulation.points, moved);
                         moves.changed[vertex] = true;
-                        moves.pass(&mut mesh, &Unattended).unwrap();
+                        moves.pass(&mut mesh, &()).unwrap();
                         assert_eq!(mesh.triangulation.points, points, "{vertex} from {beside:?}");
                         assert_eq!(mesh.total_error, 0);
                         tried[usize::from(connectivity)] += 1;
@@ -475,7 +474,7 @@ mod tests {
                         assert_eq!(moves.changed.contains(&true), beside != from);
                         moves.restart();
                         assert!(moves.changed.iter().all(|&changed| changed));
-                        moves.pass(&mut mesh, &Unattended).unwrap();
+                        moves.pass(&mut mesh, &()).unwrap();
                         assert_eq!(mesh.triangulation.points, points);
                         assert!(!moves.changed.contains(&true));
                     }

@@ -139,7 +139,6 @@ pub(crate) fn squared_error(image: &Image, corners: [Point; 3], values: [&[u16];
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::control::Unattended;
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
     use crate::quality::fidelity::Fidelity;
@@ -157,7 +156,7 @@ pub(crate) mod tests {
     ) -> u64 {
         let (points, values) = (points.to_vec(), values.to_vec());
         let mesh = Mesh::from_kernel(image.shape(), points, values, faces.to_vec());
-        let rebuilt = rasterize(&mesh, &Unattended).unwrap();
+        let rebuilt = rasterize(&mesh, &()).unwrap();
         Fidelity::between(image, &rebuilt).unwrap().squared_error
     }
 

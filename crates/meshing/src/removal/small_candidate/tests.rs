@@ -1,7 +1,6 @@
 //! Removals of few neighbours against those of any vertex, and how much of them is remembered.
 
 use super::*;
-use crate::control::Unattended;
 use crate::face_error::Measure;
 use crate::image::Image;
 use crate::parameters::choices::ErrorMetric;
@@ -124,11 +123,11 @@ fn assert_same_state(quick: &Neighbour, any: &Neighbour) {
 fn prepared(image: &Image, measure: &Measure<'_>) -> (Vertices, Stars) {
     let (width, height) = (image.width() as i32, image.height() as i32);
     let points = (0..height).flat_map(|y| (0..width).map(move |x| Point::new(x, y))).collect();
-    let triangulation = Triangulation::new(points, &Unattended).unwrap();
+    let triangulation = Triangulation::new(points, &()).unwrap();
     let metric = ErrorMetric::MeanCompSe;
     let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
     let Prepared { vertices, stars, .. } =
-        prepare(image, triangulation, rule, measure, u32::BITS, &Unattended).unwrap();
+        prepare(image, triangulation, rule, measure, u32::BITS, &()).unwrap();
     (vertices, stars.into_one())
 }
 
