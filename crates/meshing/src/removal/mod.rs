@@ -8,7 +8,6 @@
 
 pub(crate) mod candidate;
 pub(crate) mod fill_cache;
-pub(crate) mod foresight;
 pub(crate) mod max_error;
 pub(crate) mod partition;
 pub(crate) mod queue;
@@ -25,7 +24,6 @@ use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::quality::fidelity::Fidelity;
 use crate::removal::candidate::{Neighbour, Net, Remover};
 use crate::removal::fill_cache::HoleMemory;
-use crate::removal::foresight::Foresight;
 use crate::removal::partition::remove_by_tiles;
 use crate::removal::queue::{Entry, RemovalQueue};
 use crate::removal::star::{ROOM, StarParts, StarSource, Stars};
@@ -144,18 +142,12 @@ fn remove_in_order(
 ) -> Result<Simplified, Cancelled> {
     let Prepared { vertices, stars, entries, mut tally } = prepared;
     let mut simplification = Simplification::new(&vertices, stars.into_one(), entries, measure);
-    let mut foresight = Foresight::new(measure, vertices.points.len(), control.threads());
     while let Some(first) = simplification.queue.first() {
         tally.poll(control)?;
         if tally.must_stop(first.change) {
             break;
         }
-        if let Some(foresight) = &mut foresight {
-            let net = vertices.net(&simplification.stars);
-            let threads = || control.threads();
-            foresight.look_ahead(&net, &simplification.queue, tally.remaining, threads);
-        }
-        simplification.remove_first(foresight.as_mut());
+        simplification.remove_first();
         tally.note(&vertices, first);
     }
     Ok(tally.finish(&vertices, &simplification.stars))
@@ -343,21 +335,14 @@ impl<'a> Simplification<'a> {
 
     /// Takes the first vertex of the queue out of the mesh, fills its hole and gives its neighbours
     /// their new keys.
-    fn remove_first(&mut self, mut foresight: Option<&mut Foresight<'_>>) {
+    fn remove_first(&mut self) {
         let Some(Entry { vertex, .. }) = self.queue.first() else { return };
         self.queue.remove_first();
         touch_next(&self.stars, &self.queue);
         let net = self.vertices.net(&self.stars);
-        let foreseen = foresight.as_mut().and_then(|foresight| foresight.take(vertex, &net));
-        match foreseen {
-            Some(prepared) => std::mem::swap(&mut self.neighbours, &mut prepared.neighbours),
-            None => self.remover.prepare(vertex, &net, &mut self.neighbours),
-        }
+        self.remover.prepare(vertex, &net, &mut self.neighbours);
         for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
             self.stars.write(vertex, star);
-            if let Some(foresight) = &mut foresight {
-                foresight.note_change(vertex);
-            }
             if let Some(change) = change {
                 self.queue.change(vertex, change);
             }
@@ -505,7 +490,7 @@ mod tests {
             let mut simplification =
                 Simplification::new(&vertices, stars.into_one(), entries, &measure);
             while let Some(first) = simplification.queue.first() {
-                simplification.remove_first(None);
+                simplification.remove_first();
                 tally.note(&vertices, first);
                 assert_errors_are_current(&simplification, &measure, tally.error);
                 assert_triangulated_afresh(&simplification);

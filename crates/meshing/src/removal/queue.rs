@@ -6,9 +6,6 @@
 //! side by side in one line of memory, are compared as in a tournament; where there are fewer, the
 //! greatest number stands in.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 /// Not in the queue.
 const ABSENT: u32 = u32::MAX;
 
@@ -100,24 +97,6 @@ impl RemovalQueue {
     pub(crate) fn second(&self) -> Option<Entry> {
         let Children([a, b, c, d]) = self.children.first()?;
         Some(*a.min(b).min(c.min(d))).filter(|&key| key != NO_KEY).map(Entry::from_key)
-    }
-
-    /// The first `count` entries in order, which stay in the queue.
-    pub(crate) fn least(&self, count: usize) -> Vec<Entry> {
-        let mut least = Vec::with_capacity(count);
-        // The next one is a child of one of those before it, or the first of all.
-        let mut open = BinaryHeap::from([Reverse((self.first, 0))]);
-        while let (true, Some(Reverse((key, place)))) = (least.len() < count, open.pop()) {
-            if key == NO_KEY {
-                break;
-            }
-            least.push(Entry::from_key(key));
-            if let Some(Children(keys)) = self.children.get(place) {
-                let children = keys.iter().zip(ARITY * place + 1..);
-                open.extend(children.map(|(&key, child)| Reverse((key, child))));
-            }
-        }
-        least
     }
 
     /// Number of vertices in the queue.
@@ -250,10 +229,6 @@ mod tests {
             }
             let mut expected: Vec<Entry> = keys.iter().enumerate().map(entry).collect();
             expected.sort_unstable();
-            for count in [0, 1, 7, 100] {
-                let least = &expected[..count.min(expected.len())];
-                prop_assert_eq!(queue.least(count), least);
-            }
             for (i, &entry) in expected.iter().enumerate() {
                 prop_assert_eq!(queue.len(), expected.len() - i);
                 prop_assert_eq!(queue.first(), Some(entry));
