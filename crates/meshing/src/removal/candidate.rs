@@ -7,19 +7,9 @@ use crate::face_error::{FaceErrors, Measure};
 use crate::image::Point;
 use crate::removal::fill_cache::{HoleMemory, Shift};
 use crate::removal::small_candidate::FewHoles;
-use crate::removal::star::{Gap, Packed, Star, StarSource, Stars};
+use crate::removal::star::{Gap, Packed, Star};
+use crate::removal::vertices::MeshView;
 use crate::triangulation::hole::HoleFiller;
-
-/// The points and stars of a triangulation that loses vertices.
-#[derive(Clone, Copy)]
-pub(crate) struct Net<'a, S> {
-    /// The place of each vertex.
-    pub(crate) points: &'a [Point],
-    pub(crate) stars: &'a S,
-    /// The last column and row.
-    pub(crate) right: i32,
-    pub(crate) top: i32,
-}
 
 /// The state of a neighbour after a removal.
 pub(crate) struct Neighbour {
@@ -64,32 +54,6 @@ struct Wedge {
     error: u64,
 }
 
-impl<S: StarSource> Net<'_, S> {
-    /// The stars among which that of a vertex is.
-    #[inline(always)]
-    pub(crate) fn stars_of(&self, vertex: u32) -> &Stars {
-        self.stars.stars_of(vertex)
-    }
-
-    /// Tells whether all coordinates are below 2^14, so that 32 bits hold products of two.
-    #[inline]
-    pub(crate) fn is_narrow(&self) -> bool {
-        self.right.max(self.top) < 1 << 14
-    }
-
-    /// Tells whether a vertex is a corner of the image.
-    pub(crate) fn is_corner(&self, vertex: u32) -> bool {
-        let Point { x, y } = self.points[vertex as usize];
-        (x == 0 || x == self.right) && (y == 0 || y == self.top)
-    }
-
-    /// Tells whether a vertex lies on the border of the image.
-    pub(crate) fn is_on_border(&self, vertex: u32) -> bool {
-        let Point { x, y } = self.points[vertex as usize];
-        x == 0 || x == self.right || y == 0 || y == self.top
-    }
-}
-
 impl<'m> Remover<'m> {
     pub(crate) fn new(measure: &'m Measure<'m>) -> Self {
         Self {
@@ -110,23 +74,15 @@ impl<'m> Remover<'m> {
     }
 
     /// By how much the error changes when a vertex goes, and what to remember of its hole.
-    pub(crate) fn evaluate(
-        &mut self,
-        vertex: u32,
-        net: &Net<'_, impl StarSource>,
-    ) -> (i64, HoleMemory) {
+    pub(crate) fn evaluate(&mut self, vertex: u32, net: &MeshView<'_>) -> (i64, HoleMemory) {
         let few = self.few.evaluate(vertex, net, &mut self.errors);
         few.unwrap_or_else(|| self.evaluate_any(vertex, net))
     }
 
     /// The same for a vertex of any number of neighbours and any errors.
-    pub(crate) fn evaluate_any(
-        &mut self,
-        vertex: u32,
-        net: &Net<'_, impl StarSource>,
-    ) -> (i64, HoleMemory) {
-        net.stars_of(vertex).read(vertex, &mut self.star);
-        let change = self.change(net, net.stars_of(vertex).memory(vertex), Shift::NONE);
+    pub(crate) fn evaluate_any(&mut self, vertex: u32, net: &MeshView<'_>) -> (i64, HoleMemory) {
+        net.stars(vertex).read(vertex, &mut self.star);
+        let change = self.change(net, net.stars(vertex).memory(vertex), Shift::NONE);
         (change, self.memory())
     }
 
@@ -134,11 +90,11 @@ impl<'m> Remover<'m> {
     pub(crate) fn prepare(
         &mut self,
         vertex: u32,
-        net: &Net<'_, impl StarSource>,
+        net: &MeshView<'_>,
         neighbours: &mut Vec<Neighbour>,
     ) {
-        let stars = net.stars_of(vertex);
-        stars.touch(stars.neighbours(vertex));
+        let stars = net.stars(vertex);
+        stars.prefetch(stars.neighbours(vertex));
         neighbours.clear();
         if self.few.prepare(vertex, net, &mut self.errors, neighbours).is_none() {
             self.prepare_any(vertex, net, neighbours);
@@ -149,12 +105,12 @@ impl<'m> Remover<'m> {
     pub(crate) fn prepare_any(
         &mut self,
         vertex: u32,
-        net: &Net<'_, impl StarSource>,
+        net: &MeshView<'_>,
         neighbours: &mut Vec<Neighbour>,
     ) {
         neighbours.clear();
-        net.stars_of(vertex).read(vertex, &mut self.star);
-        let memory = net.stars_of(vertex).memory(vertex);
+        net.stars(vertex).read(vertex, &mut self.star);
+        let memory = net.stars(vertex).memory(vertex);
         if !self.recall(memory) {
             self.change(net, memory, Shift::NONE);
         }
@@ -184,9 +140,9 @@ impl<'m> Remover<'m> {
 
     /// The change of error of the star in work, and its fill.
     #[inline]
-    fn change(&mut self, net: &Net<'_, impl StarSource>, memory: &HoleMemory, shift: Shift) -> i64 {
+    fn change(&mut self, net: &MeshView<'_>, memory: &HoleMemory, shift: Shift) -> i64 {
         self.boundary.clear();
-        self.boundary.extend(self.star.neighbours.iter().map(|&v| net.points[v as usize]));
+        self.boundary.extend(self.star.neighbours.iter().map(|&v| net.point(v)));
         self.fill_errors.clear();
         self.unknown.clear();
         self.faces.clear();
@@ -246,13 +202,13 @@ impl<'m> Remover<'m> {
     }
 
     /// The state of a neighbour after `gone` has gone, with the gap closed as found.
-    fn neighbour(&mut self, vertex: u32, gone: u32, net: &Net<'_, impl StarSource>) -> Neighbour {
+    fn neighbour(&mut self, vertex: u32, gone: u32, net: &MeshView<'_>) -> Neighbour {
         let gap = Gap { successors: &self.successors, errors: &self.gap_errors };
-        let shift = net.stars_of(vertex).read_without(vertex, gone, gap, &mut self.star);
+        let shift = net.stars(vertex).read_without(vertex, gone, gap, &mut self.star);
         if net.is_corner(vertex) {
             return Neighbour { vertex, star: self.star.pack(HoleMemory::NOTHING), change: None };
         }
-        let change = self.change(net, net.stars_of(vertex).memory(vertex), shift);
+        let change = self.change(net, net.stars(vertex).memory(vertex), shift);
         Neighbour { vertex, star: self.star.pack(self.memory()), change: Some(change) }
     }
 }

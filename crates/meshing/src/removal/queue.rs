@@ -111,6 +111,14 @@ impl RemovalQueue {
         keys.filter(|&&key| key != NO_KEY).map(|&key| Entry::from_key(key))
     }
 
+    /// All entries, in any order; gives the rest of the memory back first.
+    pub(crate) fn into_entries(self) -> impl Iterator<Item = Entry> {
+        let Self { first, children, .. } = self;
+        let others = children.into_iter().flat_map(|Children(keys)| keys);
+        let keys = std::iter::once(first).chain(others);
+        keys.filter(|&key| key != NO_KEY).map(Entry::from_key)
+    }
+
     /// The change of a vertex of the queue.
     pub(crate) fn change_of(&self, vertex: u32) -> i64 {
         Entry::from_key(self.at(self.places[self.index(vertex)] as usize)).change

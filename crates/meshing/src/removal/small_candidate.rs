@@ -7,9 +7,10 @@
 
 use crate::face_error::FaceErrors;
 use crate::image::Point;
-use crate::removal::candidate::{Neighbour, Net};
+use crate::removal::candidate::Neighbour;
 use crate::removal::fill_cache::{HoleMemory, SLOTS};
-use crate::removal::star::{Packed, Record, StarSource};
+use crate::removal::star::{Packed, Record};
+use crate::removal::vertices::MeshView;
 use crate::triangulation::small_hole::{PLACES, TRIANGLES, fill_few};
 
 /// The most neighbours of a vertex that goes: all triangles of its fill are remembered.
@@ -74,10 +75,10 @@ impl FewHoles {
     pub(crate) fn evaluate(
         &mut self,
         vertex: u32,
-        net: &Net<'_, impl StarSource>,
+        net: &MeshView<'_>,
         errors: &mut FaceErrors<'_>,
     ) -> Option<(i64, HoleMemory)> {
-        let record = net.stars_of(vertex).record(vertex);
+        let record = net.stars(vertex).record(vertex);
         if !net.is_narrow() || !record.is_within() {
             return None;
         }
@@ -93,11 +94,11 @@ impl FewHoles {
     pub(crate) fn prepare(
         &mut self,
         vertex: u32,
-        net: &Net<'_, impl StarSource>,
+        net: &MeshView<'_>,
         errors: &mut FaceErrors<'_>,
         neighbours: &mut Vec<Neighbour>,
     ) -> Option<()> {
-        let hole = net.stars_of(vertex).record(vertex);
+        let hole = net.stars(vertex).record(vertex);
         if !net.is_narrow() || !hole.is_within() || net.is_on_border(vertex) {
             return None;
         }
@@ -105,7 +106,7 @@ impl FewHoles {
         self.face_count = 0;
         for (place, &neighbour) in hole.neighbours().iter().enumerate() {
             let gap = fans.gap(place);
-            let old = net.stars_of(neighbour).record(neighbour);
+            let old = net.stars(neighbour).record(neighbour);
             let (mut record, at) = old.without(vertex, &gap)?;
             let mut change = None;
             if !net.is_corner(neighbour) {
@@ -113,7 +114,7 @@ impl FewHoles {
                 self.begin(place, &mut record, &old.memory, &former, net);
                 change = Some(0);
             }
-            let star = Packed { record, listed: None };
+            let star = Packed { record, spilled: None };
             neighbours.push(Neighbour { vertex: neighbour, star, change });
         }
         self.measure(errors);
@@ -134,11 +135,11 @@ impl FewHoles {
         record: &mut Record,
         memory: &HoleMemory,
         former: &FormerPlaces,
-        net: &Net<'_, impl StarSource>,
+        net: &MeshView<'_>,
     ) {
         let mut points = [Point::new(0, 0); PLACES];
         for (point, &vertex) in points.iter_mut().zip(record.all_neighbours()) {
-            *point = net.points[vertex as usize];
+            *point = net.point(vertex);
         }
         let count = record.neighbours().len();
         let triangles = fill_few(&points, count);

@@ -8,14 +8,15 @@
 use crate::removal::fill_cache::{HoleMemory, Shift};
 use crate::removal::small_candidate::FewGap;
 use crate::triangulation::{NONE, Triangulation, next, previous};
+use std::collections::HashMap;
 use std::hint::black_box;
 use std::ops::Range;
 
 /// Neighbours that a record has room for; six in a thousand vertices have more.
-pub(crate) const ROOM: usize = 9;
+pub(crate) const INLINE_CAPACITY: usize = 9;
 
 /// Degree of a vertex whose star is in lists; the first neighbour is the number of these.
-const LISTED: u32 = u32::MAX;
+const SPILLED: u32 = u32::MAX;
 
 /// The star of one vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,9 +25,9 @@ pub(crate) struct Record {
     pub(crate) memory: HoleMemory,
     /// Number of neighbours, 0 for a vertex that is gone.
     degree: u32,
-    neighbours: [u32; ROOM],
+    neighbours: [u32; INLINE_CAPACITY],
     /// The error of the face between each neighbour and the next one.
-    errors: [u32; ROOM],
+    errors: [u32; INLINE_CAPACITY],
 }
 
 /// A star of any size.
@@ -45,58 +46,41 @@ pub(crate) struct Star {
 pub(crate) struct Packed {
     pub(crate) record: Record,
     /// The star itself, where it does not fit.
-    pub(crate) listed: Option<Box<Star>>,
+    pub(crate) spilled: Option<Box<Star>>,
 }
 
 /// The stars of vertices whose numbers follow each other.
-pub(crate) struct Stars {
+pub(crate) struct StarBlock {
     /// The number of the first of them.
     first: u32,
     records: Vec<Record>,
-    lists: Vec<Star>,
-    /// Lists that no vertex uses.
-    unused: Vec<u32>,
-}
-
-/// All stars, in parts of vertices whose numbers follow each other.
-pub(crate) struct StarParts {
-    pub(crate) parts: Vec<Stars>,
-    /// Binary digits of a vertex's number that do not count in that of its part.
-    digits: u32,
-}
-
-/// Where the stars of vertices are found.
-pub(crate) trait StarSource: Sync {
-    /// The stars among which that of a vertex is.
-    fn stars_of(&self, vertex: u32) -> &Stars;
-}
-
-impl StarSource for Stars {
-    #[inline(always)]
-    fn stars_of(&self, _: u32) -> &Stars {
-        self
-    }
+    /// The stars that do not fit their records.
+    spilled: HashMap<u32, Star>,
 }
 
 impl Record {
-    const GONE: Self =
-        Self { memory: HoleMemory::NOTHING, degree: 0, neighbours: [0; ROOM], errors: [0; ROOM] };
+    const REMOVED: Self = Self {
+        memory: HoleMemory::NOTHING,
+        degree: 0,
+        neighbours: [0; INLINE_CAPACITY],
+        errors: [0; INLINE_CAPACITY],
+    };
 
     /// Tells whether the star is in the record itself.
     #[inline(always)]
     pub(crate) fn is_within(&self) -> bool {
-        self.degree != LISTED
+        self.degree != SPILLED
     }
 
     /// The neighbours of a star within.
     #[inline(always)]
     pub(crate) fn neighbours(&self) -> &[u32] {
-        &self.neighbours[..ROOM.min(self.degree as usize)]
+        &self.neighbours[..INLINE_CAPACITY.min(self.degree as usize)]
     }
 
     /// The same with 0 for each that is missing.
     #[inline(always)]
-    pub(crate) fn all_neighbours(&self) -> &[u32; ROOM] {
+    pub(crate) fn all_neighbours(&self) -> &[u32; INLINE_CAPACITY] {
         &self.neighbours
     }
 
@@ -113,27 +97,29 @@ impl Record {
     #[inline]
     pub(crate) fn without(&self, gone: u32, gap: &FewGap) -> Option<(Self, usize)> {
         let degree = (self.degree as usize).wrapping_sub(1) + gap.count;
-        if !self.is_within() || degree > ROOM {
+        if !self.is_within() || degree > INLINE_CAPACITY {
             return None;
         }
         let places = self.neighbours.iter().enumerate();
         let found = places.fold(0, |found, (i, &v)| found | u32::from(v == gone) << i);
-        let place = (found.trailing_zeros() as usize).min(ROOM - 1);
-        let mut neighbours = [0; 4 * ROOM];
-        neighbours[..ROOM].copy_from_slice(&self.neighbours);
-        let mut after = [0; 2 * ROOM];
-        after[..ROOM].copy_from_slice(&self.neighbours);
-        neighbours[place..place + ROOM - 1].copy_from_slice(&gap.successors);
-        neighbours[place + gap.count..][..ROOM].copy_from_slice(&after[place + 1..][..ROOM]);
+        let place = (found.trailing_zeros() as usize).min(INLINE_CAPACITY - 1);
+        let mut neighbours = [0; 4 * INLINE_CAPACITY];
+        neighbours[..INLINE_CAPACITY].copy_from_slice(&self.neighbours);
+        let mut after = [0; 2 * INLINE_CAPACITY];
+        after[..INLINE_CAPACITY].copy_from_slice(&self.neighbours);
+        neighbours[place..place + INLINE_CAPACITY - 1].copy_from_slice(&gap.successors);
+        neighbours[place + gap.count..][..INLINE_CAPACITY]
+            .copy_from_slice(&after[place + 1..][..INLINE_CAPACITY]);
         // The error before each neighbour; before the first one it is that after the last.
-        let mut errors = [0; 4 * ROOM];
-        errors[1..=ROOM].copy_from_slice(&self.errors);
-        after[..ROOM].copy_from_slice(&self.errors);
-        errors[place..place + ROOM - 1].copy_from_slice(&gap.errors);
-        errors[place + gap.count + 1..][..ROOM].copy_from_slice(&after[place + 1..][..ROOM]);
+        let mut errors = [0; 4 * INLINE_CAPACITY];
+        errors[1..=INLINE_CAPACITY].copy_from_slice(&self.errors);
+        after[..INLINE_CAPACITY].copy_from_slice(&self.errors);
+        errors[place..place + INLINE_CAPACITY - 1].copy_from_slice(&gap.errors);
+        errors[place + gap.count + 1..][..INLINE_CAPACITY]
+            .copy_from_slice(&after[place + 1..][..INLINE_CAPACITY]);
         errors[degree] = errors[if place == 0 { 0 } else { degree }];
-        let mut record = Self { degree: degree as u32, ..Self::GONE };
-        for i in 0..ROOM {
+        let mut record = Self { degree: degree as u32, ..Self::REMOVED };
+        for i in 0..INLINE_CAPACITY {
             record.neighbours[i] = if i < degree { neighbours[i] } else { 0 };
             record.errors[i] = if i < degree { errors[i + 1] } else { 0 };
         }
@@ -204,16 +190,16 @@ impl Star {
     /// The star as it is kept.
     pub(crate) fn pack(&self, memory: HoleMemory) -> Packed {
         let degree = self.neighbours.len();
-        let mut record = Record { memory, degree: degree as u32, ..Record::GONE };
-        if degree > ROOM || self.errors.iter().any(|&error| error > u32::MAX.into()) {
-            record.degree = LISTED;
-            return Packed { record, listed: Some(Box::new(self.clone())) };
+        let mut record = Record { memory, degree: degree as u32, ..Record::REMOVED };
+        if degree > INLINE_CAPACITY || self.errors.iter().any(|&error| error > u32::MAX.into()) {
+            record.degree = SPILLED;
+            return Packed { record, spilled: Some(Box::new(self.clone())) };
         }
         record.neighbours[..degree].copy_from_slice(&self.neighbours);
         for (kept, &error) in record.errors.iter_mut().zip(&self.errors) {
             *kept = error as u32;
         }
-        Packed { record, listed: None }
+        Packed { record, spilled: None }
     }
 }
 
@@ -233,11 +219,65 @@ impl Gap<'_> {
     }
 }
 
-impl Stars {
-    /// Room for the stars of so many vertices from the first one on.
-    fn with_room(first: u32, count: usize) -> Self {
-        let records = vec![Record::GONE; count];
-        Self { first, records, lists: Vec::new(), unused: Vec::new() }
+impl StarBlock {
+    /// An empty block with space for the stars of this many vertices from the first one on.
+    pub(crate) fn with_capacity(first: u32, count: usize) -> Self {
+        Self { first, records: Vec::with_capacity(count), spilled: HashMap::new() }
+    }
+
+    /// The stars of a triangulation's vertices, in blocks of `1 << digits`, with the errors of its
+    /// triangles; vertex `v` here is the triangulation's vertex `ranks[v]`.
+    pub(crate) fn of_triangulation(
+        triangulation: &Triangulation,
+        ranks: &[u32],
+        errors: &[u64],
+        digits: u32,
+    ) -> Vec<Self> {
+        let Triangulation { origins, twins, .. } = triangulation;
+        let mut numbers = vec![0; ranks.len()];
+        for (number, &rank) in (0..).zip(ranks) {
+            numbers[rank as usize] = number;
+        }
+        let outgoing = outgoing_half_edges(triangulation);
+        let mut blocks = Vec::new();
+        let mut star = Star::default();
+        for ranks in ranks.chunks(1 << digits) {
+            let mut block = Self::with_capacity((blocks.len() << digits) as u32, ranks.len());
+            for &rank in ranks {
+                star.clear();
+                let first = outgoing[rank as usize];
+                let mut spoke = first;
+                loop {
+                    star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
+                    star.errors.push(errors[spoke as usize / 3]);
+                    let incoming = previous(spoke);
+                    spoke = twins[incoming as usize];
+                    if spoke == NONE {
+                        star.neighbours.push(numbers[origins[incoming as usize] as usize]);
+                        star.errors.push(0);
+                    }
+                    if spoke == NONE || spoke == first {
+                        break;
+                    }
+                }
+                block.push(star.pack(HoleMemory::NOTHING));
+            }
+            blocks.push(block);
+        }
+        blocks
+    }
+
+    /// Adds the star of the next vertex.
+    fn push(&mut self, Packed { record, spilled }: Packed) {
+        let vertex = self.numbers().end;
+        self.spilled.extend(spilled.map(|star| (vertex, *star)));
+        self.records.push(record);
+    }
+
+    /// Adds the stars of a block whose vertices follow.
+    pub(crate) fn append(&mut self, mut other: Self) {
+        self.records.append(&mut other.records);
+        self.spilled.extend(other.spilled);
     }
 
     /// The numbers of the vertices.
@@ -245,31 +285,34 @@ impl Stars {
         self.first..self.first + self.records.len() as u32
     }
 
-    /// The place of a vertex among the records.
+    /// The index of a vertex's record.
     #[inline(always)]
-    fn place(&self, vertex: u32) -> usize {
+    fn index(&self, vertex: u32) -> usize {
         vertex.wrapping_sub(self.first) as usize
     }
 
-    /// Asks memory for the records of several vertices at once, so that they come together instead of
-    /// one after the other as each is used. Those of vertices elsewhere are left out.
+    /// Reads the records of several vertices at once, so that they come from memory together instead
+    /// of one after the other as each is used; leaves out vertices of other blocks.
+    ///
+    /// There is no prefetch instruction without `unsafe`. `black_box` does not promise to keep a
+    /// load; where it does not, this function does nothing.
     #[inline]
-    pub(crate) fn touch(&self, vertices: &[u32]) {
+    pub(crate) fn prefetch(&self, vertices: &[u32]) {
         let lines = vertices.iter().map(|&v| {
-            let record = self.records.get(self.place(v));
-            record.map_or(0, |record| record.degree ^ record.errors[ROOM - 1])
+            let record = self.records.get(self.index(v));
+            record.map_or(0, |record| record.degree ^ record.errors[INLINE_CAPACITY - 1])
         });
         black_box(lines.fold(0, |all, line| all ^ line));
     }
 
     /// The record of a vertex.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn record(&self, vertex: u32) -> &Record {
-        &self.records[self.place(vertex)]
+        &self.records[self.index(vertex)]
     }
 
-    /// Tells whether a vertex is gone.
-    pub(crate) fn is_gone(&self, vertex: u32) -> bool {
+    /// Whether a vertex is removed.
+    pub(crate) fn is_removed(&self, vertex: u32) -> bool {
         self.record(vertex).degree == 0
     }
 
@@ -278,7 +321,7 @@ impl Stars {
     pub(crate) fn neighbours(&self, vertex: u32) -> &[u32] {
         let record = self.record(vertex);
         match record.degree {
-            LISTED => &self.lists[record.neighbours[0] as usize].neighbours,
+            SPILLED => &self.spilled[&vertex].neighbours,
             degree => &record.neighbours[..degree as usize],
         }
     }
@@ -291,18 +334,15 @@ impl Stars {
 
     /// Remembers a hole.
     pub(crate) fn remember(&mut self, vertex: u32, memory: HoleMemory) {
-        let place = self.place(vertex);
-        self.records[place].memory = memory;
+        let index = self.index(vertex);
+        self.records[index].memory = memory;
     }
 
     /// Copies the star of a vertex to `star`.
     pub(crate) fn read(&self, vertex: u32, star: &mut Star) {
         let record = self.record(vertex);
         match record.degree {
-            LISTED => {
-                let list = &self.lists[record.neighbours[0] as usize];
-                star.copy(&list.neighbours, &list.errors);
-            }
+            SPILLED => star.clone_from(&self.spilled[&vertex]),
             degree => {
                 let degree = degree as usize;
                 star.copy(&record.neighbours[..degree], &record.errors[..degree]);
@@ -326,8 +366,8 @@ impl Stars {
             neighbours.iter().position(|&v| v == gone).unwrap_or_default()
         };
         let place = match record.degree {
-            LISTED => {
-                let Star { neighbours, errors } = &self.lists[record.neighbours[0] as usize];
+            SPILLED => {
+                let Star { neighbours, errors } = &self.spilled[&vertex];
                 let place = place(neighbours);
                 star.copy_without((neighbours, errors), place, gap);
                 place
@@ -344,92 +384,20 @@ impl Stars {
     }
 
     /// Replaces the star of a vertex.
-    pub(crate) fn write(&mut self, vertex: u32, packed: Packed) {
-        self.release(vertex);
-        let Packed { mut record, listed } = packed;
-        if let Some(star) = listed {
-            let number = self.unused.pop().unwrap_or(self.lists.len() as u32);
-            record.neighbours[0] = number;
-            match self.lists.get_mut(number as usize) {
-                Some(list) => *list = *star,
-                None => self.lists.push(*star),
-            }
+    #[inline]
+    pub(crate) fn write(&mut self, vertex: u32, Packed { record, spilled }: Packed) {
+        let index = self.index(vertex);
+        let old = std::mem::replace(&mut self.records[index], record);
+        if let Some(star) = spilled {
+            self.spilled.insert(vertex, *star);
+        } else if old.degree == SPILLED {
+            self.spilled.remove(&vertex);
         }
-        let place = self.place(vertex);
-        self.records[place] = record;
     }
 
-    /// Forgets a vertex that is gone.
+    /// Forgets a vertex that is removed.
     pub(crate) fn remove(&mut self, vertex: u32) {
-        self.release(vertex);
-        let place = self.place(vertex);
-        self.records[place].degree = 0;
-    }
-
-    /// Gives back the lists of a vertex.
-    #[inline]
-    fn release(&mut self, vertex: u32) {
-        let record = self.record(vertex);
-        if record.degree == LISTED {
-            let number = record.neighbours[0];
-            self.lists[number as usize] = Star::default();
-            self.unused.push(number);
-        }
-    }
-}
-
-impl StarParts {
-    /// The stars of a triangulation's vertices, which are renumbered, with the errors of its
-    /// triangles; `numbers[v]` is the new number of vertex `v`. The number of a vertex's part is that
-    /// of the vertex without its last `digits` binary digits.
-    pub(crate) fn new(
-        triangulation: &Triangulation,
-        numbers: &[u32],
-        errors: &[u64],
-        digits: u32,
-    ) -> Self {
-        let Triangulation { origins, twins, .. } = triangulation;
-        let size = 1_usize << digits;
-        let firsts = (0..numbers.len()).step_by(size);
-        let part = |first| Stars::with_room(first as u32, size.min(numbers.len() - first));
-        let mut stars = Self { parts: firsts.map(part).collect(), digits };
-        let mut star = Star::default();
-        for (v, &first) in outgoing_half_edges(triangulation).iter().enumerate() {
-            star.clear();
-            let mut spoke = first;
-            loop {
-                star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
-                star.errors.push(errors[spoke as usize / 3]);
-                let incoming = previous(spoke);
-                spoke = twins[incoming as usize];
-                if spoke == NONE {
-                    star.neighbours.push(numbers[origins[incoming as usize] as usize]);
-                    star.errors.push(0);
-                }
-                if spoke == NONE || spoke == first {
-                    break;
-                }
-            }
-            stars.part_of(numbers[v]).write(numbers[v], star.pack(HoleMemory::NOTHING));
-        }
-        stars
-    }
-
-    /// The only part.
-    pub(crate) fn into_one(mut self) -> Stars {
-        self.parts.pop().unwrap_or_else(|| Stars::with_room(0, 0))
-    }
-
-    /// The part of a vertex.
-    pub(crate) fn part_of(&mut self, vertex: u32) -> &mut Stars {
-        &mut self.parts[(u64::from(vertex) >> self.digits) as usize]
-    }
-}
-
-impl StarSource for StarParts {
-    #[inline]
-    fn stars_of(&self, vertex: u32) -> &Stars {
-        &self.parts[(u64::from(vertex) >> self.digits) as usize]
+        self.write(vertex, Packed { record: Record::REMOVED, spilled: None });
     }
 }
 

@@ -5,9 +5,9 @@ use crate::face_error::Measure;
 use crate::image::Image;
 use crate::parameters::choices::ErrorMetric;
 use crate::removal::candidate::Remover;
-use crate::removal::star::{ROOM, Stars};
-use crate::removal::{Prepared, StopRule, Vertices, prepare};
-use crate::triangulation::Triangulation;
+use crate::removal::star::INLINE_CAPACITY;
+use crate::removal::start::{ONE_TILE, Start};
+use crate::removal::tests::{down_to, start};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ const SIDE: usize = 9;
 
 /// A vertex that may go, among vertices of which some have gone.
 struct Case<'a> {
-    net: &'a Net<'a, Stars>,
+    net: &'a MeshView<'a>,
     vertex: u32,
     /// Whether all errors need fewer than 32 bits.
     is_faint: bool,
@@ -33,7 +33,7 @@ fn remembered(record: &Record) -> Option<Triangles> {
 
 /// The errors of all triangles of places that are remembered.
 fn known_errors(memory: &HoleMemory) -> Vec<Option<u64>> {
-    let places = ROOM as u32;
+    let places = INLINE_CAPACITY as u32;
     let triangles = (0..places)
         .flat_map(|a| (a + 1..places).flat_map(move |b| (b + 1..places).map(move |c| [a, b, c])));
     triangles.map(|triangle| memory.error(triangle)).collect()
@@ -50,7 +50,7 @@ fn assert_alike(quick: &HoleMemory, any: &HoleMemory, neighbour_count: usize) {
 
 impl Case<'_> {
     fn degree(&self) -> usize {
-        self.net.stars.neighbours(self.vertex).len()
+        self.net.blocks[0].neighbours(self.vertex).len()
     }
 
     /// What a removal changes is the same by either way; the quick one is taken where it can be.
@@ -58,16 +58,17 @@ impl Case<'_> {
         let (mut few, mut errors) = (FewHoles::default(), FaceErrors::new(measure));
         let (mut quick, mut any) = (Vec::new(), Vec::new());
         remover.prepare_any(self.vertex, self.net, &mut any);
-        for Neighbour { star: Packed { record, listed }, .. } in &any {
-            let fits = listed.as_ref().is_none_or(|star| {
-                star.neighbours.len() > ROOM || star.errors.iter().any(|&e| e > u32::MAX.into())
+        for Neighbour { star: Packed { record, spilled }, .. } in &any {
+            let fits = spilled.as_ref().is_none_or(|star| {
+                star.neighbours.len() > INLINE_CAPACITY
+                    || star.errors.iter().any(|&e| e > u32::MAX.into())
             });
-            assert!(fits && record.is_within() == listed.is_none());
+            assert!(fits && record.is_within() == spilled.is_none());
         }
         let all_fit = self.degree() <= MOST_NEIGHBOURS
             && !self.net.is_on_border(self.vertex)
             && any.iter().all(|neighbour| neighbour.star.record.is_within())
-            && any.iter().all(|n| self.net.stars.record(n.vertex).is_within());
+            && any.iter().all(|n| self.net.blocks[0].record(n.vertex).is_within());
         let found = few.prepare(self.vertex, self.net, &mut errors, &mut quick).is_some();
         assert!(if self.is_faint { found == all_fit } else { !found || all_fit });
         if found {
@@ -82,7 +83,7 @@ impl Case<'_> {
         let mut unknown = Some(0);
         for Neighbour { vertex, star, change } in neighbours {
             if change.is_some() {
-                let before = remembered(self.net.stars.record(*vertex));
+                let before = remembered(self.net.blocks[0].record(*vertex));
                 let after = remembered(&star.record);
                 let new =
                     before.zip(after).map(|(before, after)| after.difference(&before).count());
@@ -98,7 +99,7 @@ impl Case<'_> {
         let (mut few, mut errors) = (FewHoles::default(), FaceErrors::new(measure));
         let (change, memory) = remover.evaluate_any(self.vertex, self.net);
         let quick = few.evaluate(self.vertex, self.net, &mut errors);
-        assert!(quick.is_some() || !self.is_faint || self.degree() > ROOM);
+        assert!(quick.is_some() || !self.is_faint || self.degree() > INLINE_CAPACITY);
         if let Some((quick_change, quick_memory)) = quick {
             assert_eq!(quick_change, change);
             assert_alike(&quick_memory, &memory, self.degree());
@@ -119,38 +120,6 @@ fn assert_same_state(quick: &Neighbour, any: &Neighbour) {
     assert_alike(&quick.memory, &any.memory, any.neighbours().len());
 }
 
-/// The vertices of all lattice points of an image, evaluated.
-fn prepared(image: &Image, measure: &Measure<'_>) -> (Vertices, Stars) {
-    let (width, height) = (image.width() as i32, image.height() as i32);
-    let points = (0..height).flat_map(|y| (0..width).map(move |x| Point::new(x, y))).collect();
-    let triangulation = Triangulation::new(points, &()).unwrap();
-    let metric = ErrorMetric::MeanCompSe;
-    let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
-    let Prepared { vertices, stars, .. } =
-        prepare(image, triangulation, rule, measure, u32::BITS, &()).unwrap();
-    (vertices, stars.into_one())
-}
-
-#[test]
-fn places_below_2_to_the_14_are_near_enough_for_32_bits() {
-    let samples = vec![vec![0; 4 * 4]];
-    let image = Image::from_bottom_up(4, 4, 8, samples).unwrap();
-    let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
-    let (vertices, stars) = prepared(&image, &measure);
-    let net = vertices.net(&stars);
-    assert!(net.is_narrow());
-    let far = 1 << 14;
-    let (mut few, mut errors) = (FewHoles::default(), FaceErrors::new(&measure));
-    let is_inside = |p: &Point| (1..3).contains(&p.x) && (1..3).contains(&p.y);
-    let vertex = net.points.iter().position(is_inside).unwrap() as u32;
-    for (right, top, is_narrow) in [(far - 1, far - 1, true), (far, 3, false), (3, far, false)] {
-        let net = Net { right, top, ..net };
-        assert_eq!(net.is_narrow(), is_narrow, "{right} {top}");
-        assert_eq!(few.evaluate(vertex, &net, &mut errors).is_some(), is_narrow);
-        assert_eq!(few.prepare(vertex, &net, &mut errors, &mut Vec::new()).is_some(), is_narrow);
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
@@ -165,23 +134,24 @@ proptest! {
         let samples = samples.iter().map(sample).take(width * height).collect();
         let image = Image::from_bottom_up(width, height, precision, vec![samples]).unwrap();
         let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
-        let (vertices, mut stars) = prepared(&image, &measure);
+        let Start { vertices, mut stars, .. } =
+            start(&image, &measure, down_to(4), ONE_TILE, &());
         let mut remover = Remover::new(&measure);
         let leaves = |&vertex: &u32| {
             let point = vertices.points.get(vertex as usize)?;
             (point.x % (width as i32 - 1) != 0 || point.y % (height as i32 - 1) != 0).then_some(vertex)
         };
         for vertex in order.iter().filter_map(leaves) {
-            let net = vertices.net(&stars);
+            let net = MeshView { vertices: &vertices, blocks: &stars, first_block: 0 };
             let case = Case { net: &net, vertex, is_faint: precision < 16 };
             case.assert_evaluated_alike(&mut remover, &measure);
             case.assert_prepared_alike(&mut remover, &measure);
             let mut neighbours = Vec::new();
             remover.prepare(vertex, &net, &mut neighbours);
             for Neighbour { vertex, star, .. } in neighbours {
-                stars.write(vertex, star);
+                stars[0].write(vertex, star);
             }
-            stars.remove(vertex);
+            stars[0].remove(vertex);
         }
     }
 }
