@@ -70,6 +70,8 @@ mod refinement;
 mod removal;
 mod search;
 mod triangulation;
+#[cfg(test)]
+mod tuning;
 
 pub use control::{Cancelled, Control, OnThreads, Stage};
 pub use density::Density;

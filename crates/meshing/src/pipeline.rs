@@ -15,7 +15,7 @@ use crate::parameters::{ErrorBound, ParameterError, Parameters, Plan, Target};
 use crate::points::sample_points;
 use crate::quality::fidelity::Fidelity;
 use crate::quality::ssim_weights::ruling_image;
-use crate::refinement::growth::shrink;
+use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
 use crate::refinement::unconstrained::liberate;
 use crate::refinement::unconstrained::moves::Freedom;
@@ -229,7 +229,7 @@ fn triangulate_for_flat(
     let mut mesh = MeasuredMesh::new(triangulation.points, &faces, size, FlatFaces::new(&sums));
     let surplus = mesh.vertex_count().saturating_sub(plan.size);
     let removals = if plan.initial_size == plan.size { 0 } else { surplus };
-    let removals = shrink(&mut mesh, removals, |_| {}, control)?;
+    let removals = remove_in_batches(&mut mesh, removals, |_| {}, control)?;
     let refined = refine(mesh, parameters.effort, control)?;
     let (points, faces, _) = refined.triangulation.mesh();
     Ok(Made { points, faces, removals, squared_error: None })

@@ -56,7 +56,7 @@ fn sources(folder: &Path) -> io::Result<Vec<PathBuf>> {
         let path = entry?.path();
         if path.is_dir() {
             found.extend(sources(&path)?);
-        } else if path.file_name().is_some_and(|name| name != "tests.rs") {
+        } else if path.file_name().is_some_and(|name| name != "tests.rs" && name != "tuning.rs") {
             found.push(path);
         }
     }

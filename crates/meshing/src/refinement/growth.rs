@@ -1,75 +1,70 @@
-//! Growth: for a while the mesh has more vertices than it may keep.
+//! Growth: the mesh gets more vertices for a while, relocates them, and loses as many again.
 //!
-//! The openings worth most are filled, all vertices around them find their new places, then the
-//! cheapest vertices go. Where relocation and swaps are stuck, because no single vertex can gain by
-//! moving, this goes over the hill. It may end higher than it began, and is undone then.
+//! Where relocation alone is stuck, because no single move lowers the error, this leads over the
+//! hill. It may also raise the error, and is undone then.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
-use crate::refinement::insertion_candidates::Openings;
-use crate::refinement::relocation::Relocation;
-use crate::refinement::removal_costs::RemovalCosts;
-use crate::removal::Removal;
+use crate::refinement::batch_removal::remove_in_batches;
+use crate::refinement::insertion_candidates::find_candidates;
+use crate::refinement::relocation::{Look, Relocation, Scope};
 
-/// In which faces a growing mesh looks for openings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Among {
-    /// Those there at first: nearly as good, as the vertices find better places afterwards, and for a
-    /// third of the time.
-    First,
-    /// Those that growth makes too.
-    All,
-}
+/// Faces searched for insertion candidates, for each vertex to be inserted.
+const FACES_PER_VERTEX: usize = 3;
 
-/// Inserts up to `count` vertices, each at the best opening in one of the faces that are then
-/// there, and tells how many.
+/// Inserts `percent` of the vertices, relocates, removes as many and relocates again; undoes all of
+/// it unless the error falls.
 ///
 /// # Errors
 /// When the control cancels.
-pub(crate) fn grow<M: FaceMeasure>(
+pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
-    (count, among): (usize, Among),
+    percent: usize,
+    look: Look,
+    relocation: &mut Relocation,
+    control: &dyn Control,
+) -> Result<(), Cancelled> {
+    let (before, relocation_before) = (mesh.snapshot(), relocation.clone());
+    let error_before = mesh.total_error();
+    // What patches leave out while the mesh is large is relocated afterwards.
+    let (scope, last_scope, last_passes) = match look {
+        Look::Foresighted => (Scope::Inner, Scope::Most, 1),
+        Look::Thorough => (Scope::All, Scope::All, 2),
+    };
+    let count = (mesh.vertex_count() * percent).div_ceil(100);
+    let inserted = insert_best(mesh, count, relocation, control)?;
+    relocation.pass(mesh, (look, scope), control)?;
+    remove_in_batches(mesh, inserted, |neighbours| relocation.note(neighbours), control)?;
+    for _ in 0..last_passes {
+        relocation.pass(mesh, (look, last_scope), control)?;
+    }
+    if mesh.total_error() >= error_before {
+        mesh.restore(before);
+        *relocation = relocation_before;
+    }
+    Ok(())
+}
+
+/// Inserts up to `count` vertices at the best candidates, and returns how many.
+fn insert_best<M: FaceMeasure>(
+    mesh: &mut MeasuredMesh<M>,
+    count: usize,
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<usize, Cancelled> {
-    let mut openings = Openings::find(mesh, count * 3, 0, control)?;
-    for grown in 0..count {
+    let candidates = find_candidates(mesh, count * FACES_PER_VERTEX, control)?;
+    let mut inserted = 0;
+    for candidate in candidates {
         control.poll(Stage::Refine, 0, 1)?;
-        let Some(opening) = openings.pop(mesh) else { return Ok(grown) };
-        let vertex = mesh.add_vertex(opening.place, opening.slot);
-        relocation.add(vertex);
-        relocation.note(mesh.reached());
-        openings.forget_fan(mesh);
-        if among == Among::All {
-            openings.look_into_fan(mesh, 0);
+        if inserted == count {
+            break;
+        }
+        if candidate.is_current(mesh) {
+            let vertex = mesh.add_vertex(candidate.position, candidate.slot);
+            relocation.add(vertex);
+            relocation.note(mesh.reached());
+            inserted += 1;
         }
     }
-    Ok(count)
-}
-
-/// Removes `count` vertices, each time the cheapest, and tells which in order; `note` hears of the
-/// vertices around each.
-///
-/// # Errors
-/// When the control cancels.
-pub(crate) fn shrink<M: FaceMeasure>(
-    mesh: &mut MeasuredMesh<M>,
-    count: usize,
-    mut note: impl FnMut(&[u32]),
-    control: &dyn Control,
-) -> Result<Vec<Removal>, Cancelled> {
-    let mut costs = RemovalCosts::new(mesh, control)?;
-    let mut removals = Vec::with_capacity(count);
-    while removals.len() < count {
-        control.poll(Stage::Refine, 0, 1)?;
-        let Some((change, vertex)) = costs.cheapest() else { break };
-        costs.remove_cheapest();
-        let point = mesh.triangulation.points[vertex as usize];
-        mesh.remove(vertex);
-        let around = mesh.left().to_vec();
-        note(&around);
-        costs.update(mesh, &around);
-        removals.push(Removal { point, change });
-    }
-    Ok(removals)
+    Ok(inserted)
 }

@@ -1,125 +1,84 @@
-//! Openings: places in the worst faces where one more vertex would lower the error most.
+//! Insertion candidates: positions where one more vertex would lower the error most.
 
-use crate::control::{Cancelled, Control};
+use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::probe::{Probe, Surface, find_all};
 use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
 use crate::image::Point;
-use std::collections::BinaryHeap;
+use std::cmp::Reverse;
 
-/// Barycentric weights, in eighths, of places in a face: its middle, places nearer to each vertex,
-/// and near the middle of each edge.
-const PLACES: [[i32; 3]; 7] =
+/// Barycentric weights, in eighths, of the positions tried in a face: its middle, one near each
+/// vertex, and the middle of each edge.
+const WEIGHTS: [[i32; 3]; 7] =
     [[3, 3, 2], [4, 2, 2], [2, 4, 2], [2, 2, 4], [4, 4, 0], [0, 4, 4], [4, 0, 4]];
 
-/// A place in a face where a vertex would lower the error. Compares by how much, then by place.
+/// A position in a face where a vertex would lower the error.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Opening {
-    /// By how much the error falls.
+pub(crate) struct Candidate {
+    /// By how much the error would fall.
     pub(crate) gain: i64,
-    pub(crate) place: Point,
-    /// A slot that holds it.
+    pub(crate) position: Point,
     pub(crate) slot: u32,
-    /// How often the slot had been filled when this was found.
-    version: u32,
+    /// The corners of the face.
+    corners: [Point; 3],
 }
 
-/// The openings found, and which of them are still there.
-pub(crate) struct Openings {
-    /// The best first; some are out of date.
-    heap: BinaryHeap<Opening>,
-    /// How often each slot has been filled.
-    versions: Vec<u32>,
-}
-
-impl Openings {
-    /// Looks into `face_count` of the worst faces for openings worth more than `least`.
-    pub(crate) fn find<M: FaceMeasure>(
-        mesh: &MeasuredMesh<M>,
-        face_count: usize,
-        least: i64,
-        control: &dyn Control,
-    ) -> Result<Self, Cancelled> {
-        let versions = vec![0; mesh.triangulation.slot_count()];
-        let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
-        let find = |slot, probe: &mut _| look_into(surface, probe, slot, least);
-        let found = find_all(&worst_faces(mesh, face_count), new_probe, find, control)?;
-        Ok(Self { heap: found.into_iter().flatten().collect(), versions })
-    }
-
-    /// Takes the best opening that is still there.
-    pub(crate) fn pop<M>(&mut self, mesh: &MeasuredMesh<M>) -> Option<Opening>
-    where
-        M: FaceMeasure,
-    {
-        loop {
-            let opening = self.heap.pop()?;
-            let is_current = self.versions[opening.slot as usize] == opening.version;
-            if is_current && mesh.is_vacant(opening.place) {
-                return Some(opening);
-            }
-        }
-    }
-
-    /// Forgets what was found in the faces that the mesh's last insertion replaced.
-    pub(crate) fn forget_fan<M: FaceMeasure>(&mut self, mesh: &MeasuredMesh<M>) {
-        self.versions.resize(mesh.triangulation.slot_count(), 0);
-        for &slot in mesh.fan() {
-            self.versions[slot as usize] += 1;
-        }
-    }
-
-    /// Looks into the faces that the mesh's last insertion made, for openings worth more than
-    /// `least`.
-    pub(crate) fn look_into_fan<M: FaceMeasure>(&mut self, mesh: &mut MeasuredMesh<M>, least: i64) {
-        for i in 0..mesh.fan().len() {
-            let slot = mesh.fan()[i];
-            let (surface, probe) = mesh.probed();
-            let opening = look_into(surface, probe, slot, least);
-            let version = self.versions[slot as usize];
-            self.heap.extend(opening.map(|opening| Opening { version, ..opening }));
-        }
+impl Candidate {
+    /// Whether the face is still there and the position vacant.
+    pub(crate) fn is_current<M: FaceMeasure>(&self, mesh: &MeasuredMesh<M>) -> bool {
+        mesh.triangulation.corners(self.slot) == self.corners && mesh.is_vacant(self.position)
     }
 }
 
-/// Looks into a face that has not been filled since for the best opening worth more than `least`.
-fn look_into<M: FaceMeasure>(
+/// The best candidate of each of the `face_count` faces of largest error that has one, in
+/// descending order of their gains. Faces of equal error may add some to the count.
+///
+/// # Errors
+/// When the control cancels.
+pub(crate) fn find_candidates<M: FaceMeasure>(
+    mesh: &MeasuredMesh<M>,
+    face_count: usize,
+    control: &dyn Control,
+) -> Result<Vec<Candidate>, Cancelled> {
+    let faces = worst_faces(mesh, face_count);
+    control.poll(Stage::Refine, 0, 1)?;
+    let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
+    let find = |slot, probe: &mut _| best_in_face(surface, probe, slot);
+    let found = find_all(&faces, new_probe, find, control)?;
+    let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
+    candidates.sort_unstable_by_key(|&candidate| Reverse(candidate));
+    Ok(candidates)
+}
+
+/// The best position of a face that lowers the error.
+fn best_in_face<M: FaceMeasure>(
     surface: Surface<'_>,
     probe: &mut Probe<M>,
     slot: u32,
-    least: i64,
-) -> Option<Opening> {
+) -> Option<Candidate> {
     let corners = surface.corners(slot);
-    let (mut limit, mut best) = (-least.max(0), None);
-    for &weights in &PLACES {
-        let place = weighted_mean(corners, weights);
-        if !surface.is_vacant(place) {
+    let (mut limit, mut best) = (0, None);
+    for weights in WEIGHTS {
+        let position = weighted_mean(corners, weights);
+        if !surface.is_vacant(position) {
             continue;
         }
-        if let Some(change) = surface.insertion_change(place, slot, limit, probe) {
-            (limit, best) = (change, Some(place));
+        if let Some(change) = surface.insertion_change(position, slot, limit, probe) {
+            (limit, best) = (change, Some(position));
         }
     }
-    best.map(|place| Opening { gain: -limit, place, slot, version: 0 })
+    best.map(|position| Candidate { gain: -limit, position, slot, corners })
 }
 
-/// Slots of the faces of largest error, in no order.
+/// Slots of the faces of largest error, not of faces without error.
 fn worst_faces<M: FaceMeasure>(mesh: &MeasuredMesh<M>, count: usize) -> Vec<u32> {
-    let triangulation = &mesh.triangulation;
-    let used = |slot: &u32| triangulation.is_used(*slot);
-    let mut faces: Vec<u32> = (0..triangulation.slot_count() as u32).filter(used).collect();
-    let place = |slot: u32| {
-        let mut corners = triangulation.corners(slot);
-        corners.sort_unstable();
-        corners
-    };
-    if count < faces.len() {
-        faces.select_nth_unstable_by(count, |&a, &b| {
-            let by_error = mesh.face_error(b).cmp(&mesh.face_error(a));
-            by_error.then_with(|| place(a).cmp(&place(b)))
-        });
-        faces.truncate(count);
+    let slots = 0..mesh.triangulation.slot_count() as u32;
+    let mut errors: Vec<u64> = slots.clone().map(|slot| mesh.face_error(slot)).collect();
+    let mut least = 1;
+    if count < errors.len() {
+        let (_, error, _) = errors.select_nth_unstable_by_key(count, |&error| Reverse(error));
+        least = (*error).max(least);
     }
-    faces
+    slots.filter(|&slot| mesh.face_error(slot) >= least).collect()
 }
 
 /// The lattice point nearest to a weighted mean of a face's vertices, weights in eighths.
@@ -141,48 +100,53 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn openings_gain_what_triangulating_afresh_gains_the_best_first(
+        fn gains_are_those_of_fresh_triangulations(
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
+            face_count in 0usize..20,
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let measure = measure_of(&image);
             let mesh = measured(&measure, &image, points.clone());
-            let mut openings = Openings::find(&mesh, usize::MAX, 0, &()).unwrap();
             let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
             let before = error(&points);
-            let gain = |place: Point| {
+            let gain = |position: Point| {
                 let mut more = points.clone();
-                more.insert(more.partition_point(|p| *p < place), place);
+                more.insert(more.partition_point(|p| *p < position), position);
                 before as i64 - error(&more) as i64
             };
-            // The best place tried of every face, where it gains anything.
-            let best = |corners: [Point; 3]| {
-                let tried = PLACES.iter().map(|&weights| weighted_mean(corners, weights));
-                let vacant = tried.filter(|place| !points.contains(place));
+            // The best gain of every face that has one, faces of largest error first.
+            let mut slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
+            slots.sort_by_key(|&slot| Reverse(mesh.face_error(slot)));
+            let best = |&slot: &u32| {
+                let corners = mesh.triangulation.corners(slot);
+                let tried = WEIGHTS.iter().map(|&weights| weighted_mean(corners, weights));
+                let vacant = tried.filter(|position| !points.contains(position));
                 vacant.map(gain).filter(|&gain| gain > 0).max()
             };
-            let faces = (0..mesh.triangulation.slot_count() as u32)
-                .map(|slot| mesh.triangulation.corners(slot));
-            let mut expected: Vec<i64> = faces.filter_map(best).collect();
-            expected.sort_unstable_by(|a, b| b.cmp(a));
-            let mut found = Vec::new();
-            while let Some(opening) = openings.pop(&mesh) {
-                prop_assert_eq!(opening.gain, gain(opening.place));
-                found.push(opening.gain);
+            let least = slots.get(face_count).map_or(0, |&slot| mesh.face_error(slot)).max(1);
+            slots.retain(|&slot| mesh.face_error(slot) >= least);
+            let mut expected: Vec<i64> = slots.iter().filter_map(best).collect();
+            expected.sort_unstable_by_key(|&gain| Reverse(gain));
+            let found = find_candidates(&mesh, face_count, &()).unwrap();
+            for candidate in &found {
+                prop_assert_eq!(candidate.gain, gain(candidate.position));
+                prop_assert!(candidate.is_current(&mesh));
             }
-            prop_assert_eq!(&found, &expected);
-            // Of these, only those that are worth more than something.
-            let worth_more = |least: i64| {
-                let mut openings = Openings::find(&mesh, usize::MAX, least, &()).unwrap();
-                let gains = std::iter::from_fn(|| openings.pop(&mesh)).map(|opening| opening.gain);
-                gains.collect::<Vec<i64>>()
-            };
-            for least in [-5, 1, 10, expected.first().copied().unwrap_or(0)] {
-                let more: Vec<i64> = expected.iter().copied().filter(|&gain| gain > least).collect();
-                prop_assert_eq!(worth_more(least), more);
-            }
+            let gains: Vec<i64> = found.iter().map(|candidate| candidate.gain).collect();
+            prop_assert_eq!(gains, expected);
         }
+    }
+
+    #[test]
+    fn candidates_of_replaced_faces_are_outdated() {
+        let samples: Vec<u16> = (0..81).map(|i| i * i % 64).collect();
+        let (image, points) = picture(9, 9, &samples, &[]);
+        let measure = measure_of(&image);
+        let mut mesh = measured(&measure, &image, points);
+        let found = find_candidates(&mesh, usize::MAX, &()).unwrap();
+        mesh.add_vertex(found[0].position, found[0].slot);
+        assert!(!found[0].is_current(&mesh));
     }
 }

@@ -9,11 +9,14 @@ pub(crate) mod moves;
 pub(crate) mod valued_mesh;
 
 use crate::control::{Cancelled, Control, Stage};
+use crate::refinement::Part;
 use crate::refinement::unconstrained::least_squares::fit_values;
 use crate::refinement::unconstrained::moves::{Freedom, VertexMoves};
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
-use crate::refinement::{PAYS, Part};
 use std::sync::atomic::AtomicUsize;
+
+/// Rounds end when one lowers the error by less than this part.
+const PAYS: f64 = 2e-4;
 
 /// Rounds where vertices do not move.
 const ROUNDS_WITHOUT_MOVES: usize = 4;
