@@ -22,8 +22,9 @@ use crate::problem::Problem;
 use crate::telemetry;
 use encode::{Writing, encode, encoded};
 use pixmesh_codec::{
-    Limits, Texture, WeightsError, weights_of, weights_reading, write_progression,
+    Limits, Texture, WeightsError, model_comments, weights_of, weights_reading, write_progression,
 };
+use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Image, Progression, mesh_image};
 use std::time::Duration;
 
@@ -97,18 +98,19 @@ fn make(
     let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| watch.check()));
     let texture = texture.transpose()?;
     drop(file);
-    let image = weigh(image, weights, limits, watch)?;
+    let weights = read_weights(&image, weights, limits, watch)?;
+    let parameters = order.parameters.clone().weights(weights);
     let pixels = image.pixel_count();
     watch.check()?;
-    let model = mesh_image(&image, &order.parameters, watch)?;
-    let progression = ordered
-        .then(|| Progression::new(&image, &model.mesh, &order.parameters, watch))
-        .transpose()?;
+    let model = mesh_image(&image, &parameters, watch)?;
+    let progression =
+        ordered.then(|| Progression::new(&image, &model.mesh, &parameters, watch)).transpose()?;
     drop(image);
     let writing = Writing {
         format,
         output: &order.output,
         texture: texture.as_ref(),
+        comments: &model_comments(&parameters),
         model: Some(&model),
         fidelity: Some(&model.fidelity),
         progression: progression.as_ref(),
@@ -128,20 +130,18 @@ fn make(
     Ok((answer, progression))
 }
 
-/// The image with its weights, if there are any.
-fn weigh(
-    image: Image,
+/// The weights of an image, if there are any.
+fn read_weights(
+    image: &Image,
     weights: Option<impl AsRef<[u8]>>,
     limits: &Limits,
     watch: &Watch,
-) -> Result<Image, Problem> {
-    let Some(file) = weights else { return Ok(image) };
+) -> Result<Option<Weights>, Problem> {
+    let Some(file) = weights else { return Ok(None) };
     let size = (image.width(), image.height());
     let picture = decode(&weights_reading(limits), file.as_ref(), watch).map_err(of_weights)?;
     drop(file);
-    let weights = weights_of(&picture, size, &|| watch.check())?;
-    drop(picture);
-    Ok(image.with_weights(weights)?)
+    Ok(Some(weights_of(&picture, size, &|| watch.check())?))
 }
 
 fn of_weights(failure: Failure) -> Problem {

@@ -29,7 +29,7 @@ pub fn run(bytes: &[u8]) {
         Image::from_bottom_up(width, height, 8, vec![samples]).expect("a picture of few grays");
     for size in size..=width * height {
         let own = method.parameters(Target::Size(size));
-        let parameters = Parameters { bad_point_removal, ..own };
+        let parameters = own.bad_point_removal(bad_point_removal);
         let plan = parameters.plan(image.shape()).expect("a size that fits");
         if tried(plan.initial_size, plan.size) <= MOST_TRIED {
             return check(&image, &parameters);

@@ -184,32 +184,31 @@ impl Choices {
         let gamma = self.gamma.map(InitialSize::Gamma);
         let density = self.initial_density.map(InitialSize::Percent);
         let size = self.initial_size.map(InitialSize::Size);
-        Parameters {
-            initial_size: gamma.or(density).or(size).unwrap_or(method.initial_size),
-            generator: self.initial.unwrap_or(method.generator),
-            policy: self.policy.unwrap_or(method.policy),
-            startup: self.startup.unwrap_or(method.startup),
-            scan: self.scan.unwrap_or(method.scan),
-            leaky: self.leaky.unwrap_or(method.leaky),
-            tolerance: self.tolerance.or(method.tolerance),
-            smoothing: self.smoothing.unwrap_or(method.smoothing),
-            smoothing_order: self.smoothing_order.unwrap_or(method.smoothing_order),
-            smoothing_direction: self.smoothing_direction.unwrap_or(method.smoothing_direction),
-            double_convolution: self.double_convolution.unwrap_or(method.double_convolution),
-            smoothing_boundary: self.smoothing_boundary.unwrap_or(method.smoothing_boundary),
-            boundary: self.boundary.unwrap_or(method.boundary),
-            psc_tie: self.psc_tie.unwrap_or(method.psc_tie),
-            guide: self.meshed.unwrap_or(method.guide),
-            error_metric: self.error_metric.unwrap_or(method.error_metric),
-            bad_point_removal: self.bad_point_removal.unwrap_or(method.bad_point_removal),
-            effort: self.effort.unwrap_or(method.effort),
-            connectivity: self.connectivity.unwrap_or(method.connectivity),
-            values: self.values.unwrap_or(method.values),
-            reconstruction: self.reconstruction.unwrap_or(method.reconstruction),
-            parallel: self.parallel.unwrap_or(method.parallel),
-            seed: self.seed.unwrap_or(method.seed),
-            ..*method
-        }
+        method
+            .clone()
+            .initial_size(gamma.or(density).or(size).unwrap_or(method.initial_size))
+            .generator(self.initial.unwrap_or(method.generator))
+            .policy(self.policy.unwrap_or(method.policy))
+            .startup(self.startup.unwrap_or(method.startup))
+            .scan(self.scan.unwrap_or(method.scan))
+            .leaky(self.leaky.unwrap_or(method.leaky))
+            .tolerance(self.tolerance.or(method.tolerance))
+            .smoothing(self.smoothing.unwrap_or(method.smoothing))
+            .smoothing_order(self.smoothing_order.unwrap_or(method.smoothing_order))
+            .smoothing_direction(self.smoothing_direction.unwrap_or(method.smoothing_direction))
+            .double_convolution(self.double_convolution.unwrap_or(method.double_convolution))
+            .smoothing_boundary(self.smoothing_boundary.unwrap_or(method.smoothing_boundary))
+            .boundary(self.boundary.unwrap_or(method.boundary))
+            .psc_tie(self.psc_tie.unwrap_or(method.psc_tie))
+            .guide(self.meshed.unwrap_or(method.guide))
+            .error_metric(self.error_metric.unwrap_or(method.error_metric))
+            .bad_point_removal(self.bad_point_removal.unwrap_or(method.bad_point_removal))
+            .effort(self.effort.unwrap_or(method.effort))
+            .connectivity(self.connectivity.unwrap_or(method.connectivity))
+            .values(self.values.unwrap_or(method.values))
+            .reconstruction(self.reconstruction.unwrap_or(method.reconstruction))
+            .parallel(self.parallel.unwrap_or(method.parallel))
+            .seed(self.seed.unwrap_or(method.seed))
     }
 }
 

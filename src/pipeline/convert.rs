@@ -23,7 +23,14 @@ pub fn convert(
     let mesh = read_model_while(model.as_ref(), limits, &|| watch.check())?;
     drop(model);
     watch.check()?;
-    let writing =
-        Writing { format, output, texture: None, model: None, fidelity: None, progression: None };
+    let writing = Writing {
+        format,
+        output,
+        texture: None,
+        comments: &[],
+        model: None,
+        fidelity: None,
+        progression: None,
+    };
     encode(&mesh, &writing, watch)
 }

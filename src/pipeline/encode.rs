@@ -48,6 +48,8 @@ pub(super) struct Writing<'a> {
     pub(super) output: &'a Output,
     /// The image to show in it.
     pub(super) texture: Option<&'a Texture>,
+    /// What distinguishes the mesh from one of the thesis.
+    pub(super) comments: &'a [&'a str],
     /// What is known of the mesh where it has just been made.
     pub(super) model: Option<&'a Approximation>,
     /// How close it is to the image, where that is known.
@@ -63,13 +65,12 @@ pub(super) fn encode(
     watch: &Watch,
 ) -> Result<Vec<u8>, Problem> {
     let room = room(mesh, writing);
-    let Writing { format, output, texture, model, fidelity, progression } = *writing;
+    let Writing { format, output, texture, comments, model, fidelity, progression } = *writing;
     let Output { geometry, compression, shading, png_compression, .. } = *output;
     let gltf = GltfOptions { geometry, compression, texture };
     match format {
         Format::Model => {
-            let remarks = model.map_or(&[][..], |model| &model.remarks);
-            encoded(room, watch, |bytes| write_model_with_comments(mesh, remarks, bytes))
+            encoded(room, watch, |bytes| write_model_with_comments(mesh, comments, bytes))
         }
         Format::Glb => encoded(room, watch, |bytes| write_glb(mesh, &gltf, bytes)),
         Format::Gltf => encoded(room, watch, |bytes| write_gltf(mesh, &gltf, bytes)),

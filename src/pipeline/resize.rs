@@ -53,6 +53,7 @@ pub fn resize(
         format,
         output,
         texture: None,
+        comments: &[],
         model: None,
         fidelity: Some(&fidelity),
         progression: Some(&progression),

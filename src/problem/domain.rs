@@ -104,6 +104,9 @@ impl From<ParameterError> for Problem {
             E::TargetNeedsSquaredError(_) => {
                 Self::new(Kind::ConflictingParameters, detail).param("target_psnr")
             }
+            E::WeightsNeedSquaredError(_) => {
+                Self::new(Kind::ConflictingParameters, detail).param("weights")
+            }
             E::Shape(error) => error.into(),
             _ => Self::new(Kind::ParameterOutOfRange, detail),
         }
@@ -115,6 +118,9 @@ impl From<MeshingError> for Problem {
         match error {
             MeshingError::Parameter(error) => error.into(),
             MeshingError::Cancelled(cancelled) => cancelled.into(),
+            MeshingError::Shape(error) => {
+                Self::new(Kind::ShapeMismatch, error.to_string()).param("approximation")
+            }
             _ => internal("mesh generation failed", &error),
         }
     }

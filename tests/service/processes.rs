@@ -7,7 +7,7 @@ use crate::pictures::disc;
 use crate::server::{Server, program};
 use pixmesh_codec::{DecodeOptions, write_model};
 use pixmesh_meshing::parameters::Generator;
-use pixmesh_meshing::{Method, Parameters, Target, mesh_image};
+use pixmesh_meshing::{Method, Target, mesh_image};
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -138,8 +138,7 @@ fn a_client_that_leaves_ends_the_process_within_a_tenth_of_a_second_at_any_momen
 fn a_picture_from_a_process_is_the_one_that_the_library_decodes_and_so_are_refusals() {
     let server = Server::start(&FLAGS);
     let options = DecodeOptions::default();
-    let parameters =
-        Parameters { generator: Generator::Uniform, ..Method::Med.parameters(Target::Size(100)) };
+    let parameters = Method::Med.parameters(Target::Size(100)).generator(Generator::Uniform);
     // Hardly larger than what is decoded in the service.
     let sizes = [(3600, 2300), (3200, 2000), (2000, 1600)];
     for (n, ((kind, make), (width, height))) in KINDS.into_iter().zip(sizes).enumerate() {

@@ -5,7 +5,7 @@ use crate::pictures::{disc, disc_image, noise, png};
 use crate::server::{Folder, Server};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use pixmesh_codec::{Limits, decode, read_model};
+use pixmesh_codec::{Limits, decode, read_model, read_weights};
 use pixmesh_meshing::{Image, Method, Target, mesh_image};
 use std::sync::Arc;
 
@@ -38,10 +38,9 @@ fn a_request_and_a_job_with_weights_make_the_mesh_that_the_library_makes() {
     assert_eq!(direct.status, 200, "{}", direct.text());
 
     let limits = Limits::default();
-    let mask = decode(&weights, &limits).unwrap();
-    let mask = mask.components()[0].iter().map(|&sample| sample as u8).collect();
-    let image = decode(&picture, &limits).unwrap().with_weights(mask).unwrap();
-    let parameters = Method::Mgprfs.parameters(Target::Size(120));
+    let image = decode(&picture, &limits).unwrap();
+    let mask = read_weights(&weights, (SIDE, SIDE), &limits).ok();
+    let parameters = Method::Mgprfs.parameters(Target::Size(120)).weights(mask.clone());
     let model = mesh_image(&image, &parameters, &()).unwrap();
     assert_eq!(read_model(&direct.body, &limits).unwrap(), model.mesh);
     let plain = server.mesh(QUERY, &[], &picture);
@@ -62,11 +61,10 @@ fn a_request_and_a_job_with_weights_make_the_mesh_that_the_library_makes() {
     assert!(plain["image"]["weights"].is_null());
     assert!(server.get(&format!("{job}/mesh")).body == direct.body);
     let answer = server.get(&format!("{job}/mesh?size=30"));
-    let parameters = Method::Mgprfs.parameters(Target::Size(30));
-    let parameters = pixmesh_meshing::Parameters {
-        initial_size: pixmesh_meshing::parameters::InitialSize::Size(480),
-        ..parameters
-    };
+    let parameters = Method::Mgprfs
+        .parameters(Target::Size(30))
+        .weights(mask)
+        .initial_size(pixmesh_meshing::parameters::InitialSize::Size(480));
     let smaller = mesh_image(&image, &parameters, &()).unwrap();
     assert_eq!(read_model(&answer.body, &limits).unwrap(), smaller.mesh);
     assert_eq!(answer.header("mesh-mse"), smaller.fidelity.mse().to_string());

@@ -45,8 +45,7 @@ pub(super) fn run(setting: &Setting) -> Result {
         for (name, method, effort) in METHODS {
             for &density in densities {
                 let query = format!("method={name}&effort={effort}&density={density}");
-                let parameters =
-                    Parameters { effort, ..method.parameters(Target::Percent(density)) };
+                let parameters = method.parameters(Target::Percent(density)).effort(effort);
                 let work = (query.as_str(), &parameters);
                 let figures = measured(&servers, setting, (&picture, megapixels), work);
                 rows.push([row![megapixels, name, effort, density], figures].concat());

@@ -7,9 +7,10 @@ use crate::output::{OutputOptions, picture_of};
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
+use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{
-    Approximation, Image, MeshingError, OnThreads, ParameterError, Parameters, Progression,
-    Removal, Stage, mesh_image, structural_similarity,
+    Approximation, Image, MeshingError, OnThreads, Parameters, Progression, Removal, Stage,
+    mesh_image, structural_similarity,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -139,15 +140,17 @@ impl MakeModel {
         let decoding = start.elapsed();
         let texture = self.written.texture(self.output.as_deref(), &bytes, &image)?;
         drop(bytes);
-        let image = self.weigh(image)?;
         self.written.check(image.component_count())?;
         let parameters = self.mesh.parameters(image.component_count());
-        let parameters = parameters.map_err(MeshingError::from)?;
+        let parameters = parameters
+            .map_err(MeshingError::from)?
+            .weights(self.weights(&image)?)
+            .lists_removals(self.history_file.is_some());
         let attendant = Attendant::new();
         let control = OnThreads(&attendant, self.threads());
         let model = mesh_image(&image, &parameters, &control)?;
         let stages = attendant.finish();
-        let encoding = self.write(&model, texture.as_ref())?;
+        let encoding = self.write(&model, &parameters, texture.as_ref())?;
         self.write_compact(&image, &parameters, &model)?;
         if self.stats {
             let ssim = structural_similarity(&image, &*picture_of(&model)?, &())?;
@@ -157,15 +160,14 @@ impl MakeModel {
         Ok(())
     }
 
-    /// The picture with the weights of another one, if one is given.
-    fn weigh(&self, image: Image) -> Result<Image, CliError> {
-        let Some(file) = &self.weights else { return Ok(image) };
+    /// The weights that a second picture says, if one is given.
+    fn weights(&self, image: &Image) -> Result<Option<Weights>, CliError> {
+        let Some(file) = &self.weights else { return Ok(None) };
         let bytes = files::read(Some(file))?;
         let name = || files::name(Some(file), "weights");
-        let weights =
-            pixmesh_codec::read_weights(&bytes, (image.width(), image.height()), &files::LIMITS)
-                .map_err(|source| CliError::Weights { name: name(), source })?;
-        Ok(image.with_weights(weights).map_err(ParameterError::from).map_err(MeshingError::from)?)
+        pixmesh_codec::read_weights(&bytes, (image.width(), image.height()), &files::LIMITS)
+            .map(Some)
+            .map_err(|source| CliError::Weights { name: name(), source })
     }
 
     /// Writes the mesh in the compact forms asked for.
@@ -196,10 +198,11 @@ impl MakeModel {
     fn write(
         &self,
         model: &Approximation,
+        parameters: &Parameters,
         texture: Option<&Texture>,
     ) -> Result<Duration, CliError> {
         let start = Instant::now();
-        let bytes = self.written.write(model, self.output.as_deref(), texture)?;
+        let bytes = self.written.write(model, parameters, self.output.as_deref(), texture)?;
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {

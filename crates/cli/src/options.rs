@@ -255,11 +255,10 @@ impl MeshOptions {
 
     /// What the thesis's program does when nothing but the target is given.
     fn program_defaults(&self) -> Parameters {
-        Parameters {
-            initial_size: InitialSize::Percent(100.0),
-            bad_point_removal: true,
-            ..Parameters::new(self.target())
-        }
+        Parameters::default()
+            .target(self.target())
+            .initial_size(InitialSize::Percent(100.0))
+            .bad_point_removal(true)
     }
 
     /// Sets how the initial points are chosen.

@@ -5,9 +5,9 @@ use crate::options::named;
 use clap::{Args, ValueEnum};
 use pixmesh_codec::{
     Compression, EncodeError, Geometry, GltfOptions, LengthUnit, PngCompression, Relief,
-    ReliefHeight, ReliefSource, Shading, Texture, Texturing,
+    ReliefHeight, ReliefSource, Shading, Texture, Texturing, model_comments,
 };
-use pixmesh_meshing::{Approximation, Image, rasterize};
+use pixmesh_meshing::{Approximation, Image, Parameters, rasterize};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -144,6 +144,7 @@ impl OutputOptions {
     pub fn write(
         &self,
         model: &Approximation,
+        parameters: &Parameters,
         path: Option<&Path>,
         texture: Option<&Texture>,
     ) -> Result<Vec<u8>, CliError> {
@@ -153,7 +154,7 @@ impl OutputOptions {
         let out = &mut bytes;
         match self.format(path) {
             MeshFormat::Model => {
-                pixmesh_codec::write_model_with_comments(mesh, &model.remarks, out)
+                pixmesh_codec::write_model_with_comments(mesh, &model_comments(parameters), out)
                     .map_err(EncodeError::from)?;
             }
             MeshFormat::Glb => pixmesh_codec::write_glb(mesh, &gltf, out)?,

@@ -88,8 +88,8 @@ pub use header::Header;
 pub use json::write_json;
 pub use limits::Limits;
 pub use model::{
-    ModelDefect, ModelError, probe_model, read_model, read_model_while, write_model,
-    write_model_with_comments,
+    ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_while,
+    write_model, write_model_with_comments,
 };
 pub use obj::write_obj;
 pub use ply::write_ply;

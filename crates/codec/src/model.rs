@@ -11,4 +11,4 @@ mod write;
 
 pub use defect::{ModelDefect, ModelError};
 pub use read::{probe_model, read_model, read_model_while};
-pub use write::{write_model, write_model_with_comments};
+pub use write::{model_comments, write_model, write_model_with_comments};

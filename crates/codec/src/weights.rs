@@ -9,6 +9,7 @@ use crate::error::DecodeError;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::wanted::{Wanted, always};
+use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Cancelled, Image};
 use thiserror::Error;
 
@@ -50,7 +51,7 @@ pub fn probe_weights(
 }
 
 /// Reads the weights of a picture of so many columns and rows, from 0 to 255, as
-/// [`Image::with_weights`] takes them.
+/// [`Parameters::weights`](pixmesh_meshing::Parameters::weights) takes them.
 ///
 /// # Errors
 /// When the bytes are no picture, or one of another size or of neither 1 nor 3 components.
@@ -58,7 +59,7 @@ pub fn read_weights(
     bytes: &[u8],
     expected: (usize, usize),
     limits: &Limits,
-) -> Result<Vec<u8>, WeightsError> {
+) -> Result<Weights, WeightsError> {
     read_weights_while(bytes, expected, limits, &always)
 }
 
@@ -71,7 +72,7 @@ pub fn read_weights_while(
     expected: (usize, usize),
     limits: &Limits,
     wanted: &Wanted<'_>,
-) -> Result<Vec<u8>, WeightsError> {
+) -> Result<Weights, WeightsError> {
     weights_of(&weights_reading(limits).decode_while(bytes, wanted)?, expected, wanted)
 }
 
@@ -84,10 +85,11 @@ pub fn weights_of(
     picture: &Image,
     expected: (usize, usize),
     wanted: &Wanted<'_>,
-) -> Result<Vec<u8>, WeightsError> {
+) -> Result<Weights, WeightsError> {
     let size = (picture.width(), picture.height());
     check(size, picture.component_count(), expected)?;
-    Ok(lumas(picture, wanted).map_err(DecodeError::from)?)
+    let weights = lumas(picture, wanted).map_err(DecodeError::from)?;
+    Ok(Weights::from_bottom_up(size.0, size.1, weights).map_err(DecodeError::from)?)
 }
 
 /// How a picture is decoded that is to be weights.
@@ -140,7 +142,7 @@ mod tests {
             probe_weights(text, expected, &limits).is_ok(),
             read_weights(text, expected, &limits).is_ok()
         );
-        read_weights(text, expected, &limits)
+        read_weights(text, expected, &limits).map(|weights| weights.values().to_vec())
     }
 
     #[test]

@@ -132,7 +132,7 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
     let weights =
         |last| ask(last, |wanted| read_weights_while(&png, (40, 30), &Limits::default(), wanted));
     let (made, questions) = weights(usize::MAX);
-    assert_eq!(made.unwrap().len(), 40 * 30);
+    assert_eq!(made.unwrap().values().len(), 40 * 30);
     for last in 0..questions {
         let refused = weights(last).0.unwrap_err();
         assert!(matches!(refused, WeightsError::Picture(DecodeError::Cancelled(_))), "{last}");

@@ -84,7 +84,7 @@ fn first_sight(bencher: Bencher<'_, '_>, case: Case) {
 #[divan::bench(args = orders(), sample_count = 3)]
 fn orders_of_removal(bencher: Bencher<'_, '_>, Order { parallel, threads }: Order) {
     let case = Case { method: Method::Mgprfs, side: LARGE_SIDE, is_colour: true, threads };
-    let (image, parameters) = (case.image(), Parameters { parallel, ..case.parameters() });
+    let (image, parameters) = (case.image(), case.parameters().parallel(parallel));
     bencher
         .counter(ItemsCount::new(image.pixel_count()))
         .bench_local(|| mesh_image(&image, &parameters, &case.control()));

@@ -5,6 +5,7 @@
 //! picture. Decoders, whose rows come from the top, put them there, or flip once with
 //! [`Image::from_top_down`]; nothing inside this crate flips again.
 
+use std::fmt;
 use thiserror::Error;
 
 /// The most columns or rows an image may have, so that `2 * area` of any triangle and every
@@ -41,6 +42,28 @@ pub struct Shape {
     pub precision: u8,
 }
 
+impl fmt::Display for Shape {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { width, height, component_count, precision } = self;
+        write!(formatter, "{width}x{height} with {component_count} components of {precision} bits")
+    }
+}
+
+/// Two images, or an image and a mesh, that cannot be compared.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("images of different shape cannot be compared: {first} and {second}")]
+pub struct ShapeMismatch {
+    first: Shape,
+    second: Shape,
+}
+
+impl ShapeMismatch {
+    /// Checks that two shapes are the same.
+    pub(crate) fn check(first: Shape, second: Shape) -> Result<(), Self> {
+        if first == second { Ok(()) } else { Err(Self { first, second }) }
+    }
+}
+
 /// An image of any number of components, each sample an integer of 1 to 16 bits.
 ///
 /// Components are stored one after the other, each row by row from the bottom.
@@ -50,8 +73,6 @@ pub struct Image {
     height: usize,
     precision: u8,
     components: Vec<Vec<u16>>,
-    /// How much each lattice point matters; all the same where there are none.
-    weights: Option<Vec<u8>>,
 }
 
 /// Why samples do not make an image.
@@ -161,7 +182,7 @@ impl Image {
                 return Err(ImageError::SampleRange { component, sample, maximum, precision });
             }
         }
-        Ok(Self { width, height, precision, components, weights: None })
+        Ok(Self { width, height, precision, components })
     }
 
     /// Makes an image of components whose rows run from the top to the bottom, as files have
@@ -189,34 +210,13 @@ impl Image {
         precision: u8,
         components: Vec<Vec<u16>>,
     ) -> Self {
-        Self { width, height, precision, components, weights: None }
+        Self { width, height, precision, components }
     }
 
     /// An image of the same shape but for its components, which a kernel of this crate made of
     /// this image's samples.
     pub(crate) fn with_components(&self, components: Vec<Vec<u16>>) -> Self {
-        Self { components, weights: self.weights.clone(), ..*self }
-    }
-
-    /// The same image whose lattice points matter more or less: a squared error counts that many
-    /// times where vertices are removed and moved. Fidelity is that of the image without weights.
-    ///
-    /// `weights[y * width + x]` is that of the point at `(x, y)`, row 0 at the bottom.
-    ///
-    /// # Errors
-    /// When there is not one weight for each lattice point.
-    pub fn with_weights(self, weights: Vec<u8>) -> Result<Self, ImageError> {
-        let (actual, expected) = (weights.len(), self.pixel_count());
-        if actual != expected {
-            return Err(ImageError::WeightCount { actual, expected });
-        }
-        Ok(Self { weights: Some(weights), ..self })
-    }
-
-    /// How much each lattice point matters, where that differs.
-    #[must_use]
-    pub fn weights(&self) -> Option<&[u8]> {
-        self.weights.as_deref()
+        Self { components, ..*self }
     }
 
     /// Tells whether every component is one sample repeated.
@@ -235,6 +235,11 @@ impl Image {
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
+    }
+
+    /// Columns and rows.
+    pub(crate) fn sides(&self) -> (usize, usize) {
+        (self.width, self.height)
     }
 
     /// Number of lattice points, `width * height`.
@@ -306,7 +311,7 @@ pub(crate) fn check_shape(width: usize, height: usize, precision: u8) -> Result<
 }
 
 /// Reverses the order of whole rows in place.
-fn flip_rows(samples: &mut [u16], width: usize) {
+pub(crate) fn flip_rows<T>(samples: &mut [T], width: usize) {
     let mut rows = samples.chunks_exact_mut(width);
     while let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {
         first.swap_with_slice(last);

@@ -21,7 +21,7 @@ mod refinement {
     #[test]
     fn errors_of_each_effort() {
         let image = shaded(64);
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
         let errors: Vec<u64> = (0..=9)
             .map(|effort| {
                 let mesh = measured(&measure, &image, scattered());
@@ -43,7 +43,7 @@ mod refinement {
         let components = shaded.components().iter().map(finer).collect();
         let image = Image::from_bottom_up(64, 64, 12, components).unwrap();
         let errors = [Measure::with_model, Measure::new].map(|new| {
-            let measure = new(&image, ErrorMetric::MeanCompSe);
+            let measure = new(&image, ErrorMetric::MeanCompSe, None);
             let mesh = measured(&measure, &image, scattered());
             refine(mesh, 1, &()).unwrap().total_error()
         });

@@ -5,17 +5,19 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 /// The modules of `src`, each before all that may use it.
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 18] = [
     "control",
     "image",
     "parallel",
     "parameters",
+    "error",
     "density",
     "triangulation",
     "face_error",
     "dynamic_mesh",
     "points",
     "quality",
+    "guide",
     "removal",
     "refinement",
     "model",

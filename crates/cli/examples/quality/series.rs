@@ -56,17 +56,13 @@ impl Series {
         let mgprfs = Method::Mgprfs.parameters(target);
         match self.change {
             Change::Method(method) => method.parameters(target),
-            Change::Gamma(gamma) => {
-                Parameters { initial_size: InitialSize::Gamma(gamma), ..mgprfs }
-            }
-            Change::Effort(effort) => Parameters { effort, ..mgprfs },
-            Change::Free(free, fitted, effort) => Parameters {
-                connectivity: if free { Connectivity::Free } else { Connectivity::Delaunay },
-                values: if fitted { Values::Fitted } else { Values::Sampled },
-                effort,
-                ..mgprfs
-            },
-            Change::Metric(error_metric) => Parameters { error_metric, ..mgprfs },
+            Change::Gamma(gamma) => mgprfs.initial_size(InitialSize::Gamma(gamma)),
+            Change::Effort(effort) => mgprfs.effort(effort),
+            Change::Free(free, fitted, effort) => mgprfs
+                .connectivity(if free { Connectivity::Free } else { Connectivity::Delaunay })
+                .values(if fitted { Values::Fitted } else { Values::Sampled })
+                .effort(effort),
+            Change::Metric(error_metric) => mgprfs.error_metric(error_metric),
         }
     }
 }

@@ -66,7 +66,7 @@ impl Series {
     #[must_use]
     pub fn on_colours(self) -> Self {
         let label = format!("{} (on the colours)", self.label);
-        let parameters = Parameters { guide: Guide::Components, ..self.parameters };
+        let parameters = self.parameters.guide(Guide::Components);
         Self { label, parameters, ..self }
     }
 
@@ -85,7 +85,7 @@ impl Series {
         Self::new(
             format!("{like} {} {start}", policy_label(policy)),
             if matches!(policy, Policy::PsaD | Policy::PsaL) { 1 } else { 3 },
-            Parameters { policy, startup, guide, ..parameters },
+            parameters.policy(policy).startup(startup).guide(guide),
         )
     }
 
@@ -108,7 +108,7 @@ impl Series {
     #[must_use]
     pub fn case(&self, density: f64) -> Case {
         let target = Target::Percent(density);
-        let parameters = Parameters { target, ..self.parameters.clone() };
+        let parameters = self.parameters.clone().target(target);
         Case { components: self.components, code: code(&parameters, density), parameters }
     }
 }

@@ -1,7 +1,8 @@
 //! The MODEL writer.
 
 use crate::lines::Lines;
-use pixmesh_meshing::Mesh;
+use pixmesh_meshing::parameters::{Connectivity, Values};
+use pixmesh_meshing::{Mesh, Parameters};
 use std::io::{self, Write};
 
 /// Writes a mesh as MODEL: the shape on the first line, `OFF` on the second, the numbers of
@@ -11,6 +12,18 @@ use std::io::{self, Write};
 /// Whatever `out` fails with.
 pub fn write_model(mesh: &Mesh, out: &mut impl Write) -> io::Result<()> {
     write_model_with_comments(mesh, &[], out)
+}
+
+/// What distinguishes a mesh of these parameters from one of the thesis, as comments.
+#[must_use]
+pub fn model_comments(parameters: &Parameters) -> Vec<&'static str> {
+    let free = "connectivity free: the faces need not be those of the Delaunay triangulation";
+    let fitted = "values fitted: the values need not be the image's samples";
+    let flat = "reconstruction flat: made for one colour in each face";
+    let free = (parameters.connectivity == Connectivity::Free).then_some(free);
+    let fitted = (parameters.values == Values::Fitted).then_some(fitted);
+    let flat = parameters.is_flat().then_some(flat);
+    free.into_iter().chain(fitted).chain(flat).collect()
 }
 
 /// Writes a mesh as [`write_model`] does, with comments, one line each, after the word `OFF`.
@@ -55,4 +68,24 @@ fn put_line<I: itoa::Integer, W: Write>(
         separator = " ";
     }
     lines.end("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pixmesh_meshing::{Method, Target};
+
+    #[test]
+    fn comments_name_each_departure_from_the_thesis() {
+        let plain = Method::Optimal.parameters(Target::Size(50));
+        assert_eq!(model_comments(&plain), [] as [&str; 0]);
+        let free = plain.clone().connectivity(Connectivity::Free);
+        let fitted = plain.values(Values::Fitted);
+        let flat = Method::Flat.parameters(Target::Size(50));
+        for (parameters, word) in [(&free, "connectivity"), (&fitted, "values"), (&flat, "flat")] {
+            let comments = model_comments(parameters);
+            assert!(comments.len() == 1 && comments[0].contains(word), "{comments:?}");
+        }
+        assert_eq!(model_comments(&free.values(Values::Fitted)).len(), 2);
+    }
 }

@@ -295,7 +295,7 @@ mod tests {
     use crate::parameters::Target;
 
     fn parameters() -> Parameters {
-        Parameters::new(Target::Size(4))
+        Parameters::default().target(Target::Size(4))
     }
 
     /// All derivatives of a component, divided by their unit.

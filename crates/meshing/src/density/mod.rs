@@ -236,8 +236,10 @@ mod tests {
         let plane = |c: usize| (0..8 * 96).map(|i| (i * (c + 7) % 251) as u16).collect();
         let image = Image::from_bottom_up(8, 96, 8, (0..3).map(plane).collect()).unwrap();
         for smoothing_order in [1, 3, 5] {
-            let parameters =
-                Parameters { smoothing_order, ..Parameters::new(Target::Percent(50.0)) };
+            let parameters = Parameters {
+                smoothing_order,
+                ..Parameters::default().target(Target::Percent(50.0))
+            };
             let record = Record::default();
             Density::new(&image, &parameters, &record).unwrap();
             let heard = record.0.into_inner().unwrap();
@@ -251,7 +253,7 @@ mod tests {
     fn rows_of_all_components_are_counted_where_they_make_one_gradient() {
         let plane = |c: usize| (0..8 * 96).map(|i| (i * (c + 7) % 251) as u16).collect();
         let image = Image::from_bottom_up(8, 96, 8, (0..3).map(plane).collect()).unwrap();
-        let own = Parameters::new(Target::Percent(50.0));
+        let own = Parameters::default().target(Target::Percent(50.0));
         let record = Record::default();
         Density::new(&image, &Parameters { policy: Policy::Psc, ..own }, &record).unwrap();
         let heard = record.0.into_inner().unwrap();

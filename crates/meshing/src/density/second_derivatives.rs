@@ -163,7 +163,7 @@ mod tests {
             boundary in prop::sample::select(Boundary::ALL),
         ) {
             let samples = &samples[..samples.len() / width * width];
-            let parameters = Parameters { boundary, ..Parameters::new(Target::Size(4)) };
+            let parameters = Parameters { boundary, ..Parameters::default().target(Target::Size(4)) };
             let mut sweep = SecondDerivatives::new(&parameters, samples, width).unwrap();
             let filter = Filter::new(&parameters);
             for significance in [Significance::Mmsodd, Significance::Mol] {
@@ -181,7 +181,7 @@ mod tests {
     #[test]
     fn other_filters_are_left_to_themselves() {
         let samples = [0; 9];
-        let parameters = Parameters::new(Target::Size(4));
+        let parameters = Parameters::default().target(Target::Size(4));
         assert!(SecondDerivatives::new(&parameters, &samples, 3).is_some());
         for other in [
             Parameters { smoothing_order: 5, ..parameters.clone() },

@@ -41,15 +41,15 @@ pub(crate) struct Measure<'a> {
 
 impl<'a> Measure<'a> {
     /// Errors of approximations of `image` by a metric, for many more faces than cover it once.
-    pub(crate) fn new(image: &'a Image, metric: ErrorMetric) -> Self {
-        if image.weights().is_some() {
+    pub(crate) fn new(image: &'a Image, metric: ErrorMetric, weights: Option<&'a [u8]>) -> Self {
+        if weights.is_some() {
             // Weighted errors have no tables.
-            return Self { weights: image.weights(), pixels: None, ..Self::for_few(image, metric) };
+            return Self { weights, pixels: None, ..Self::for_few(image, metric) };
         }
         Self { flat: FlatAreas::new(image), ..Self::for_few(image, metric) }
     }
 
-    /// The same without the tables that only pay for many faces, and without the image's weights.
+    /// The same without weights and without the tables that only many faces are worth.
     pub(crate) fn for_few(image: &'a Image, metric: ErrorMetric) -> Self {
         let is_squared = metric.is_squared_difference();
         Self {
@@ -66,9 +66,13 @@ impl<'a> Measure<'a> {
 
     /// The same as [`new`](Self::new), with the pixels of the quadratic model, which knows no
     /// weights.
-    pub(crate) fn with_model(image: &'a Image, metric: ErrorMetric) -> Self {
-        let measure = Self::new(image, metric);
-        if image.weights().is_some() {
+    pub(crate) fn with_model(
+        image: &'a Image,
+        metric: ErrorMetric,
+        weights: Option<&'a [u8]>,
+    ) -> Self {
+        let measure = Self::new(image, metric, weights);
+        if weights.is_some() {
             return Self { model_8_bits: Pixels::new(image), ..measure };
         }
         let is_wide = measure.metric.is_none() && measure.pixels.is_none();
@@ -275,7 +279,7 @@ mod tests {
             (component_count, precision) in (1usize..5, 1u8..9),
         ) {
             let image = picture(90, component_count, precision);
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
             let mut errors = FaceErrors::new(&measure);
             let mut corners = [0, 2, 4].map(|i| Point::new(places[i] / scale, places[i + 1] / scale));
             if orientation(corners[0], corners[1], corners[2]) < 0 {
@@ -293,7 +297,7 @@ mod tests {
             part in 0u64..200,
         ) {
             let image = picture(90, component_count, precision);
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
             let mut errors = FaceErrors::new(&measure);
             let mut corners = [0, 2, 4].map(|i| Point::new(places[i], places[i + 1]));
             if orientation(corners[0], corners[1], corners[2]) < 0 {
@@ -322,7 +326,7 @@ mod tests {
             } else {
                 picture(90, component_count, precision)
             };
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
             prop_assert_eq!(measure.flat.is_some(), flat);
             let mut of_faces = FaceErrors::new(&measure);
             let mut faces: Vec<[Point; 3]> = Vec::new();
@@ -356,12 +360,10 @@ mod tests {
 
     #[test]
     fn models_squared_errors_of_four_components_and_weighted_8_bits() {
-        let model_bits = |component_count, precision, is_weighted, metric| {
-            let mut image = picture(8, component_count, precision);
-            if is_weighted {
-                image = image.with_weights(vec![3; 64]).unwrap();
-            }
-            let measure = Measure::with_model(&image, metric);
+        let model_bits = |component_count, precision, is_weighted: bool, metric| {
+            let image = picture(8, component_count, precision);
+            let weights = is_weighted.then_some(&[3u8; 64][..]);
+            let measure = Measure::with_model(&image, metric, weights);
             match FaceErrors::new(&measure).model_pixels() {
                 None => 0,
                 Some(ModelPixels::Bits8(_)) => 8,
@@ -378,7 +380,7 @@ mod tests {
         assert_eq!(model_bits(3, 9, false, ErrorMetric::MeanCompAe), 0);
         // Without a model nothing is kept for it.
         let image = picture(8, 1, 9);
-        let measure = Measure::new(&image, squared);
+        let measure = Measure::new(&image, squared, None);
         assert!(FaceErrors::new(&measure).model_pixels().is_none());
     }
 
@@ -402,7 +404,7 @@ mod tests {
             let components =
                 vec![samples(&white), samples(&|i| !white(i)), samples(&|i| i % 3 == 0)];
             let image = Image::from_bottom_up(side, side, 8, components).unwrap();
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
             let mut small = Vec::new();
             measure.pixels.as_ref().unwrap().squared_errors(&[places], &mut small);
             assert_eq!(small, [FaceErrors::new(&measure).error_of_any(places, u64::MAX)]);

@@ -6,8 +6,9 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::FaceMeasure;
+use crate::error::MeshingError;
 use crate::face_error::face_rows::for_each_row;
-use crate::image::{Image, Point};
+use crate::image::{Image, Point, ShapeMismatch};
 use crate::model::mesh::Mesh;
 use crate::quality::fidelity::Fidelity;
 
@@ -30,11 +31,18 @@ impl FlatColors {
     /// The best colour of each face of a mesh for an image of its shape.
     ///
     /// # Errors
-    /// When the control cancels.
-    ///
-    /// # Panics
-    /// When the image is smaller than the mesh's.
-    pub fn new(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<Self, Cancelled> {
+    /// When the image has another shape than the mesh's, or the control cancels.
+    pub fn new(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<Self, MeshingError> {
+        ShapeMismatch::check(image.shape(), mesh.shape())?;
+        Ok(Self::of_mesh(image, mesh, control)?)
+    }
+
+    /// The colours for an image that has the mesh's shape.
+    pub(crate) fn of_mesh(
+        image: &Image,
+        mesh: &Mesh,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
         let sums = RowSums::new(image);
         let (count, width) = (image.component_count(), image.width());
         let mut colors = Vec::with_capacity(mesh.faces().len() * count);

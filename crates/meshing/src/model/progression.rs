@@ -6,16 +6,16 @@
 //! of it costs one triangulation. The squared errors of all sizes are known, too.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::density::luma::luma;
 use crate::dynamic_mesh::MeasuredMesh;
+use crate::error::MeshingError;
 use crate::face_error::{FaceErrors, Measure};
-use crate::image::{Image, ImageError, Point, Shape, check_shape, corner_points};
+use crate::guide::Guided;
+use crate::image::{Image, ImageError, Point, Shape, ShapeMismatch, check_shape, corner_points};
 use crate::model::mesh::{Mesh, MeshError};
-use crate::parameters::choices::{ErrorMetric, Guide, Parallel};
+use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
 use crate::quality::fidelity::Fidelity;
-use crate::quality::ssim_weights::ruling_image;
-use crate::removal::{Removal, Simplified, StopRule, simplify};
+use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::triangulation::{Triangulation, triangulate};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
@@ -79,13 +79,16 @@ impl Progression {
     /// from there on.
     ///
     /// # Errors
-    /// When the control cancels.
+    /// When the image has another shape than the mesh's, a parameter is not allowed for such an
+    /// image, or the control cancels.
     pub fn new(
         image: &Image,
         mesh: &Mesh,
         parameters: &Parameters,
         control: &dyn Control,
-    ) -> Result<Self, Cancelled> {
+    ) -> Result<Self, MeshingError> {
+        ShapeMismatch::check(image.shape(), mesh.shape())?;
+        parameters.plan(image.shape())?;
         let (control, shape) = (&Ordering(control), mesh.shape());
         let mut sorted = mesh.points().to_vec();
         sorted.sort_unstable();
@@ -264,19 +267,14 @@ fn remove_all(
     parameters: &Parameters,
     control: &dyn Control,
 ) -> Result<Removed, Cancelled> {
-    let weighted = ruling_image(image, parameters, control)?;
-    let ruling = weighted.as_ref().unwrap_or(image);
-    let (gray, metric) = match parameters.guide {
-        Guide::Components => (None, parameters.error_metric),
-        Guide::Luma => (Some(luma(ruling)), parameters.error_metric.of_one_component()),
-    };
+    let guided = Guided::new(image, parameters, control)?;
+    let (image, metric) = (&guided.image, guided.parameters.error_metric);
     let triangulation = Triangulation::new(points, control)?;
     let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
+    let measure = Measure::new(image, metric, guided.weights());
     let Simplified { removals, error, .. } =
-        simplify(gray.as_ref().unwrap_or(ruling), triangulation, rule, Parallel::Exact, control)?;
-    let is_squared_error =
-        metric.is_squared_difference() && gray.is_none() && ruling.weights().is_none();
-    Ok(Removed { removals, squared_error: is_squared_error.then_some(error) })
+        simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;
+    Ok(Removed { removals, squared_error: guided.has_squared_errors().then_some(error) })
 }
 
 /// The squared errors of all sizes from 4 up, by the one at the end of removal and its changes.
@@ -330,7 +328,7 @@ impl Control for Ordering<'_> {
 mod tests {
     use super::*;
     use crate::parameters::method::Method;
-    use crate::parameters::{InitialSize, Target};
+    use crate::parameters::{InitialSize, Target, Weights};
     use crate::pipeline::mesh_image;
     use proptest::prelude::*;
 
@@ -392,7 +390,8 @@ mod tests {
         let luma = Parameters { initial_size, ..Method::Cgprfsed.parameters(Target::Size(400)) };
         check(&image, &luma, 400, &sizes);
         let weights = (0..64 * 64).map(|i| (i % 64 * 4) as u8).collect();
-        check(&image.with_weights(weights).unwrap(), &own, 400, &sizes);
+        let weights = Weights::from_bottom_up(64, 64, weights).ok();
+        check(&image, &own.weights(weights), 400, &sizes);
     }
 
     #[test]

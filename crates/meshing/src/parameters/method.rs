@@ -96,7 +96,7 @@ impl Method {
             effort,
             reconstruction,
             parallel,
-            ..Parameters::new(target)
+            ..Parameters::default().target(target)
         }
     }
 

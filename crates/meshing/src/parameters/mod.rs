@@ -2,12 +2,14 @@
 
 pub(crate) mod choices;
 pub(crate) mod method;
+mod weights;
 
 pub use choices::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, Parallel, Policy, PscTie,
     Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 pub use method::Method;
+pub use weights::Weights;
 
 use crate::image::{ImageError, MAX_SIDE, Shape, check_shape};
 use thiserror::Error;
@@ -104,6 +106,17 @@ pub enum ParameterError {
         "target_psnr needs the error_metric mean_comp_se or vec_se, not {0}: give target_error instead"
     )]
     TargetNeedsSquaredError(ErrorMetric),
+    /// Weights with a metric that is not the squared error.
+    #[error("weights need the error_metric mean_comp_se, vec_se or ssim, not {0}")]
+    WeightsNeedSquaredError(ErrorMetric),
+    /// Weights of another size than the image.
+    #[error("the weights are for {}x{} points, the image has {}x{}", actual.0, actual.1, expected.0, expected.1)]
+    WeightsSize {
+        /// Columns and rows of the weights.
+        actual: (usize, usize),
+        /// Columns and rows of the image.
+        expected: (usize, usize),
+    },
     /// The image itself cannot be meshed.
     #[error(transparent)]
     Shape(#[from] ImageError),
@@ -141,60 +154,102 @@ pub enum InitialSize {
     Size(usize),
 }
 
-/// Everything that decides which mesh is made of an image.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Parameters {
-    /// How large or good the mesh is to be.
-    pub target: Target,
+/// Declares [`Parameters`]: its fields with their defaults, and a setter named after each field.
+macro_rules! parameters {
+    ($($(#[$doc:meta])* $field:ident: $type:ty = $default:expr;)+) => {
+        /// Everything that decides which mesh is made of an image.
+        ///
+        /// The default is MGPRFS at 2 % of the lattice points; [`Method::parameters`] gives those
+        /// of every named method. A setter of the same name changes each field:
+        ///
+        /// ```
+        /// use pixmesh_meshing::{Method, Parameters, Target, parameters::Policy};
+        ///
+        /// let own = Parameters::default().target(Target::Psnr(32.0)).policy(Policy::PsdAvgL);
+        /// assert_eq!(own.initial_size, Method::Mgprfs.parameters(own.target).initial_size);
+        /// ```
+        #[derive(Clone, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub struct Parameters {
+            $($(#[$doc])* pub $field: $type,)+
+        }
+
+        impl Default for Parameters {
+            fn default() -> Self {
+                Self { $($field: $default,)+ }
+            }
+        }
+
+        impl Parameters {
+            $($(#[$doc])*
+            #[must_use]
+            pub fn $field(self, $field: $type) -> Self {
+                Self { $field, ..self }
+            })+
+        }
+    };
+}
+
+parameters! {
+    /// How large or how good the mesh is.
+    target: Target = Target::Percent(2.0);
     /// How many points it starts with.
-    pub initial_size: InitialSize,
-    /// How these are chosen.
-    pub generator: Generator,
-    /// How the image becomes their density.
-    pub policy: Policy,
+    initial_size: InitialSize = InitialSize::Gamma(4.0);
+    /// How the initial points are chosen.
+    generator: Generator = Generator::ErrorDiffusion;
+    /// How the image becomes the density of the initial points.
+    policy: Policy = Policy::PsdMaxD;
     /// The errors that error diffusion starts with.
-    pub startup: Startup,
-    /// The direction in which it visits each row.
-    pub scan: Scan,
+    startup: Startup = Startup::Mirroring;
+    /// The direction in which error diffusion visits each row.
+    scan: Scan = Scan::Serpentine;
     /// Whether error that would go to points outside the image is lost.
-    pub leaky: bool,
-    /// How far from the number asked for the number of diffused points may be; the policy's own
-    /// tolerance (10, for PSE 15) when not given.
-    pub tolerance: Option<usize>,
+    leaky: bool = false;
+    /// How far the number of diffused points may be from the one wanted; by default the policy's
+    /// own tolerance: 10, for PSE 15.
+    tolerance: Option<usize> = None;
     /// The smoothing filter.
-    pub smoothing: Smoothing,
-    /// Its order, odd; 1 is no smoothing.
-    pub smoothing_order: usize,
-    /// The directions in which it smooths.
-    pub smoothing_direction: SmoothingDirection,
+    smoothing: Smoothing = Smoothing::Binomial;
+    /// The order of the smoothing filter, odd; 1 is no smoothing.
+    smoothing_order: usize = 3;
+    /// The directions in which the picture is smoothed.
+    smoothing_direction: SmoothingDirection = SmoothingDirection::Both;
     /// Whether the picture is smoothed and cropped first, then extended again and differentiated,
     /// instead of both by one filter.
-    pub double_convolution: bool,
-    /// What the smoothing filter sees beyond the border, when it is a filter of its own.
-    pub smoothing_boundary: Boundary,
+    double_convolution: bool = false;
+    /// What the smoothing filter sees beyond the border, with `double_convolution`.
+    smoothing_boundary: Boundary = Boundary::Zero;
     /// What the filters see beyond the border.
-    pub boundary: Boundary,
+    boundary: Boundary = Boundary::Zero;
     /// The vector gradient where its rates of change in x and y are equal.
-    pub psc_tie: PscTie,
-    /// Which image's error rules the simplification.
-    pub guide: Guide,
-    /// Which error that is.
-    pub error_metric: ErrorMetric,
-    /// Whether removal goes on below the target while it lowers the error.
-    pub bad_point_removal: bool,
+    psc_tie: PscTie = PscTie::Published;
+    /// The image that guides the choice and the removal of points.
+    guide: Guide = Guide::Components;
+    /// The error that removal and refinement keep low. Flat reconstruction ignores it: there each
+    /// face has the squared error of its best colour.
+    error_metric: ErrorMetric = ErrorMetric::MeanCompSe;
+    /// Whether removal goes on below the target while it lowers the error. Flat reconstruction
+    /// ignores it.
+    bad_point_removal: bool = false;
     /// Effort of refinement, 0 (none) to [`MAX_EFFORT`]: each level does all that the one before
     /// does, and more.
-    pub effort: u8,
+    effort: u8 = 0;
     /// What decides the faces over the vertices.
-    pub connectivity: Connectivity,
+    connectivity: Connectivity = Connectivity::Delaunay;
     /// What the vertices carry.
-    pub values: Values,
+    values: Values = Values::Sampled;
     /// How the picture is rebuilt, which the error of faces is measured by.
-    pub reconstruction: Reconstruction,
-    /// How greedy point removal is shared out to threads, where the target is a number of vertices.
-    pub parallel: Parallel,
+    reconstruction: Reconstruction = Reconstruction::Linear;
+    /// How greedy removal shares its work among threads. Removal down to a quality, which stops
+    /// within the exact order, ignores it.
+    parallel: Parallel = Parallel::Exact;
     /// Seed of [`Generator::Random`] and [`Startup::Random`].
-    pub seed: u64,
+    seed: u64 = 0;
+    /// How much the squared error of each lattice point counts; all the same without them.
+    weights: Option<Weights> = None;
+    /// Whether [`Approximation::removals`](crate::Approximation::removals) lists the removed
+    /// vertices: 16 bytes each.
+    lists_removals: bool = false;
 }
 
 /// The numbers that parameters mean for one image.
@@ -220,37 +275,6 @@ pub enum ErrorBound {
 }
 
 impl Parameters {
-    /// Those of MGPRFS.
-    #[must_use]
-    pub fn new(target: Target) -> Self {
-        Self {
-            target,
-            initial_size: InitialSize::Gamma(4.0),
-            generator: Generator::ErrorDiffusion,
-            policy: Policy::PsdMaxD,
-            startup: Startup::Mirroring,
-            scan: Scan::Serpentine,
-            leaky: false,
-            tolerance: None,
-            smoothing: Smoothing::Binomial,
-            smoothing_order: 3,
-            smoothing_direction: SmoothingDirection::Both,
-            double_convolution: false,
-            smoothing_boundary: Boundary::Zero,
-            boundary: Boundary::Zero,
-            psc_tie: PscTie::Published,
-            guide: Guide::Components,
-            error_metric: ErrorMetric::MeanCompSe,
-            bad_point_removal: false,
-            effort: 0,
-            connectivity: Connectivity::Delaunay,
-            values: Values::Sampled,
-            reconstruction: Reconstruction::Linear,
-            parallel: Parallel::Exact,
-            seed: 0,
-        }
-    }
-
     /// Checks every parameter that can be checked without an image.
     ///
     /// # Errors
@@ -296,6 +320,7 @@ impl Parameters {
         }
         self.check()?;
         self.check_components(shape.component_count)?;
+        self.check_weights((shape.width, shape.height))?;
         let (size, bound) = match self.target {
             Target::Percent(density) => (points_of_density(density, shape), None),
             Target::Size(size) => (size, None),
@@ -357,7 +382,12 @@ impl Parameters {
     /// Tells whether the mesh is improved after its points have been chosen and removed.
     #[must_use]
     pub fn refines(&self) -> bool {
-        self.effort > 0 || self.connectivity == Connectivity::Free || self.values == Values::Fitted
+        self.effort > 0 || self.is_unconstrained()
+    }
+
+    /// Tells whether edges are flipped or values fitted at the end.
+    pub(crate) fn is_unconstrained(&self) -> bool {
+        self.connectivity == Connectivity::Free || self.values == Values::Fitted
     }
 
     /// Tells whether faces have one colour each.
@@ -379,9 +409,7 @@ impl Parameters {
     /// alone say everything else: so it may be a [`Progression`](crate::Progression).
     #[must_use]
     pub fn is_of_points_alone(&self) -> bool {
-        self.connectivity == Connectivity::Delaunay
-            && self.values == Values::Sampled
-            && !self.is_flat()
+        !self.is_unconstrained() && !self.is_flat()
     }
 
     /// Tells whether a quality is reached by making meshes of several sizes: the method does not
@@ -392,15 +420,33 @@ impl Parameters {
         by_quality && (self.refines() || self.is_flat() || self.initial_size == InitialSize::Target)
     }
 
-    /// A PSNR is one of the squared error.
-    fn check_metric_of_psnr(&self) -> Result<(), ParameterError> {
-        let metric = match self.guide {
+    /// The metric for the components that guide.
+    pub(crate) fn metric_of_guide(&self) -> ErrorMetric {
+        match self.guide {
             Guide::Components => self.error_metric,
             Guide::Luma => self.error_metric.of_one_component(),
-        };
-        match metric {
+        }
+    }
+
+    /// A PSNR is one of the squared error.
+    fn check_metric_of_psnr(&self) -> Result<(), ParameterError> {
+        match self.metric_of_guide() {
             ErrorMetric::MeanCompSe | ErrorMetric::VecSe => Ok(()),
             _ => Err(ParameterError::TargetNeedsSquaredError(self.error_metric)),
+        }
+    }
+
+    /// Weights are for squared errors of the image's points. Flat faces know no other error.
+    fn check_weights(&self, expected: (usize, usize)) -> Result<(), ParameterError> {
+        let Some(weights) = &self.weights else { return Ok(()) };
+        let actual = weights.size();
+        if actual != expected {
+            return Err(ParameterError::WeightsSize { actual, expected });
+        }
+        match self.metric_of_guide() {
+            ErrorMetric::MeanCompSe | ErrorMetric::VecSe | ErrorMetric::Ssim => Ok(()),
+            _ if self.is_flat() => Ok(()),
+            _ => Err(ParameterError::WeightsNeedSquaredError(self.error_metric)),
         }
     }
 

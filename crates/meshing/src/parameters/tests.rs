@@ -24,21 +24,13 @@ fn sizes_are_the_floor_of_the_density_and_not_gamma_times_the_size() {
 
 #[test]
 fn what_is_done_follows_from_each_choice_alone() {
-    let size = |size| Parameters {
-        effort: 0,
-        connectivity: Connectivity::Delaunay,
-        values: Values::Sampled,
-        reconstruction: Reconstruction::Linear,
-        bad_point_removal: false,
-        initial_size: InitialSize::Target,
-        ..Parameters::new(size)
-    };
+    let size = |size| Parameters::default().initial_size(InitialSize::Target).target(size);
     let plain = size(Target::Size(9));
-    let effort = Parameters { effort: 1, ..plain };
-    let free = Parameters { connectivity: Connectivity::Free, ..plain };
-    let fitted = Parameters { values: Values::Fitted, ..plain };
-    let flat = Parameters { reconstruction: Reconstruction::Flat, ..plain };
-    let bad = Parameters { bad_point_removal: true, ..plain };
+    let effort = plain.clone().effort(1);
+    let free = plain.clone().connectivity(Connectivity::Free);
+    let fitted = plain.clone().values(Values::Fitted);
+    let flat = plain.clone().reconstruction(Reconstruction::Flat);
+    let bad = plain.clone().bad_point_removal(true);
     let all = [&plain, &effort, &free, &fitted, &flat, &bad];
     assert_eq!(all.map(Parameters::refines), [false, true, true, true, false, false]);
     assert_eq!(all.map(Parameters::is_of_points_alone), [true, true, false, false, false, true]);
@@ -47,13 +39,11 @@ fn what_is_done_follows_from_each_choice_alone() {
     assert_eq!(all.map(|p| p.simplifies(&even)), [false, true, false, false, false, true]);
     assert!(plain.simplifies(&Plan { initial_size: 10, ..even }));
     assert!(!plain.searches() && !effort.searches() && !flat.searches());
-    let gamma = |parameters: Parameters| Parameters {
-        initial_size: InitialSize::Gamma(4.0),
-        target: Target::Psnr(30.0),
-        ..parameters
-    };
-    assert!(size(Target::Psnr(30.0)).searches());
-    let searches = all.map(|parameters| gamma(parameters.clone()).searches());
+    let psnr = Target::Psnr(30.0);
+    assert!(size(psnr).searches());
+    let searches = all.map(|parameters| {
+        parameters.clone().initial_size(InitialSize::Gamma(4.0)).target(psnr).searches()
+    });
     assert_eq!(searches, [false, true, true, true, true, false]);
 }
 
@@ -89,7 +79,7 @@ fn a_density_of_less_than_the_corners_means_the_corners() {
 fn a_mesh_cannot_end_with_more_points_than_it_starts_with() {
     let plan = |initial_size| {
         let target = Target::Percent(50.0);
-        Parameters { initial_size, ..Parameters::new(target) }.plan(shape(10, 10, 1))
+        Parameters { initial_size, ..Parameters::default().target(target) }.plan(shape(10, 10, 1))
     };
     assert_eq!(plan(InitialSize::Size(50)).unwrap().initial_size, 50);
     assert_eq!(plan(InitialSize::Percent(50.0)).unwrap().initial_size, 50);
@@ -147,7 +137,7 @@ fn names_read_back_as_the_values_they_name() {
 fn an_initial_density_that_is_too_small_is_told_in_percent() {
     let target = Target::Percent(50.0);
     let initial_size = InitialSize::Percent(20.0);
-    let parameters = Parameters { initial_size, ..Parameters::new(target) };
+    let parameters = Parameters { initial_size, ..Parameters::default().target(target) };
     let message = parameters.plan(shape(20, 10, 1)).unwrap_err().to_string();
     assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");
     let parameters = Parameters { initial_size: InitialSize::Size(40), ..parameters };

@@ -301,7 +301,7 @@ mod tests {
     fn a_pass_can_be_cancelled_among_its_rows() {
         let field: Vec<f64> = (0..4 * 100).map(|i| f64::from(i % 7) / 6.0).collect();
         let density = Density { width: 4, height: 100, fields: vec![field] };
-        let parameters = Parameters::new(Target::Size(90));
+        let parameters = Parameters::default().target(Target::Size(90));
         for polls in 0..4 {
             let control = Recorder::cancelling_at(polls);
             assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
@@ -314,8 +314,10 @@ mod tests {
     fn the_control_is_asked_at_every_32nd_row_of_a_pass() {
         let field: Vec<f64> = (0..4 * 2000).map(|i| f64::from(i % 7) / 6.0).collect();
         let density = Density { width: 4, height: 2000, fields: vec![field] };
-        let parameters =
-            Parameters { startup: Startup::Classic, ..Parameters::new(Target::Size(900)) };
+        let parameters = Parameters {
+            startup: Startup::Classic,
+            ..Parameters::default().target(Target::Size(900))
+        };
         let recorder = Recorder::default();
         let mut diffusion = Diffusion::new(&density, 900, &parameters, &recorder).unwrap();
         diffusion.run(&[0.1]).unwrap();

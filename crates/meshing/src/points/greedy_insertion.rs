@@ -36,15 +36,16 @@ struct Demand {
 pub(crate) fn inserted_points(
     image: &Image,
     metric: ErrorMetric,
+    weights: Option<&[u8]>,
     size: usize,
     control: &dyn Control,
 ) -> Result<Vec<Point>, Cancelled> {
     let corners = corner_points(image.width(), image.height()).to_vec();
     let faces = triangulate(&corners);
-    let measure = Measure::new(image, metric);
+    let measure = Measure::new(image, metric, weights);
     let sides = (image.width(), image.height());
     let mesh = MeasuredMesh::new(corners, &faces, sides, FaceErrors::new(&measure));
-    let mut insertion = Insertion { image, mesh, demands: BinaryHeap::new() };
+    let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new() };
     for slot in 0..faces.len() as u32 {
         insertion.demand(slot);
     }
@@ -64,6 +65,7 @@ pub(crate) fn inserted_points(
 /// A mesh that gets one vertex after the other.
 struct Insertion<'a> {
     image: &'a Image,
+    weights: Option<&'a [u8]>,
     mesh: MeasuredMesh<FaceErrors<'a>>,
     /// The faces, the worst first; some are no more.
     demands: BinaryHeap<Demand>,
@@ -87,7 +89,7 @@ impl Insertion<'_> {
                 continue;
             }
             let (mut best, mut limit) = (None, i64::MAX);
-            for place in places(self.image, corners).into_iter().flatten() {
+            for place in places(self.image, self.weights, corners).into_iter().flatten() {
                 if let Some(change) = self.mesh.insertion_change(place, slot, limit) {
                     (best, limit) = (Some(place), change);
                 }
@@ -104,8 +106,8 @@ impl Insertion<'_> {
 }
 
 /// The point of largest squared error of a face that has an error, and the one at the middle of that
-/// error where it is no vertex; errors count by the image's weights.
-fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
+/// error where it is no vertex; errors count by the weights.
+fn places(image: &Image, weights: Option<&[u8]>, corners: [Point; 3]) -> [Option<Point>; 2] {
     let (mut sum, mut by_column, mut by_row) = (0u64, 0u128, 0u128);
     let interpolants: Vec<Interpolant> = (0..image.component_count())
         .map(|c| {
@@ -127,7 +129,7 @@ fn places(image: &Image, corners: [Point; 3]) -> [Option<Point>; 2] {
                 *error += u64::from(a.abs_diff(*b)).pow(2);
             }
         }
-        if let Some(weights) = image.weights() {
+        if let Some(weights) = weights {
             let row = &weights[y as usize * image.width()..][columns];
             for (error, &weight) in errors.iter_mut().zip(row) {
                 *error *= u64::from(weight);
@@ -168,10 +170,10 @@ mod tests {
         ) {
             let image = Image::from_bottom_up(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
             let metric = ErrorMetric::MeanCompSe;
-            let points = inserted_points(&image, metric, size, &()).unwrap();
+            let points = inserted_points(&image, metric, None, size, &()).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
             let faces = triangulate(&points);
-            let measure = Measure::new(&image, metric);
+            let measure = Measure::new(&image, metric, None);
             let mut errors = FaceErrors::new(&measure);
             let corners = |face: &Face| face.map(|v| points[v as usize]);
             let total: u64 = faces.iter().map(|face| errors.error(corners(face))).sum();
@@ -181,7 +183,11 @@ mod tests {
     }
 
     /// The errors of a face's points, by row, then column, computed one by one.
-    fn errors_of_points(image: &Image, corners: [Point; 3]) -> Vec<(Point, u64)> {
+    fn errors_of_points(
+        image: &Image,
+        weights: Option<&[u8]>,
+        corners: [Point; 3],
+    ) -> Vec<(Point, u64)> {
         let mut errors = Vec::new();
         for_each_row(corners, |y, first, end| {
             for x in first..end {
@@ -193,8 +199,7 @@ mod tests {
                     u64::from(image.sample(c, column, row).abs_diff(value[0])).pow(2)
                 };
                 let sum: u64 = (0..image.component_count()).map(difference).sum();
-                let weight =
-                    image.weights().map_or(1, |weights| weights[row * image.width() + column]);
+                let weight = weights.map_or(1, |weights| weights[row * image.width() + column]);
                 errors.push((Point::new(x, y), sum * u64::from(weight)));
             }
         });
@@ -210,19 +215,16 @@ mod tests {
         ) {
             let components = samples.chunks(144).map(<[u16]>::to_vec).collect();
             let image = Image::from_bottom_up(12, 12, 8, components).unwrap();
-            let image = match weights {
-                Some(weights) => image.with_weights(weights).unwrap(),
-                None => image,
-            };
+            let weights = weights.as_deref();
             let mut corners =
                 [0, 2, 4].map(|i| Point::new(places_of_corners[i], places_of_corners[i + 1]));
             if orientation(corners[0], corners[1], corners[2]) < 0 {
                 corners.swap(1, 2);
             }
             prop_assume!(orientation(corners[0], corners[1], corners[2]) > 0);
-            let errors = errors_of_points(&image, corners);
+            let errors = errors_of_points(&image, weights, corners);
             let most = errors.iter().map(|&(_, error)| error).max().unwrap_or(0);
-            let found = places(&image, corners);
+            let found = places(&image, weights, corners);
             if most == 0 {
                 prop_assert_eq!(found, [None; 2]);
                 return Ok(());
@@ -248,7 +250,8 @@ mod tests {
         let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 8, vec![samples]).unwrap();
         let recorder = Recorder::default();
-        let points = inserted_points(&image, ErrorMetric::MeanCompSe, 200, &recorder).unwrap();
+        let points =
+            inserted_points(&image, ErrorMetric::MeanCompSe, None, 200, &recorder).unwrap();
         assert_eq!((points.len(), recorder.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
     }
 
@@ -256,10 +259,9 @@ mod tests {
     fn no_point_is_inserted_for_what_does_not_matter() {
         let samples = (0..20 * 20).map(|i| (i * 53 % 97) as u16).collect();
         let image = Image::from_bottom_up(20, 20, 8, vec![samples]).unwrap();
-        let weights = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();
-        let weighted = image.with_weights(weights).unwrap();
+        let weights: Vec<u8> = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();
         let metric = ErrorMetric::MeanCompSe;
-        let points = inserted_points(&weighted, metric, 60, &()).unwrap();
+        let points = inserted_points(&image, metric, Some(&weights), 60, &()).unwrap();
         assert_eq!(points.len(), 60);
         let corners = corner_points(20, 20);
         assert!(points.iter().all(|point| point.x < 8 || corners.contains(point)), "{points:?}");

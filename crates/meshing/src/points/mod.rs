@@ -8,8 +8,8 @@ pub(crate) mod threshold_search;
 use crate::control::{Cancelled, Control};
 use crate::density::Density;
 use crate::image::{Image, Point, corner_points};
-use crate::parameters::Parameters;
 use crate::parameters::choices::Generator;
+use crate::parameters::{Parameters, Weights};
 use crate::points::error_diffusion::diffuse_to_size;
 use crate::points::greedy_insertion::inserted_points;
 use rand_chacha::ChaCha8Rng;
@@ -32,7 +32,8 @@ pub fn sample_points(
 ) -> Result<Vec<Point>, Cancelled> {
     let (width, height) = (image.width(), image.height());
     if parameters.generator == Generator::Insertion && size < width * height {
-        return inserted_points(image, parameters.error_metric, size, control);
+        let weights = parameters.weights.as_ref().map(Weights::values);
+        return inserted_points(image, parameters.error_metric, weights, size, control);
     }
     let mut chosen = match parameters.generator {
         _ if size >= width * height => vec![1; width * height],

@@ -1,7 +1,6 @@
 //! How far an approximation is from its picture: squared error, MSE and PSNR.
 
-use crate::image::{Image, Shape, largest_sample};
-use thiserror::Error;
+use crate::image::{Image, Shape, ShapeMismatch, largest_sample};
 
 /// The difference between a picture and its approximation, as an exact sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,31 +13,13 @@ pub struct Fidelity {
     pub precision: u8,
 }
 
-/// Two images that cannot be compared.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("images of different shape cannot be compared: {first} and {second}")]
-pub struct ShapeMismatch {
-    first: String,
-    second: String,
-}
-
-impl ShapeMismatch {
-    /// Checks that two images have the same shape.
-    pub(crate) fn check(first: &Image, second: &Image) -> Result<(), Self> {
-        if shape(first) == shape(second) {
-            return Ok(());
-        }
-        Err(Self { first: describe(first), second: describe(second) })
-    }
-}
-
 impl Fidelity {
     /// Compares two images of the same shape sample by sample.
     ///
     /// # Errors
     /// When width, height, number of components or precision differ.
     pub fn between(first: &Image, second: &Image) -> Result<Self, ShapeMismatch> {
-        ShapeMismatch::check(first, second)?;
+        ShapeMismatch::check(first.shape(), second.shape())?;
         let pairs = first.components().iter().zip(second.components());
         Ok(Self::of_sum(pairs.map(|(a, b)| sum_of_squares(a, b)).sum(), first))
     }
@@ -69,17 +50,6 @@ impl Fidelity {
         }
         20.0 * (f64::from(largest_sample(self.precision)) / self.mse().sqrt()).log10()
     }
-}
-
-/// Width, height, components and precision, for comparison.
-fn shape(image: &Image) -> (usize, usize, usize, u8) {
-    (image.width(), image.height(), image.component_count(), image.precision())
-}
-
-/// A shape in words.
-fn describe(image: &Image) -> String {
-    let (width, height, components, precision) = shape(image);
-    format!("{width}x{height} with {components} components of {precision} bits")
 }
 
 /// Sum of squared differences of two components.

@@ -11,7 +11,8 @@
 //! the same index.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::image::{Image, largest_sample};
+use crate::error::MeshingError;
+use crate::image::{Image, ShapeMismatch, largest_sample};
 
 /// Points of a window's side.
 const WINDOW: usize = 11;
@@ -37,10 +38,10 @@ const FIELDS: usize = 5;
 
 /// The mean structural similarity of two images of the same shape: 1 for equal ones, at least -1.
 ///
-/// `None` when their shapes differ, or a side is shorter than the window of 11 points.
+/// `None` when a side is shorter than the window of 11 points.
 ///
 /// # Errors
-/// When the control cancels.
+/// When the images have different shapes, or the control cancels.
 ///
 /// ```
 /// use pixmesh_meshing::{Image, structural_similarity};
@@ -53,8 +54,9 @@ pub fn structural_similarity(
     first: &Image,
     second: &Image,
     control: &dyn Control,
-) -> Result<Option<f64>, Cancelled> {
-    if first.shape() != second.shape() || first.width().min(first.height()) < WINDOW {
+) -> Result<Option<f64>, MeshingError> {
+    ShapeMismatch::check(first.shape(), second.shape())?;
+    if first.width().min(first.height()) < WINDOW {
         return Ok(None);
     }
     let mut sum = 0.0;

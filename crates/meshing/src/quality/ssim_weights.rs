@@ -7,8 +7,7 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::image::Image;
-use crate::parameters::Parameters;
-use crate::parameters::choices::ErrorMetric;
+use crate::parameters::Weights;
 
 /// Columns and rows of the window; smaller pictures have a smaller one, of odd size.
 const WINDOW: usize = 11;
@@ -112,21 +111,18 @@ impl Window {
     }
 }
 
-/// The image with weights by which a metric of the squared error becomes another one, where the
-/// metric is such.
-pub(crate) fn ruling_image(
+/// Weights that make a metric of the squared error one of the structural similarity, times those
+/// given.
+pub(crate) fn ssim_weights(
     image: &Image,
-    parameters: &Parameters,
+    given: Option<&Weights>,
     control: &dyn Control,
-) -> Result<Option<Image>, Cancelled> {
-    if parameters.error_metric != ErrorMetric::Ssim || parameters.is_flat() {
-        return Ok(None);
-    }
+) -> Result<Weights, Cancelled> {
     let mut weights = sensitivity(image, control)?;
-    for (weight, &given) in weights.iter_mut().zip(image.weights().unwrap_or_default()) {
+    for (weight, &given) in weights.iter_mut().zip(given.map_or(&[][..], Weights::values)) {
         *weight = (u16::from(*weight) * u16::from(given)).div_ceil(u16::from(u8::MAX)) as u8;
     }
-    Ok(image.clone().with_weights(weights).ok())
+    Ok(Weights::from_kernel(image.width(), image.height(), weights))
 }
 
 #[cfg(test)]

@@ -166,7 +166,7 @@ pub(crate) mod tests {
 
     /// What faces of an image are measured against.
     pub(super) fn measure_of(image: &Image) -> Measure<'_> {
-        Measure::new(image, ErrorMetric::MeanCompSe)
+        Measure::new(image, ErrorMetric::MeanCompSe, None)
     }
 
     /// The measured triangulation of points given by row, then column.

@@ -48,6 +48,7 @@ pub(crate) struct Simplified {
 
 /// Removes vertices of a triangulation of `image`, whose points are given by row, then column,
 /// until the rule says stop.
+#[cfg(test)]
 pub(crate) fn simplify(
     image: &Image,
     triangulation: Triangulation,
@@ -55,7 +56,7 @@ pub(crate) fn simplify(
     parallel: Parallel,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
-    let measure = Measure::new(image, rule.metric);
+    let measure = Measure::new(image, rule.metric, None);
     simplify_by(image, &measure, triangulation, rule, parallel, control)
 }
 

@@ -208,7 +208,7 @@ mod tests {
 
     /// What is left of all points of a picture, by tiles of `1 << digits` vertices.
     fn remove(image: &Image, size: usize, digits: u32, threads: usize) -> Simplified {
-        let measure = Measure::new(image, ErrorMetric::MeanCompSe);
+        let measure = Measure::new(image, ErrorMetric::MeanCompSe, None);
         let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let mut start = start(image, &measure, down_to(size), digits, &control);
         remove_in_rounds(&mut start, &measure, &control).unwrap();
@@ -220,7 +220,7 @@ mod tests {
     fn assert_removals_can_be_replayed(image: &Image, made: &Simplified) {
         let (width, height) = (image.width(), image.height());
         let points = lattice(width, height);
-        let measure = Measure::new(image, ErrorMetric::MeanCompSe);
+        let measure = Measure::new(image, ErrorMetric::MeanCompSe, None);
         let faces = triangulate(&points);
         let errors = FaceErrors::new(&measure);
         let mut mesh = MeasuredMesh::new(points, &faces, (width, height), errors);
@@ -304,7 +304,7 @@ mod tests {
     fn limit_is_a_quantile_and_quotas_follow_from_it() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
         let Start { queues, .. } = start(&image, &measure, down_to(4), 6, &());
         assert_eq!(queues.len(), 900_usize.div_ceil(64));
         for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2)] {

@@ -115,7 +115,7 @@ proptest! {
         // Few gray levels, so that equal changes of error are common.
         let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
         let image = Image::from_bottom_up(width, height, 3, vec![plane(0), plane(3)]).unwrap();
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe);
+        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
         let mut start = start(&image, &measure, down_to(4), ONE_TILE, &());
         while start.queues[0].len() > 0 {
             start.remove_one(&measure);

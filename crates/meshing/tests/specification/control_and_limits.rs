@@ -4,8 +4,9 @@ use crate::pictures::{gray, image, methods_for, model, noise};
 use crate::twin::interpolation::rasterise;
 use pixmesh_meshing::parameters::{Boundary, Generator, Policy};
 use pixmesh_meshing::{
-    Cancelled, Control, Image, ImageError, MeshingError, Method, ParameterError, Parameters, Shape,
-    Stage, Target, mesh_image, rasterize,
+    Cancelled, Control, Fidelity, FlatColors, Image, ImageError, MeshingError, Method,
+    ParameterError, Parameters, Progression, Shape, Stage, Target, mesh_image, rasterize,
+    structural_similarity,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -79,7 +80,7 @@ fn diffusion_of_constant_image_gives_corners() {
     for &policy in policies {
         for method in [Method::Med, Method::Mgprfs] {
             let own = method.parameters(Target::Percent(20.0));
-            let made = model(&flat, &Parameters { policy, ..own });
+            let made = model(&flat, &own.policy(policy));
             assert_eq!(made.mesh.points().len(), 4, "{method} by {policy}");
             assert_eq!(made.fidelity.psnr_db(), f64::INFINITY);
         }
@@ -92,7 +93,7 @@ fn zero_density_gives_corners() {
     let stripes = gray(11, 8, |x, _| (x % 2) as u16 * 255);
     for policy in [Policy::PsaD, Policy::PsdMaxD, Policy::PsdAvgL, Policy::PseD, Policy::PseL] {
         let own = Method::Med.parameters(Target::Size(20));
-        let parameters = Parameters { policy, boundary: Boundary::Symmetric, ..own };
+        let parameters = own.policy(policy).boundary(Boundary::Symmetric);
         assert_eq!(model(&stripes, &parameters).mesh.points().len(), 4, "{policy}");
     }
 }
@@ -105,7 +106,7 @@ fn constant_first_component_keeps_point_count() {
     for policy in [Policy::PseD, Policy::PseL] {
         for boundary in [Boundary::Zero, Boundary::Symmetric] {
             let own = Method::Med.parameters(Target::Size(20));
-            let made = model(&picture, &Parameters { policy, boundary, ..own });
+            let made = model(&picture, &own.policy(policy).boundary(boundary));
             let count = made.mesh.points().len();
             assert!((5..=39).contains(&count), "{count} points by {policy}, {boundary}");
         }
@@ -171,7 +172,7 @@ fn refuses_wrong_component_count() {
         }
         for &policy in Policy::ALL {
             let own = Method::Med.parameters(Target::Size(9));
-            let made = mesh_image(&picture, &Parameters { policy, ..own }, &());
+            let made = mesh_image(&picture, &own.policy(policy), &());
             let expected = match policy {
                 Policy::PsaD | Policy::PsaL => component_count == 1,
                 Policy::PsbD | Policy::PsbL | Policy::Psc => component_count == 3,
@@ -187,7 +188,7 @@ fn meshing_cancels_at_every_poll() {
     for component_count in [1, 3] {
         let picture = noisy(24, 20, component_count);
         for method in methods_for(component_count) {
-            let parameters = method.parameters(Target::Size(60));
+            let parameters = method.parameters(Target::Size(60)).lists_removals(true);
             let count = polls(&picture, &parameters).len();
             assert!(count > 2, "{method} polls {count} times");
             // Refinement polls thousands of times: then not every one of them.
@@ -224,7 +225,7 @@ fn stages_come_in_order_within_totals() {
     for method in methods_for(3) {
         for &generator in Generator::ALL {
             let own = method.parameters(Target::Size(100));
-            let parameters = Parameters { generator, ..own };
+            let parameters = own.generator(generator);
             let heard = polls(&picture, &parameters);
             for (stage, done, total) in &heard {
                 assert!(done <= total, "{done} of {total} in {stage}");
@@ -238,4 +239,21 @@ fn stages_come_in_order_within_totals() {
             assert_eq!(heard[0].1, 0);
         }
     }
+}
+
+#[test]
+fn refuses_other_shape() {
+    let (picture, other) = (gray(20, 15, noise), gray(20, 16, noise));
+    let parameters = Method::Mgprfs.parameters(Target::Size(30));
+    let mesh = model(&picture, &parameters).mesh;
+    let mismatch = Fidelity::between(&other, &picture).unwrap_err();
+    let refused = Err(MeshingError::Shape(mismatch));
+    assert_eq!(Progression::new(&other, &mesh, &parameters, &()).map(|_| ()), refused);
+    assert_eq!(FlatColors::new(&other, &mesh, &()).map(|_| ()), refused);
+    assert_eq!(structural_similarity(&other, &picture, &()).map(|_| ()), refused);
+    assert_eq!(
+        mismatch.to_string(),
+        "images of different shape cannot be compared: \
+        20x16 with 1 components of 8 bits and 20x15 with 1 components of 8 bits"
+    );
 }

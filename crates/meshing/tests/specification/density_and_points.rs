@@ -37,18 +37,24 @@ fn choices() -> impl Strategy<Value = Parameters> {
         let (smoothing, smoothing_order, boundary, smoothing_direction, ..) = filters;
         let (.., double_convolution, smoothing_boundary, psc_tie) = filters;
         let (startup, scan, leaky, tolerance) = diffusion;
-        let own = Parameters::new(Target::Percent(50.0));
-        let single = Parameters { smoothing, smoothing_order, boundary, psc_tie, ..own };
-        let filtered =
-            Parameters { smoothing_direction, double_convolution, smoothing_boundary, ..single };
-        Parameters { startup, scan, leaky, tolerance, ..filtered }
+        let own = Parameters::default().target(Target::Percent(50.0));
+        let single = own
+            .smoothing(smoothing)
+            .smoothing_order(smoothing_order)
+            .boundary(boundary)
+            .psc_tie(psc_tie);
+        let filtered = single
+            .smoothing_direction(smoothing_direction)
+            .double_convolution(double_convolution)
+            .smoothing_boundary(smoothing_boundary);
+        filtered.startup(startup).scan(scan).leaky(leaky).tolerance(tolerance)
     })
 }
 
 /// The same parameters with each policy that is defined for so many components.
 fn with_policies(parameters: &Parameters, component_count: usize) -> Vec<Parameters> {
     let fits = |p: &&Policy| p.component_count().is_none_or(|count| count == component_count);
-    let with = |&policy: &Policy| Parameters { policy, ..parameters.clone() };
+    let with = |&policy: &Policy| parameters.clone().policy(policy);
     Policy::ALL.iter().filter(fits).map(with).collect()
 }
 
@@ -118,7 +124,7 @@ proptest! {
         seed in any::<u64>(),
     ) {
         let size = 4 + ((image.pixel_count() - 4) as f64 * share) as usize;
-        let parameters = Parameters { generator, seed, ..Parameters::new(Target::Size(size)) };
+        let parameters = Parameters::default().target(Target::Size(size)).generator(generator).seed(seed);
         let points = sample_points(&image, &parameters, size, &()).unwrap();
         prop_assert!(points.windows(2).all(|pair| pair[0] < pair[1]));
         let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
@@ -150,13 +156,13 @@ fn every_choice_matches_reference() {
 
 /// Every combination of start-up, scan, leakage, smoothing, order and boundary.
 fn every_choice() -> Vec<Parameters> {
-    let mut all = vec![Parameters { tolerance: Some(1), ..Parameters::new(Target::Size(30)) }];
-    all = each(&all, DEFINED_STARTUPS, |p, startup| Parameters { startup, ..p });
-    all = each(&all, Scan::ALL, |p, scan| Parameters { scan, ..p });
-    all = each(&all, &[false, true], |p, leaky| Parameters { leaky, ..p });
-    all = each(&all, Smoothing::ALL, |p, smoothing| Parameters { smoothing, ..p });
-    all = each(&all, &[1, 3, 5], |p, smoothing_order| Parameters { smoothing_order, ..p });
-    each(&all, Boundary::ALL, |p, boundary| Parameters { boundary, ..p })
+    let mut all = vec![Parameters::default().target(Target::Size(30)).tolerance(Some(1))];
+    all = each(&all, DEFINED_STARTUPS, |p, startup| p.startup(startup));
+    all = each(&all, Scan::ALL, |p, scan| p.scan(scan));
+    all = each(&all, &[false, true], |p, leaky| p.leaky(leaky));
+    all = each(&all, Smoothing::ALL, |p, smoothing| p.smoothing(smoothing));
+    all = each(&all, &[1, 3, 5], |p, smoothing_order| p.smoothing_order(smoothing_order));
+    each(&all, Boundary::ALL, |p, boundary| p.boundary(boundary))
 }
 
 /// Each of the parameters with each of the values.
@@ -174,7 +180,7 @@ fn diffusion_meets_size_within_tolerance() {
     let picture = gray(64, 48, |x, y| noise(x / 3, y / 3));
     for policy in [Policy::PsaD, Policy::PsaL, Policy::PseD] {
         for size in [40, 100, 307, 1000] {
-            let parameters = Parameters { policy, ..Parameters::new(Target::Size(size)) };
+            let parameters = Parameters::default().target(Target::Size(size)).policy(policy);
             let count = sample_points(&picture, &parameters, size, &()).unwrap().len();
             assert!((size - 10..=size + 14).contains(&count), "{count} of {size}");
         }
@@ -185,7 +191,7 @@ fn diffusion_meets_size_within_tolerance() {
 fn third_order_smoothing_stencils() {
     // One bright dot: the second derivatives are the stencils themselves.
     let picture = gray(9, 9, |x, y| if (x, y) == (4, 4) { 64 } else { 0 });
-    let parameters = Parameters { policy: Policy::PsaL, ..Parameters::new(Target::Size(30)) };
+    let parameters = Parameters::default().target(Target::Size(30)).policy(Policy::PsaL);
     let density = Density::new(&picture, &parameters, &()).unwrap();
     let field = &density.fields()[0];
     // |fxx + fyy| at the dot is 2 * 1/2 * 1/2, at (2, 0) from it 1/4 * 1/2.

@@ -1,8 +1,8 @@
 //! Methods and policies that mean the same for one component.
 
 use crate::pictures::{cases, model, pictures, size_target};
+use pixmesh_meshing::Method;
 use pixmesh_meshing::parameters::{Policy, Startup};
-use pixmesh_meshing::{Method, Parameters};
 use proptest::prelude::*;
 
 proptest! {
@@ -19,7 +19,7 @@ proptest! {
         for policies in [of_mmsodd, of_mol] {
             for method in [Method::Med, Method::Mgprfs] {
                 let own = method.parameters(size_target(&image, share));
-                let of = |policy| model(&image, &Parameters { policy, startup, ..own.clone() });
+                let of = |policy| model(&image, &own.clone().policy(policy).startup(startup));
                 let first = of(policies[0]);
                 for policy in &policies[1..] {
                     prop_assert_eq!(&of(*policy), &first, "{}", policy);
@@ -36,7 +36,7 @@ proptest! {
         use Method::{Ed, Gpr, Gprfsed, Med, Mgpr, Mgprfs};
         for (modified, gray) in [(Med, Ed), (Mgprfs, Gprfsed), (Mgpr, Gpr)] {
             let target = size_target(&image, share);
-            let classic = Parameters { startup: Startup::Classic, ..modified.parameters(target) };
+            let classic = modified.parameters(target).startup(Startup::Classic);
             let expected = model(&image, &gray.parameters(target));
             prop_assert_eq!(model(&image, &classic), expected, "{} and {}", modified, gray);
         }

@@ -49,7 +49,7 @@ fn ruling_image(picture: &Image, parameters: &Parameters) -> (Image, Parameters)
         _ => ErrorMetric::MeanCompSe,
     };
     let (policy, guide) = (Policy::PsaD, Guide::Components);
-    let own = Parameters { policy, guide, error_metric, ..parameters.clone() };
+    let own = parameters.clone().policy(policy).guide(guide).error_metric(error_metric);
     (luma, own)
 }
 
@@ -65,7 +65,7 @@ proptest! {
     ) {
         let parameters = Method::Mgprfs.parameters(size_target(&image, share));
         let initial_size = InitialSize::Gamma(gamma);
-        check(&image, &Parameters { initial_size, bad_point_removal, ..parameters });
+        check(&image, &parameters.initial_size(initial_size).bad_point_removal(bad_point_removal));
     }
 
     #[test]
@@ -75,7 +75,7 @@ proptest! {
         bad_point_removal in any::<bool>(),
     ) {
         let parameters = Method::Mgpr.parameters(size_target(&image, share));
-        check(&image, &Parameters { bad_point_removal, ..parameters });
+        check(&image, &parameters.bad_point_removal(bad_point_removal));
     }
 
     #[test]
@@ -86,7 +86,7 @@ proptest! {
         bad_point_removal in any::<bool>(),
     ) {
         let parameters = method.parameters(size_target(&image, share));
-        check(&image, &Parameters { bad_point_removal, ..parameters });
+        check(&image, &parameters.bad_point_removal(bad_point_removal));
     }
 
     #[test]
@@ -97,7 +97,7 @@ proptest! {
         bad_point_removal in any::<bool>(),
     ) {
         let parameters = method.parameters(Target::Psnr(psnr_db));
-        check(&image, &Parameters { bad_point_removal, ..parameters });
+        check(&image, &parameters.clone().bad_point_removal(bad_point_removal));
         let made = model(&image, &parameters);
         prop_assert!(made.fidelity.psnr_db() >= psnr_db);
     }
@@ -111,10 +111,10 @@ proptest! {
         guide in prop::sample::select(Guide::ALL),
     ) {
         let parameters = Method::Mgpr.parameters(size_target(&colour, share));
-        check(&colour, &Parameters { error_metric, guide, ..parameters });
+        check(&colour, &parameters.error_metric(error_metric).guide(guide));
         if error_metric.component_count().is_none() {
             let parameters = Method::Mgprfs.parameters(size_target(&image, share));
-            check(&image, &Parameters { error_metric, ..parameters });
+            check(&image, &parameters.error_metric(error_metric));
         }
     }
 
@@ -125,7 +125,7 @@ proptest! {
         error_metric in prop::sample::select(WITHOUT_WEIGHTS),
     ) {
         let parameters = Method::Mgpr.parameters(Target::MeanError(error));
-        check(&colour, &Parameters { error_metric, ..parameters });
+        check(&colour, &parameters.error_metric(error_metric));
     }
 
     #[test]
@@ -152,7 +152,7 @@ proptest! {
         seed in any::<u64>(),
     ) {
         let parameters = Method::Mgprfs.parameters(size_target(&image, share));
-        check(&image, &Parameters { generator, seed, ..parameters });
+        check(&image, &parameters.generator(generator).seed(seed));
     }
 }
 
@@ -180,7 +180,7 @@ fn ties_match_reference() {
         for size in [4, 12, 30] {
             check(&picture, &Method::Gpr.parameters(Target::Size(size)));
             let lowering = Method::Gprfsed.parameters(Target::Size(size));
-            check(&picture, &Parameters { bad_point_removal: true, ..lowering });
+            check(&picture, &lowering.bad_point_removal(true));
         }
     }
 }
@@ -220,9 +220,9 @@ fn bad_points_are_removed_below_size() {
     let picture = gray(9, 9, noise);
     let initial_size = InitialSize::Target;
     let own = Method::Mgprfs.parameters(Target::Size(12));
-    let parameters = Parameters { initial_size, generator: Generator::Random, ..own };
+    let parameters = own.initial_size(initial_size).generator(Generator::Random);
     let made = |bad_point_removal| {
-        let parameters = Parameters { bad_point_removal, ..parameters.clone() };
+        let parameters = parameters.clone().bad_point_removal(bad_point_removal);
         check(&picture, &parameters);
         model(&picture, &parameters)
     };

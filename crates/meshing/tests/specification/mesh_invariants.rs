@@ -28,7 +28,13 @@ fn requests() -> impl Strategy<Value = (Image, Parameters)> {
             other => other,
         };
         let generator = if own.generator == Generator::All { own.generator } else { generator };
-        (image, Parameters { initial_size, generator, bad_point_removal, seed, ..own })
+        (
+            image,
+            own.initial_size(initial_size)
+                .generator(generator)
+                .bad_point_removal(bad_point_removal)
+                .seed(seed),
+        )
     })
 }
 
@@ -134,7 +140,7 @@ proptest! {
         (image, parameters) in requests()
     ) {
         prop_assume!(parameters.guide == Guide::Components);
-        let parameters = Parameters { bad_point_removal: false, ..parameters };
+        let parameters = parameters.bad_point_removal(false);
         let made = model(&image, &parameters);
         let (plan, count) = (made.plan, made.mesh.points().len());
         let initial = sample_points(&image, &parameters, plan.initial_size, &()).unwrap();

@@ -115,5 +115,6 @@ pub(crate) fn size_target(image: &Image, share: f64) -> Target {
 
 /// The model that a set of parameters makes of an image, which it must be able to.
 pub(crate) fn model(image: &Image, parameters: &Parameters) -> pixmesh_meshing::Approximation {
-    mesh_image(image, parameters, &()).expect("the parameters fit the image")
+    mesh_image(image, &parameters.clone().lists_removals(true), &())
+        .expect("the parameters fit the image")
 }

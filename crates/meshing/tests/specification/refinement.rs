@@ -3,9 +3,10 @@
 use crate::pictures::{cases, model, pictures, size_target};
 use crate::twin::interpolation::rasterise;
 use crate::twin::triangulation::{triangles_of, triangulate};
-use pixmesh_meshing::parameters::{Connectivity, Values};
+use pixmesh_meshing::parameters::{Connectivity, ErrorMetric, Values, Weights};
 use pixmesh_meshing::{
-    Approximation, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target, rasterize,
+    Approximation, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target, mesh_image,
+    rasterize,
 };
 use proptest::prelude::*;
 
@@ -44,7 +45,7 @@ proptest! {
         let plain = check(&image, &own);
         for &connectivity in Connectivity::ALL {
             for &values in Values::ALL {
-                let with = |effort| Parameters { connectivity, values, effort, ..own.clone() };
+                let with = |effort| own.clone().connectivity(connectivity).values(values).effort(effort);
                 prop_assert!(check(&image, &with(0)) <= plain);
                 prop_assert!(check(&image, &with(2)) <= plain);
             }
@@ -59,7 +60,7 @@ proptest! {
     ) {
         let own = Method::Mgprfs.parameters(size_target(&image, share));
         let plain = model(&image, &own);
-        let refined = model(&image, &Parameters { effort, ..own });
+        let refined = model(&image, &own.effort(effort));
         prop_assert_eq!(refined.mesh.points().len(), plain.mesh.points().len());
         prop_assert!(refined.fidelity.squared_error <= plain.fidelity.squared_error);
         for (v, p) in refined.mesh.points().iter().enumerate() {
@@ -100,7 +101,7 @@ proptest! {
         method in prop::sample::select(&[Method::Med, Method::Optimal][..]),
     ) {
         let effort = if method == Method::Med { 0 } else { 1 };
-        let with = |target| Parameters { effort, ..method.parameters(target) };
+        let with = |target| method.parameters(target).effort(effort);
         prop_assert!(model(&image, &with(Target::Psnr(psnr_db))).fidelity.psnr_db() >= psnr_db);
         let made = model(&image, &with(Target::MeanError(mean_error)));
         prop_assert!(made.fidelity.mse() <= mean_error);
@@ -127,7 +128,7 @@ fn fitted_values_smooth_a_noisy_plane() {
     let image = Image::from_bottom_up(32, 32, 8, vec![samples.collect()]).unwrap();
     let own = Method::Mgprfs.parameters(Target::Size(4));
     let sampled = model(&image, &own).fidelity.mse();
-    let fitted = model(&image, &Parameters { values: Values::Fitted, ..own }).fidelity.mse();
+    let fitted = model(&image, &own.values(Values::Fitted)).fidelity.mse();
     // Noise of 9 equally likely levels has a variance of 80 / 12.
     assert!(fitted < 80.0 / 12.0 + 0.3 && fitted < sampled, "{fitted} of {sampled}");
 }
@@ -143,21 +144,34 @@ fn heavier_pixels_get_more_vertices() {
     let image = noise(24);
     for method in [Method::Mgprfs, Method::Optimal] {
         let own = method.parameters(Target::Size(60));
-        let equal = image.clone().with_weights(vec![77; 24 * 24]).unwrap();
-        let (with, without) = (model(&equal, &own), model(&image, &own));
+        let weighted =
+            |weights: Vec<u8>| own.clone().weights(Weights::from_bottom_up(24, 24, weights).ok());
+        let (with, without) = (model(&image, &weighted(vec![77; 24 * 24])), model(&image, &own));
         assert_eq!(with.mesh, without.mesh);
         assert_eq!(with.fidelity, without.fidelity);
-        let weights = (0..24 * 24).map(|i| if i % 24 < 12 { 200 } else { 2 }).collect();
-        let left = image.clone().with_weights(weights).unwrap();
-        let count = |image: &Image| {
-            let made = model(image, &own);
-            made.mesh.points().iter().filter(|p| p.x < 12).count()
-        };
-        assert!(count(&left) > count(&image) + 10, "{} {}", count(&left), count(&image));
-        let made = model(&left, &own);
+        let left = (0..24 * 24).map(|i| if i % 24 < 12 { 200 } else { 2 }).collect();
+        let made = model(&image, &weighted(left));
+        let count = |mesh: &Mesh| mesh.points().iter().filter(|p| p.x < 12).count();
+        let counts = (count(&made.mesh), count(&without.mesh));
+        assert!(counts.0 > counts.1 + 10, "{counts:?}");
         assert_eq!(made.fidelity.squared_error, squared_error(&image, &made.mesh));
     }
-    assert!(image.with_weights(vec![1; 9]).is_err());
+}
+
+#[test]
+fn refuses_weights_by_name() {
+    let image = noise(24);
+    assert!(Weights::from_top_down(24, 24, vec![1; 9]).is_err());
+    let own = Method::Mgprfs.parameters(Target::Size(60));
+    let refusal = |side: usize, metric| {
+        let weights = Weights::from_top_down(side, side, vec![1; side * side]).ok();
+        let parameters = own.clone().weights(weights).error_metric(metric);
+        mesh_image(&image, &parameters, &()).map(|_| ()).map_err(|error| error.to_string())
+    };
+    let squared = ErrorMetric::MeanCompSe;
+    assert_eq!(refusal(24, squared), Ok(()));
+    assert!(refusal(23, squared).unwrap_err().contains("23x23 points, the image has 24x24"));
+    assert!(refusal(24, ErrorMetric::MeanCompAe).unwrap_err().contains("not mean_comp_ae"));
 }
 
 #[test]

@@ -162,6 +162,6 @@ fn triangulation_polls_throughout() {
 #[test]
 fn meshes_regular_grid_in_time() {
     let own = Method::Mgprfs.parameters(Target::Percent(2.0));
-    let parameters = Parameters { generator: Generator::Uniform, ..own };
+    let parameters = own.generator(Generator::Uniform);
     meshed_soon("a regular grid on 256x256", &gray(256, 256, noise), &parameters);
 }

@@ -39,7 +39,7 @@ fn on_threads<C>(control: C, threads: usize) -> OnThreads<C> {
 }
 
 fn model_on(threads: usize, picture: &Image, parameters: &Parameters) -> Approximation {
-    mesh_image(picture, parameters, &on_threads((), threads)).unwrap()
+    mesh_image(picture, &parameters.clone().lists_removals(true), &on_threads((), threads)).unwrap()
 }
 
 fn assert_same_on_all(picture: &Image, parameters: &Parameters, title: &str) -> Approximation {
@@ -69,13 +69,14 @@ impl Control for MoreAndLess {
 #[test]
 fn changing_thread_count_keeps_result() {
     let picture = picture(3);
-    let tiles = |own| Parameters { parallel: Parallel::Tiles, ..own };
+    let tiles = |own: Parameters| own.parallel(Parallel::Tiles);
     for parameters in [
         Method::Med.parameters(Target::Percent(10.0)),
         Method::Mgprfs.parameters(Target::Percent(18.0)),
         tiles(Method::Mgprfs.parameters(Target::Percent(18.0))),
-        Parameters { effort: 2, ..Method::Optimal.parameters(Target::Percent(6.0)) },
+        Method::Optimal.parameters(Target::Percent(6.0)).effort(2),
     ] {
+        let parameters = parameters.lists_removals(true);
         let expected = model_on(1, &picture, &parameters);
         for seed in 0..3 {
             let control = MoreAndLess(AtomicUsize::new(seed));
@@ -104,7 +105,7 @@ fn gprfsed_is_independent_of_threads() {
     {
         // 4 times 18 % is more than 30,000 points.
         let own = Method::Mgprfs.parameters(Target::Percent(18.0));
-        let parameters = Parameters { policy, ..own };
+        let parameters = own.policy(policy);
         let title = format!("MGPRFS of {component_count} components by {policy}");
         let model = assert_same_on_all(&picture(component_count), &parameters, &title);
         assert!(model.removals.len() + model.mesh.points().len() > 32_000, "{title}");
@@ -116,7 +117,7 @@ fn bounds_and_metrics_are_independent_of_threads() {
     let picture = picture(3);
     let of = |target, error_metric, bad_point_removal| {
         let own = Method::Mgpr.parameters(target);
-        Parameters { error_metric, bad_point_removal, ..own }
+        own.error_metric(error_metric).bad_point_removal(bad_point_removal)
     };
     let mut sets: Vec<Parameters> = ErrorMetric::ALL
         .iter()
@@ -135,7 +136,7 @@ fn bounds_and_metrics_are_independent_of_threads() {
 fn tiles_are_independent_of_threads_and_cost_little() {
     for (method, density) in [(Method::Mgprfs, 18.0), (Method::Mgpr, 3.0)] {
         let own = method.parameters(Target::Percent(density));
-        let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
+        let tiles = own.clone().parallel(Parallel::Tiles);
         let model = assert_same_on_all(&picture(3), &tiles, &format!("tiles of {method}"));
         let exact = model_on(1, &picture(3), &own);
         assert_eq!(model.mesh.points().len(), exact.mesh.points().len());
@@ -151,7 +152,7 @@ fn tiles_are_exact_for_bounds_and_small_meshes() {
     let few = Method::Mgprfs.parameters(Target::Percent(1.5));
     let quality = Method::Mgpr.parameters(Target::Psnr(40.0));
     for own in [few, quality] {
-        let tiles = Parameters { parallel: Parallel::Tiles, ..own.clone() };
+        let tiles = own.clone().parallel(Parallel::Tiles);
         let (tiled, exact) = (model_on(2, &picture, &tiles), model_on(2, &picture, &own));
         assert!(tiled == exact, "{:?}", own.target);
     }
@@ -193,7 +194,7 @@ fn cancels_promptly_on_several_threads() {
     let picture = picture(3);
     let parameters = Method::Mgpr.parameters(Target::Percent(10.0));
     let diffused = Method::Mgprfs.parameters(Target::Percent(18.0));
-    let tiles = Parameters { parallel: Parallel::Tiles, ..parameters };
+    let tiles = parameters.clone().parallel(Parallel::Tiles);
     // 5000 removals later there are still enough vertices for threads.
     let moments = [
         (&diffused, Stage::Density, 150),

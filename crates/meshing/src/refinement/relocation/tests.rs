@@ -173,9 +173,9 @@ fn equal_weights_change_nothing_of_what_is_promised() {
     let samples: Vec<u16> = (0..81).map(|i| (i * i / 3 % 64) as u16).collect();
     let seeds: Vec<(usize, usize)> = (0..12).map(|i| (i * 5 % 9, i * 7 % 9)).collect();
     let (plain, points) = picture(9, 9, &samples, &seeds);
-    let weighted = plain.clone().with_weights(vec![77; 81]).unwrap();
-    let measures =
-        [&plain, &weighted].map(|image| Measure::with_model(image, ErrorMetric::MeanCompSe));
+    let weights = [77; 81];
+    let measures = [None, Some(&weights[..])]
+        .map(|weights| Measure::with_model(&plain, ErrorMetric::MeanCompSe, weights));
     let [mut plain_mesh, mut weighted_mesh] =
         [0, 1].map(|i| measured(&measures[i], &plain, points.clone()));
     assert_eq!(weighted_mesh.total_error(), 77 * plain_mesh.total_error());
@@ -348,7 +348,7 @@ fn a_foresighted_look_passes_over_large_faces_where_they_are_few_and_forecasts_a
     {
         let components = vec![samples.clone(); component_count];
         let image = Image::from_bottom_up(width, height, precision, components).unwrap();
-        let measure = Measure::with_model(&image, ErrorMetric::MeanCompSe);
+        let measure = Measure::with_model(&image, ErrorMetric::MeanCompSe, None);
         let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
         let mut points: Vec<Point> =
             near.chain(corner_points(width, height)).chain([far]).collect();

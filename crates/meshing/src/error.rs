@@ -1,0 +1,21 @@
+//! Why there is no mesh of an image.
+
+use crate::control::Cancelled;
+use crate::image::ShapeMismatch;
+use crate::parameters::ParameterError;
+use thiserror::Error;
+
+/// Why an image was not meshed, or an image and a mesh were not compared.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum MeshingError {
+    /// A parameter is out of its bounds or not defined for such an image.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// Two images, or an image and a mesh, are of different shapes.
+    #[error(transparent)]
+    Shape(#[from] ShapeMismatch),
+    /// The control cancelled the work.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}

@@ -1,0 +1,91 @@
+//! The image whose errors choose the points, and the parameters that hold for it.
+
+use crate::control::{Cancelled, Control};
+use crate::density::luma::luma;
+use crate::image::Image;
+use crate::parameters::{ErrorMetric, Guide, Parameters, Weights};
+use crate::quality::ssim_weights::ssim_weights;
+use std::borrow::Cow;
+
+/// An image that guides the choice of points: the image to mesh, or its luma.
+pub(crate) struct Guided<'a> {
+    pub(crate) image: Cow<'a, Image>,
+    /// Parameters for this image: of a luma those for one component, with the structural
+    /// similarity as weights.
+    pub(crate) parameters: Parameters,
+}
+
+impl<'a> Guided<'a> {
+    pub(crate) fn new(
+        image: &'a Image,
+        parameters: &Parameters,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let by_ssim = parameters.error_metric == ErrorMetric::Ssim && !parameters.is_flat();
+        let weights = match &parameters.weights {
+            given if by_ssim => Some(ssim_weights(image, given.as_ref(), control)?),
+            given => given.clone(),
+        };
+        let parameters = Parameters { weights, ..parameters.clone() };
+        Ok(match parameters.guide {
+            Guide::Components => Self { image: Cow::Borrowed(image), parameters },
+            Guide::Luma => Self { image: Cow::Owned(luma(image)), parameters: on_luma(parameters) },
+        })
+    }
+
+    pub(crate) fn weights(&self) -> Option<&[u8]> {
+        self.parameters.weights.as_ref().map(Weights::values)
+    }
+
+    /// Tells whether the errors that guide are the squared errors of the image to mesh.
+    pub(crate) fn has_squared_errors(&self) -> bool {
+        let is_whole = matches!(self.image, Cow::Borrowed(_));
+        is_whole && self.weights().is_none() && self.parameters.error_metric.is_squared_difference()
+    }
+}
+
+/// The parameters of a colour method for the luma, an image of one component.
+fn on_luma(parameters: Parameters) -> Parameters {
+    let policy = parameters.policy.of_one_component();
+    let error_metric = parameters.error_metric.of_one_component();
+    Parameters { policy, error_metric, guide: Guide::Components, ..parameters }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::{Method, Policy, Target};
+
+    #[test]
+    fn luma_has_parameters_of_one_component() {
+        let own = Method::Cgpr.parameters(Target::Size(50));
+        for (&policy, &error_metric) in Policy::ALL.iter().zip(ErrorMetric::ALL.iter().cycle()) {
+            let luma = on_luma(Parameters { policy, error_metric, ..own.clone() });
+            assert_eq!(luma.guide, Guide::Components);
+            assert!(luma.policy.component_count().is_none_or(|count| count == 1), "{policy}");
+            assert!(luma.error_metric.component_count().is_none_or(|count| count == 1));
+            assert_eq!((luma.target, luma.generator), (own.target, own.generator));
+        }
+    }
+
+    #[test]
+    fn given_weights_scale_those_of_the_similarity() {
+        let samples = (0..24 * 24).map(|i| (i * 37 % 101) as u16 + (i / 24) as u16).collect();
+        let image = Image::from_bottom_up(24, 24, 8, vec![samples]).unwrap();
+        let own = Method::Mgpr.parameters(Target::Size(50)).error_metric(ErrorMetric::Ssim);
+        let weights = |given: Option<u8>| {
+            let given =
+                given.map(|weight| Weights::from_bottom_up(24, 24, vec![weight; 24 * 24]).unwrap());
+            let guided = Guided::new(&image, &own.clone().weights(given), &()).unwrap();
+            guided.weights().unwrap().to_vec()
+        };
+        let alone = weights(None);
+        assert!(alone.iter().any(|&weight| weight > 1));
+        for given in [0, 1, 128, 255] {
+            for (&with, &without) in weights(Some(given)).iter().zip(&alone) {
+                let expected = f64::from(without) * f64::from(given) / 255.0;
+                assert_eq!(f64::from(with), expected.ceil(), "{without} and {given}");
+            }
+        }
+    }
+}
