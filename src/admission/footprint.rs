@@ -15,16 +15,9 @@ use pixmesh_meshing::{Parameters, Shape};
 const SAMPLE: u64 = 2;
 /// Bytes per pixel of a field of the density.
 const FIELD: u64 = 8;
-/// Bytes per pixel of the vector gradient's tensors.
-const TENSOR: u64 = 24;
-/// Bytes per pixel that smoothing apart from differentiating adds: 8 for each of three derivatives.
-const SMOOTHED: u64 = 24;
 /// Bytes per pixel of the marks of chosen points: two for each of two threads while thresholds are
 /// tried, one of the result.
 const MARK: u64 = 5;
-/// Bytes per pixel of the places that random points are drawn from: 4, in a list that is copied as
-/// it grows.
-const DRAWN: u64 = 12;
 /// Bytes per pixel of the copy that faces are measured against: of one component, and of several.
 const COPY_OF_ONE: u64 = 1;
 const COPY_OF_SEVERAL: u64 = 4;
@@ -149,8 +142,7 @@ impl<'a> Footprint<'a> {
             _ if self.initial >= self.pixels => 0,
             Generator::ErrorDiffusion => self.density_per_pixel(),
             Generator::Insertion => self.copy_per_pixel() + AREAS + REFINED_MARKS,
-            Generator::Random => DRAWN,
-            Generator::All | Generator::Uniform => 0,
+            Generator::All | Generator::Random | Generator::Uniform => 0,
         };
         let inserted = match self.parameters.generator {
             Generator::Insertion => self.initial * INSERTED,
@@ -160,13 +152,11 @@ impl<'a> Footprint<'a> {
     }
 
     fn density_per_pixel(&self) -> u64 {
-        let fields = match self.parameters.policy {
+        match self.parameters.policy {
             Policy::PseD | Policy::PseL => FIELD * self.components,
-            Policy::Psc => FIELD + TENSOR,
             Policy::PsbD | Policy::PsbL => FIELD + SAMPLE,
             _ => FIELD,
-        };
-        fields + if self.parameters.double_convolution { SMOOTHED } else { 0 }
+        }
     }
 
     /// The image, what faces are measured by, and the triangulation of the initial points: during
@@ -225,7 +215,7 @@ impl<'a> Footprint<'a> {
     /// The luma, where it is meshed instead of the image.
     fn meshed_luma(&self) -> u64 {
         match self.parameters.guide {
-            Guide::Luma => self.pixels * SAMPLE,
+            Guide::Luma | Guide::Gray => self.pixels * SAMPLE,
             Guide::Components => 0,
         }
     }
@@ -363,9 +353,7 @@ mod tests {
         let plain = with_policy(Policy::PsdMaxD);
         let apart = with_policy(Policy::PseD);
         assert!(apart > plain);
-        assert!(with_policy(Policy::Psc) > apart);
-        let twice = changed(Method::Med, |with| with.double_convolution = true);
-        assert!(twice > apart);
+        assert_eq!(with_policy(Policy::Psc), plain);
         let luma = changed(Method::Med, |with| with.guide = Guide::Luma);
         assert!(luma > plain);
     }

@@ -95,6 +95,14 @@ pub trait Control: Sync {
     }
 }
 
+/// Lattice points that a kernel works on between two polls: some milliseconds at the most.
+pub(crate) const POINTS_PER_POLL: usize = 1 << 16;
+
+/// Rows of this width that a kernel works on between two polls, at least one.
+pub(crate) fn rows_per_poll(width: usize) -> usize {
+    (POINTS_PER_POLL / width).max(1)
+}
+
 /// Work on several threads under a control that knows nothing of them.
 #[derive(Clone, Copy, Debug)]
 pub struct OnThreads<C>(pub C, pub NonZeroUsize);

@@ -1,16 +1,16 @@
 //! The image whose errors choose the points, and the parameters that hold for it.
 
 use crate::control::{Cancelled, Control};
-use crate::density::luma::luma;
+use crate::density::luma::guide_picture;
 use crate::image::Image;
 use crate::parameters::{ErrorMetric, Guide, Parameters, Weights};
 use crate::quality::ssim_weights::ssim_weights;
 use std::borrow::Cow;
 
-/// An image that guides the choice of points: the image to mesh, or its luma.
+/// An image that guides the choice of points: the image to mesh, or a gray picture of it.
 pub(crate) struct Guided<'a> {
     pub(crate) image: Cow<'a, Image>,
-    /// Parameters for this image: of a luma those for one component, with the structural
+    /// Parameters for this image: of a gray picture those for one component, with the structural
     /// similarity as weights.
     pub(crate) parameters: Parameters,
 }
@@ -27,9 +27,9 @@ impl<'a> Guided<'a> {
             given => given.clone(),
         };
         let parameters = Parameters { weights, ..parameters.clone() };
-        Ok(match parameters.guide {
-            Guide::Components => Self { image: Cow::Borrowed(image), parameters },
-            Guide::Luma => Self { image: Cow::Owned(luma(image)), parameters: on_luma(parameters) },
+        Ok(match guide_picture(image, parameters.guide, control)? {
+            None => Self { image: Cow::Borrowed(image), parameters },
+            Some(gray) => Self { image: Cow::Owned(gray), parameters: on_gray(parameters) },
         })
     }
 
@@ -44,8 +44,8 @@ impl<'a> Guided<'a> {
     }
 }
 
-/// The parameters of a colour method for the luma, an image of one component.
-fn on_luma(parameters: Parameters) -> Parameters {
+/// The parameters of a colour method for the gray picture that guides it.
+fn on_gray(parameters: Parameters) -> Parameters {
     let policy = parameters.policy.of_one_component();
     let error_metric = parameters.error_metric.of_one_component();
     Parameters { policy, error_metric, guide: Guide::Components, ..parameters }
@@ -57,10 +57,10 @@ mod tests {
     use crate::parameters::{Method, Policy, Target};
 
     #[test]
-    fn luma_has_parameters_of_one_component() {
+    fn gray_has_parameters_of_one_component() {
         let own = Method::Cgpr.parameters(Target::Size(50));
         for (&policy, &error_metric) in Policy::ALL.iter().zip(ErrorMetric::ALL.iter().cycle()) {
-            let luma = on_luma(Parameters { policy, error_metric, ..own.clone() });
+            let luma = on_gray(Parameters { policy, error_metric, ..own.clone() });
             assert_eq!(luma.guide, Guide::Components);
             assert!(luma.policy.component_count().is_none_or(|count| count == 1), "{policy}");
             assert!(luma.error_metric.component_count().is_none_or(|count| count == 1));

@@ -14,7 +14,7 @@ use crate::parallel::in_parallel;
 use crate::parameters::{
     Connectivity, ErrorBound, ErrorMetric, Parallel, Parameters, Plan, Target, Values,
 };
-use crate::points::sample_points;
+use crate::points::initial_points;
 use crate::quality::fidelity::Fidelity;
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
@@ -81,7 +81,7 @@ fn mesh_by_plan(
     control: &dyn Control,
 ) -> Result<Approximation, Cancelled> {
     let guided = Guided::new(image, parameters, control)?;
-    let points = sample_points(&guided.image, &guided.parameters, plan.initial_size, control)?;
+    let points = initial_points(&guided.image, &guided.parameters, plan.initial_size, control)?;
     let triangulation = Triangulation::new(points, control)?;
     let reduced = if parameters.is_flat() {
         reduce_for_flat_faces(&guided, triangulation, plan, control)?

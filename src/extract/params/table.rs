@@ -312,7 +312,7 @@ pub static TABLE: [Parameter; 45] = [
         |order| order.parameters.double_convolution.then(|| order.parameters.smoothing_boundary.to_string())),
     word!(boundary: Boundary, "What the filters see beyond the image's border.",
         |order| Some(order.parameters.boundary.to_string())),
-    word!(meshed: Guide, "What removal goes by: all components, or the luma, whose mesh then gets the colours back.",
+    word!(meshed: Guide, "What removal goes by: all components, the luma or the thesis's gray picture; the mesh gets the colours back.",
         |order| Some(order.parameters.guide.to_string())),
     word!(error_metric: ErrorMetric, "The error that removal raises least.",
         |order| Some(order.parameters.error_metric.to_string())),

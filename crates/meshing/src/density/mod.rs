@@ -1,29 +1,28 @@
-//! An image's density of sample points: significance, aggregated over components and normalised.
+//! The density of sample points: the significance of each lattice point over the largest.
 
-pub(crate) mod filter;
+pub(crate) mod derivatives;
 pub(crate) mod luma;
-pub(crate) mod second_derivatives;
 pub(crate) mod significance;
 
-use crate::control::{Cancelled, Control, Stage};
-use crate::density::filter::{Filter, Order};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, rows_per_poll};
+use crate::density::derivatives::{BinomialRow, DerivativeRow, Derivatives, Filter, Order};
 use crate::density::luma::luma;
-use crate::density::second_derivatives::SecondDerivatives;
-use crate::density::significance::{Significance, poll_row, vector_gradient};
+use crate::density::significance::{GradientTensor, Significance, add_gradients, vector_gradient};
+use crate::error::MeshingError;
 use crate::image::Image;
 use crate::parallel::in_row_bands;
 use crate::parameters::Parameters;
-use crate::parameters::choices::Policy;
+use crate::parameters::choices::{Policy, PscTie};
 use fearless_simd::{Level, Simd, dispatch};
 
-/// What the largest significance is raised by before it divides, so that a picture without any
-/// detail has density 0 and not 0/0.
+/// Added to the largest significance before it divides, so that an image without any detail has
+/// density 0 and not 0/0.
 const NORMALISATION_FLOOR: f64 = 1e-12;
 
 /// How densely sample points should lie: fields of `width * height` numbers in `0.0..=1.0`, row 0
 /// at the bottom.
 ///
-/// There is one field, but one per component where the policy diffuses each component on its own.
+/// There is one field, or one per component where the policy diffuses each component on its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Density {
     pub(crate) width: usize,
@@ -31,53 +30,66 @@ pub struct Density {
     pub(crate) fields: Vec<Vec<f64>>,
 }
 
-/// How the significance of several components becomes one.
+/// How the components of an image give one field.
 #[derive(Clone, Copy)]
-enum Aggregation {
-    Maximum,
-    Mean,
-    /// Not at all: one field per component.
-    Apart,
+enum Operator {
+    /// The largest of the components' significances.
+    Maximum(Significance),
+    /// The mean of the components' significances.
+    Mean(Significance),
+    VectorGradient(PscTie),
 }
 
 impl Density {
-    /// Computes the density that the parameters' policy and filters give an image.
-    ///
-    /// The policy must be defined for the image's number of components, see
-    /// [`Parameters::plan`]; the vector gradient is computed of any number.
+    /// Computes the density of an image by the policy and the filters of the parameters.
     ///
     /// # Errors
-    /// When the control cancels.
+    /// When a parameter is out of its bounds, the policy is not defined for the image's number of
+    /// components, or the control cancels.
     pub fn new(
         image: &Image,
         parameters: &Parameters,
         control: &dyn Control,
+    ) -> Result<Self, MeshingError> {
+        parameters.check()?;
+        parameters.check_policy(image.component_count())?;
+        Ok(Self::of_checked(image, parameters, control)?)
+    }
+
+    /// The density by parameters that are known to be in their bounds and defined for the image.
+    pub(crate) fn of_checked(
+        image: &Image,
+        parameters: &Parameters,
+        control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        use Aggregation::{Apart, Maximum, Mean};
+        use Operator::{Maximum, Mean, VectorGradient};
         use Significance::{Mmsodd, Mol};
-        let of = |significance, aggregation| {
-            aggregate(image, parameters, significance, aggregation, control)
+        let operator = match parameters.policy {
+            Policy::PsaD | Policy::PsbD | Policy::PsdMaxD | Policy::PseD => Maximum(Mmsodd),
+            Policy::PsaL | Policy::PsbL | Policy::PsdMaxL | Policy::PseL => Maximum(Mol),
+            Policy::PsdAvgD => Mean(Mmsodd),
+            Policy::PsdAvgL => Mean(Mol),
+            Policy::Psc => VectorGradient(parameters.psc_tie),
         };
-        let fields = match parameters.policy {
-            Policy::PsaD | Policy::PsdMaxD => of(Mmsodd, Maximum)?,
-            Policy::PsaL | Policy::PsdMaxL => of(Mol, Maximum)?,
-            Policy::PsdAvgD => of(Mmsodd, Mean)?,
-            Policy::PsdAvgL => of(Mol, Mean)?,
-            Policy::PseD => of(Mmsodd, Apart)?,
-            Policy::PseL => of(Mol, Apart)?,
-            Policy::PsbD => aggregate(&luma(image), parameters, Mmsodd, Maximum, control)?,
-            Policy::PsbL => aggregate(&luma(image), parameters, Mol, Maximum, control)?,
-            Policy::Psc => {
-                let filter = Filter::new(parameters);
-                let (components, tie) = (image.components(), parameters.psc_tie);
-                vec![vector_gradient(&filter, components, image.width(), tie, control)?]
-            }
+        let is_apart = matches!(parameters.policy, Policy::PseD | Policy::PseL);
+        let gray = match parameters.policy {
+            Policy::PsbD | Policy::PsbL => Some(luma(image, control)?),
+            _ => None,
         };
-        let mut density = Self { width: image.width(), height: image.height(), fields };
-        if image.is_flat() {
-            density.clear();
+        let components = gray.as_ref().unwrap_or(image).components();
+        let (width, height) = (image.width(), image.height());
+        let field_count = if is_apart { components.len() } else { 1 };
+        let mut fields: Vec<_> = (0..field_count).map(|_| vec![0.0; width * height]).collect();
+        // Extended by zeros, an image of one colour would have features along its border.
+        let is_flat = image.is_flat();
+        for (i, field) in fields.iter_mut().enumerate().filter(|_| !is_flat) {
+            let components = if is_apart { &components[i..=i] } else { components };
+            let filter = FieldFilter::new(components, width, operator, parameters);
+            let (rows_before, row_count) = (i * height, field_count * height);
+            filter.fill(field, rows_before, row_count, control)?;
         }
-        density.normalise();
+        let mut density = Self { width, height, fields };
+        density.normalise(control)?;
         Ok(density)
     }
 
@@ -99,21 +111,26 @@ impl Density {
         &self.fields
     }
 
-    /// Sets all fields to 0: a picture of one colour has no feature, though the extension of it
-    /// by zeros would make one of its border.
-    fn clear(&mut self) {
-        self.fields.iter_mut().flatten().for_each(|value| *value = 0.0);
-    }
-
     /// Divides all fields by their common maximum.
-    fn normalise(&mut self) {
+    fn normalise(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
+        let rows = self.fields.len() * self.height;
         let level = Level::new();
-        let largest = |field: &Vec<f64>| dispatch!(level, simd => maximum(simd, field));
-        let largest = self.fields.iter().map(largest).fold(0.0, f64::max);
+        let mut largest: f64 = 0.0;
+        for chunk in self.fields.iter().flat_map(|field| field.chunks(POINTS_PER_POLL)) {
+            control.poll(Stage::Density, rows, rows)?;
+            largest = largest.max(dispatch!(level, simd => maximum(simd, chunk)));
+        }
         let divisor = largest + NORMALISATION_FLOOR;
         for field in &mut self.fields {
-            dispatch!(level, simd => divide(simd, field, divisor));
+            in_row_bands(field, self.width, control, |_, band, control| {
+                for chunk in band.chunks_mut(POINTS_PER_POLL) {
+                    control.poll(Stage::Density, rows, rows)?;
+                    dispatch!(level, simd => divide(simd, chunk, divisor));
+                }
+                Ok(())
+            })?;
         }
+        Ok(())
     }
 }
 
@@ -137,129 +154,214 @@ fn divide<S: Simd>(_: S, values: &mut [f64], divisor: f64) {
     }
 }
 
-/// The significance of each component, brought together in one field or left apart.
-fn aggregate(
-    image: &Image,
-    parameters: &Parameters,
-    significance: Significance,
-    aggregation: Aggregation,
-    control: &dyn Control,
-) -> Result<Vec<Vec<f64>>, Cancelled> {
-    let filter = Filter::new(parameters);
-    let (width, height, count) = (image.width(), image.height(), image.component_count());
-    let field_count = if matches!(aggregation, Aggregation::Apart) { count } else { 1 };
-    let mut fields = vec![vec![0.0; image.pixel_count()]; field_count];
-    for (c, component) in image.components().iter().enumerate() {
-        let field = &mut fields[c.min(field_count - 1)];
-        // The first one of a field is written without reading: pages that were read before they are
-        // written are mapped twice, and the second time interrupts all threads.
-        let is_first = c < field_count;
-        let poll = |y, control: &dyn Control| poll_row(control, c * height + y, count * height);
-        if SecondDerivatives::new(parameters, component, width).is_some() {
-            in_row_bands(field, width, control, |first_row, band, control| {
-                let sweep = SecondDerivatives::new(parameters, component, width);
-                let (Some(mut sweep), mut values) = (sweep, vec![0.0; width]) else {
-                    return Ok(());
-                };
-                for (y, row) in (first_row..).zip(band.chunks_exact_mut(width)) {
-                    poll(y, control)?;
-                    if is_first {
-                        sweep.evaluate(significance, y, row);
-                    } else {
-                        sweep.evaluate(significance, y, &mut values);
-                        merge(row, &values, aggregation);
-                    }
+/// What makes one field of one or more components.
+struct FieldFilter<'a> {
+    components: &'a [Vec<u16>],
+    width: usize,
+    operator: Operator,
+    parameters: &'a Parameters,
+    filter: Filter,
+}
+
+impl<'a> FieldFilter<'a> {
+    fn new(
+        components: &'a [Vec<u16>],
+        width: usize,
+        operator: Operator,
+        parameters: &'a Parameters,
+    ) -> Self {
+        let order = match operator {
+            Operator::Maximum(_) | Operator::Mean(_) => Order::Second,
+            Operator::VectorGradient(_) => Order::First,
+        };
+        Self { components, width, operator, parameters, filter: Filter::new(parameters, order) }
+    }
+
+    /// Computes all rows of a field, `rows_before` of `row_count` rows being done before.
+    fn fill(
+        &self,
+        field: &mut [f64],
+        rows_before: usize,
+        row_count: usize,
+        control: &dyn Control,
+    ) -> Result<(), Cancelled> {
+        let interval = rows_per_poll(self.width * self.components.len());
+        in_row_bands(field, self.width, control, |first_row, band, control| {
+            let mut rows = FieldRows::new(self);
+            for (i, row) in band.chunks_exact_mut(self.width).enumerate() {
+                let y = first_row + i;
+                if i.is_multiple_of(interval) {
+                    control.poll(Stage::Density, rows_before + y, row_count)?;
                 }
-                Ok(())
-            })?;
+                rows.evaluate(y, row);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Computes one row of a field after the other.
+struct FieldRows<'a> {
+    filter: &'a FieldFilter<'a>,
+    fast: Option<BinomialRow>,
+    derivatives: Vec<Derivatives<'a>>,
+    derivative_row: DerivativeRow,
+    values: Vec<f64>,
+    tensors: Vec<GradientTensor>,
+}
+
+impl<'a> FieldRows<'a> {
+    fn new(filter: &'a FieldFilter<'a>) -> Self {
+        let derivatives =
+            |component: &'a Vec<u16>| Derivatives::new(&filter.filter, component, filter.width);
+        Self {
+            filter,
+            fast: BinomialRow::new(filter.parameters, filter.width),
+            derivatives: filter.components.iter().map(derivatives).collect(),
+            derivative_row: DerivativeRow::default(),
+            values: vec![0.0; filter.width],
+            tensors: Vec::new(),
+        }
+    }
+
+    /// Row `y` of the field.
+    fn evaluate(&mut self, y: usize, row: &mut [f64]) {
+        match self.filter.operator {
+            Operator::Maximum(significance) => self.aggregate(significance, y, row, maximise),
+            Operator::Mean(significance) => {
+                self.aggregate(significance, y, row, add);
+                let count = self.filter.components.len() as f64;
+                row.iter_mut().for_each(|value| *value /= count);
+            }
+            Operator::VectorGradient(tie) => {
+                self.tensors.clear();
+                self.tensors.resize(row.len(), [0.0; 3]);
+                for derivatives in &mut self.derivatives {
+                    derivatives.row(y, &mut self.derivative_row);
+                    add_gradients(&self.derivative_row, &mut self.tensors);
+                }
+                // The filter's first derivatives are doubled.
+                let divisor = 2.0 * self.filter.filter.divisor;
+                for (value, &tensor) in row.iter_mut().zip(&self.tensors) {
+                    *value = vector_gradient(tensor, tie) / divisor;
+                }
+            }
+        }
+    }
+
+    /// The significance of the first component, into which `merge` brings the others.
+    fn aggregate(
+        &mut self,
+        significance: Significance,
+        y: usize,
+        row: &mut [f64],
+        merge: impl Fn(&mut [f64], &[f64]),
+    ) {
+        self.significance_of(0, significance, y, row);
+        let mut values = std::mem::take(&mut self.values);
+        for component in 1..self.derivatives.len() {
+            self.significance_of(component, significance, y, &mut values);
+            merge(row, &values);
+        }
+        self.values = values;
+    }
+
+    /// The significance of row `y` of one component.
+    fn significance_of(
+        &mut self,
+        component: usize,
+        significance: Significance,
+        y: usize,
+        values: &mut [f64],
+    ) {
+        if let Some(fast) = &mut self.fast {
+            fast.evaluate(significance, &self.filter.components[component], y, values);
         } else {
-            let mut values = vec![0.0; width];
-            filter.for_each_row(component, width, Order::Second, |y, row| {
-                poll(y, control)?;
-                let whole = &mut field[y * width..][..width];
-                if is_first {
-                    significance.evaluate(row, filter.divisor(), whole);
-                } else {
-                    significance.evaluate(row, filter.divisor(), &mut values);
-                    merge(whole, &values, aggregation);
-                }
-                Ok(())
-            })?;
+            self.derivatives[component].row(y, &mut self.derivative_row);
+            significance.evaluate(&self.derivative_row, self.filter.filter.divisor, values);
         }
     }
-    if matches!(aggregation, Aggregation::Mean) {
-        fields.iter_mut().flatten().for_each(|value| *value /= count as f64);
-    }
-    control.poll(Stage::Density, count * height, count * height)?;
-    Ok(fields)
 }
 
-/// Brings one component's row into the field's.
-fn merge(field: &mut [f64], values: &[f64], aggregation: Aggregation) {
-    let level = Level::new();
-    dispatch!(level, simd => merge_by(simd, field, values, aggregation));
+/// Raises each value to the other row's; none is NaN.
+fn maximise(row: &mut [f64], values: &[f64]) {
+    #[inline(always)]
+    fn by<S: Simd>(_: S, row: &mut [f64], values: &[f64]) {
+        row.iter_mut().zip(values).for_each(|(a, &b)| *a = if b > *a { b } else { *a });
+    }
+    dispatch!(Level::new(), simd => by(simd, row, values));
 }
 
-#[inline(always)]
-fn merge_by<S: Simd>(_: S, field: &mut [f64], values: &[f64], aggregation: Aggregation) {
-    let pairs = field.iter_mut().zip(values);
-    match aggregation {
-        // Neither is NaN nor negative.
-        Aggregation::Maximum => {
-            pairs.for_each(|(sum, &value)| *sum = if value > *sum { value } else { *sum });
-        }
-        Aggregation::Mean => pairs.for_each(|(sum, &value)| *sum += value),
-        // Each component is the first one of its field.
-        Aggregation::Apart => {}
-    }
+/// Adds the other row to a row.
+fn add(row: &mut [f64], values: &[f64]) {
+    row.iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameters::Target;
-    use std::sync::Mutex;
+    use crate::control::tests::Recorder;
+    use crate::parameters::choices::Smoothing;
+    use crate::parameters::{ParameterError, Target};
 
-    /// Writes down what it hears.
-    #[derive(Default)]
-    struct Record(Mutex<Vec<(Stage, usize, usize)>>);
+    fn colour(width: usize, height: usize) -> Image {
+        let plane = |c: usize| (0..width * height).map(|i| (i * (c + 7) % 251) as u16).collect();
+        Image::from_bottom_up(width, height, 8, (0..3).map(plane).collect()).unwrap()
+    }
 
-    impl Control for Record {
-        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-            self.0.lock().unwrap().push((stage, done, total));
-            Ok(())
+    fn with_policy(policy: Policy) -> Parameters {
+        Parameters { policy, ..Parameters::default().target(Target::Percent(50.0)) }
+    }
+
+    #[test]
+    fn progress_ascends_to_all_rows() {
+        for policy in [Policy::PsbD, Policy::Psc, Policy::PsdAvgL, Policy::PseD] {
+            let recorder = Recorder::default();
+            Density::new(&colour(1000, 600), &with_policy(policy), &recorder).unwrap();
+            let total = if policy == Policy::PseD { 1800 } else { 600 };
+            let mut reports = recorder.reports();
+            reports.retain(|report| report.2 > 1);
+            assert!(reports.len() > 9 && reports.is_sorted_by_key(|report| report.1));
+            assert_eq!(reports.last(), Some(&(Stage::Density, total, total)));
         }
     }
 
     #[test]
-    fn rows_of_all_components_are_counted_as_they_are_done() {
-        let plane = |c: usize| (0..8 * 96).map(|i| (i * (c + 7) % 251) as u16).collect();
-        let image = Image::from_bottom_up(8, 96, 8, (0..3).map(plane).collect()).unwrap();
-        for smoothing_order in [1, 3, 5] {
-            let parameters = Parameters {
-                smoothing_order,
-                ..Parameters::default().target(Target::Percent(50.0))
-            };
-            let record = Record::default();
-            Density::new(&image, &parameters, &record).unwrap();
-            let heard = record.0.into_inner().unwrap();
-            assert!(heard.len() > 9, "{heard:?}");
-            assert!(heard.is_sorted_by(|a, b| a.1 < b.1), "{heard:?}");
-            assert_eq!(heard.last(), Some(&(Stage::Density, 288, 288)));
+    fn polls_are_frequent_in_any_shape() {
+        for (width, height) in [(20, 60_000), (1100, 1100), (60_000, 20)] {
+            for policy in [Policy::PsdMaxD, Policy::Psc, Policy::PseL] {
+                let recorder = Recorder::default();
+                Density::new(&colour(width, height), &with_policy(policy), &recorder).unwrap();
+                // The samples of three components, once for each interval.
+                let least = 3 * width * height / POINTS_PER_POLL;
+                assert!(recorder.reports().len() >= least, "{width} by {height}, {policy}");
+            }
         }
     }
 
     #[test]
-    fn rows_of_all_components_are_counted_where_they_make_one_gradient() {
-        let plane = |c: usize| (0..8 * 96).map(|i| (i * (c + 7) % 251) as u16).collect();
-        let image = Image::from_bottom_up(8, 96, 8, (0..3).map(plane).collect()).unwrap();
-        let own = Parameters::default().target(Target::Percent(50.0));
-        let record = Record::default();
-        Density::new(&image, &Parameters { policy: Policy::Psc, ..own }, &record).unwrap();
-        let heard = record.0.into_inner().unwrap();
-        assert!(heard.iter().all(|&(stage, _, rows)| (stage, rows) == (Stage::Density, 288)));
-        for row in (0..288).step_by(32) {
-            assert!(heard.contains(&(Stage::Density, row, 288)), "{row} is not in {heard:?}");
+    fn parameters_out_of_bounds_are_refused() {
+        let own = with_policy(Policy::PsdMaxD);
+        for (smoothing_order, smoothing) in [(0, Smoothing::Mean), (2, Smoothing::Binomial)] {
+            let even = Parameters { smoothing_order, smoothing, ..own.clone() };
+            let refused = Density::new(&colour(4, 4), &even, &());
+            assert!(matches!(refused, Err(MeshingError::Parameter(_))), "{refused:?}");
+        }
+        let refused = Density::new(&colour(4, 4), &with_policy(Policy::PsaD), &());
+        let Err(MeshingError::Parameter(error)) = refused else { panic!("{refused:?}") };
+        assert!(matches!(error, ParameterError::ComponentCount { needed: 1, actual: 3, .. }));
+    }
+
+    #[test]
+    fn all_passes_can_be_cancelled() {
+        for policy in [Policy::PsbD, Policy::Psc, Policy::PsdMaxD] {
+            let (image, parameters) = (colour(600, 400), with_policy(policy));
+            let recorder = Recorder::default();
+            Density::new(&image, &parameters, &recorder).unwrap();
+            for poll in 0..recorder.reports().len() {
+                let cancelled = Density::new(&image, &parameters, &Recorder::cancelling_at(poll));
+                assert_eq!(cancelled, Err(MeshingError::Cancelled(Cancelled)));
+            }
         }
     }
 }

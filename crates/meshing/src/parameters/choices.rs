@@ -196,6 +196,9 @@ named_values! {
         Components = "components",
         /// The luma of its three components; the mesh carries their colours all the same.
         Luma = "luma",
+        /// The gray picture `(77 R + 150 G + 29 B + 128) >> 8` of its three components, as the
+        /// thesis made its gray images; the mesh carries their colours all the same.
+        Gray = "gray",
     }
 }
 

@@ -39,7 +39,7 @@ named_values! {
         Ced = "ced",
         /// GPRFSED on the luma of three components, whose colours the mesh then carries.
         Cgprfsed = "cgprfsed",
-        /// GPR on the luma of three components, whose colours the mesh then carries.
+        /// GPR on the gray picture of three components, whose colours the mesh then carries.
         Cgpr = "cgpr",
         /// Points inserted one by one where the error is largest, any number of components; no
         /// simplification: a first sight in less than a tenth of a second.
@@ -71,7 +71,8 @@ impl Method {
             M::Ced | M::Cgprfsed | M::Cgpr => (Policy::PsbD, Startup::Classic),
         };
         let guide = match self {
-            M::Ced | M::Cgprfsed | M::Cgpr => Guide::Luma,
+            M::Ced | M::Cgprfsed => Guide::Luma,
+            M::Cgpr => Guide::Gray,
             _ => Guide::Components,
         };
         let effort = match self {
@@ -144,15 +145,19 @@ mod tests {
             };
             assert_eq!((made.generator, made.initial_size), points, "{method}");
             assert_eq!(made.target, Target::Size(77));
-            let of_luma = [M::Ced, M::Cgprfsed, M::Cgpr].contains(&method);
-            assert_eq!(made.guide == Guide::Luma, of_luma, "{method}");
+            let guide = match method {
+                M::Ced | M::Cgprfsed => Guide::Luma,
+                M::Cgpr => Guide::Gray,
+                _ => Guide::Components,
+            };
+            assert_eq!(made.guide, guide, "{method}");
             let (policy, startup) = match method.component_count() {
                 Some(1) => (Policy::PsaD, Startup::Classic),
                 Some(_) => (Policy::PsbD, Startup::Classic),
                 None => (Policy::PsdMaxD, Startup::Mirroring),
             };
             assert_eq!((made.policy, made.startup), (policy, startup), "{method}");
-            assert_eq!(method.component_count() == Some(3), of_luma, "{method}");
+            assert_eq!(method.component_count() == Some(3), guide != Guide::Components, "{method}");
             assert_eq!(made.bad_point_removal, method == M::MedPlus);
             assert_eq!(made.reconstruction == Reconstruction::Flat, method == M::Flat);
             let effort = match method {

@@ -424,7 +424,7 @@ impl Parameters {
     pub(crate) fn metric_of_guide(&self) -> ErrorMetric {
         match self.guide {
             Guide::Components => self.error_metric,
-            Guide::Luma => self.error_metric.of_one_component(),
+            Guide::Luma | Guide::Gray => self.error_metric.of_one_component(),
         }
     }
 
@@ -437,7 +437,7 @@ impl Parameters {
     }
 
     /// Weights are for squared errors of the image's points. Flat faces know no other error.
-    fn check_weights(&self, expected: (usize, usize)) -> Result<(), ParameterError> {
+    pub(crate) fn check_weights(&self, expected: (usize, usize)) -> Result<(), ParameterError> {
         let Some(weights) = &self.weights else { return Ok(()) };
         let actual = weights.size();
         if actual != expected {
@@ -451,18 +451,23 @@ impl Parameters {
     }
 
     /// The policy, the metric and the luma are defined for this many components.
-    fn check_components(&self, actual: usize) -> Result<(), ParameterError> {
+    pub(crate) fn check_components(&self, actual: usize) -> Result<(), ParameterError> {
         if self.generator == Generator::ErrorDiffusion {
-            let (all, count) = (Policy::ALL, Policy::component_count);
-            check_count(Policy::PARAMETER, self.policy, all, Policy::name, count, actual)?;
+            self.check_policy(actual)?;
         }
         if self.guide == Guide::Components {
             let (all, count) = (ErrorMetric::ALL, ErrorMetric::component_count);
             let (parameter, metric) = (ErrorMetric::PARAMETER, self.error_metric);
             check_count(parameter, metric, all, ErrorMetric::name, count, actual)?;
         }
-        let luma_needs = |guide| (guide == Guide::Luma).then_some(3);
-        check_count(Guide::PARAMETER, self.guide, Guide::ALL, Guide::name, luma_needs, actual)
+        let needs = |guide| (guide != Guide::Components).then_some(3);
+        check_count(Guide::PARAMETER, self.guide, Guide::ALL, Guide::name, needs, actual)
+    }
+
+    /// The policy is defined for this many components.
+    pub(crate) fn check_policy(&self, actual: usize) -> Result<(), ParameterError> {
+        let (all, count) = (Policy::ALL, Policy::component_count);
+        check_count(Policy::PARAMETER, self.policy, all, Policy::name, count, actual)
     }
 }
 
@@ -508,7 +513,11 @@ fn check_density(parameter: &'static str, density: f64) -> Result<(), ParameterE
 }
 
 /// Checks a number of points against the number of lattice points.
-fn check_size(parameter: &'static str, size: usize, all: usize) -> Result<(), ParameterError> {
+pub(crate) fn check_size(
+    parameter: &'static str,
+    size: usize,
+    all: usize,
+) -> Result<(), ParameterError> {
     check_range(parameter, size as f64, MIN_SIZE as f64, all as f64)
 }
 

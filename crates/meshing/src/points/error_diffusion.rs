@@ -10,7 +10,7 @@
 //! that its next steps are most likely to come to (see `threshold_search`), and the one taken is
 //! the one that the steps take.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, rows_per_poll};
 use crate::density::Density;
 use crate::parallel::share_out;
 use crate::parameters::Parameters;
@@ -24,12 +24,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// Most thresholds tried before the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
 
-/// Rows diffused between two polls of the control.
-const ROWS_PER_POLL: usize = 32;
-
-/// Most groups of thresholds tried side by side: each takes two bytes for each lattice point, and
-/// the search has use for few.
-const MOST_GROUPS: usize = 2;
+/// Most groups of thresholds tried on different threads: each takes two bytes for each lattice
+/// point, and more would rarely save a pass.
+const MAX_GROUPS: usize = 2;
 
 /// How many points more or fewer than asked end the search, for one field and for several.
 const TOLERANCE_ONE_FIELD: usize = 10;
@@ -47,7 +44,7 @@ pub(crate) fn diffuse_to_size(
 ) -> Result<Vec<u8>, Cancelled> {
     let mut diffusion = Diffusion::new(density, size, parameters, control)?;
     if diffusion.sums.iter().all(|&sum| sum == 0.0) {
-        return Ok(diffusion.points_of(0));
+        return diffusion.marks_of(0);
     }
     let default = if density.fields.len() == 1 { TOLERANCE_ONE_FIELD } else { TOLERANCE_UNION };
     let tolerance = parameters.tolerance.unwrap_or(default);
@@ -58,7 +55,7 @@ pub(crate) fn diffuse_to_size(
         let mut next = Some(0);
         while let Some(i) = next {
             if counts[i].abs_diff(size) <= tolerance {
-                return Ok(diffusion.points_of(i));
+                return diffusion.marks_of(i);
             }
             diffusion.tries += 1;
             let too_many = search.learn(counts[i]);
@@ -67,7 +64,7 @@ pub(crate) fn diffuse_to_size(
         search.note(&tries.thresholds, &counts);
     }
     diffusion.run(&[search.nearest()])?;
-    Ok(diffusion.points_of(0))
+    diffusion.marks_of(0)
 }
 
 /// Thresholds tried at once, what they choose, and how many points each chooses.
@@ -105,16 +102,20 @@ impl<'a> Diffusion<'a> {
             size,
             serpentine: parameters.scan == Scan::Serpentine,
             weights: Weights::new(parameters.leaky),
-            sums: density.fields.iter().map(|field| field.iter().sum()).collect(),
+            sums: Vec::new(),
             initial_errors: vec![vec![0.0; width]; density.fields.len()],
             // Not copies of one, which would be read.
-            chosen: (0..control.threads().get().min(MOST_GROUPS))
+            chosen: (0..control.threads().get().min(MAX_GROUPS))
                 .map(|_| vec![0; width * density.height])
                 .collect(),
             level: Level::new(),
             control,
             tries: 0,
         };
+        for field in 0..density.fields.len() {
+            let sum = diffusion.sum_of(field)?;
+            diffusion.sums.push(sum);
+        }
         for field in 0..density.fields.len() {
             match parameters.startup {
                 Startup::Classic => {}
@@ -131,12 +132,24 @@ impl<'a> Diffusion<'a> {
         Ok(diffusion)
     }
 
-    /// Polls the control at the first of every few rows.
-    fn poll(&self, y: usize, control: &dyn Control) -> Result<(), Cancelled> {
-        match y % ROWS_PER_POLL {
-            0 => control.poll(Stage::Diffuse, self.tries, MAX_TRIES),
-            _ => Ok(()),
+    fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
+        control.poll(Stage::Diffuse, self.tries, MAX_TRIES)
+    }
+
+    /// Polls at the first of every few rows.
+    fn poll_row(&self, y: usize, control: &dyn Control) -> Result<(), Cancelled> {
+        let is_due = y.is_multiple_of(rows_per_poll(self.density.width));
+        if is_due { self.poll(control) } else { Ok(()) }
+    }
+
+    /// The sum of a field.
+    fn sum_of(&self, field: usize) -> Result<f64, Cancelled> {
+        let mut sum = 0.0;
+        for chunk in self.density.fields[field].chunks(POINTS_PER_POLL) {
+            self.poll(self.control)?;
+            sum = chunk.iter().fold(sum, |sum, value| sum + value);
         }
+        Ok(sum)
     }
 
     /// The threshold at which, all density being turned into points of weight `2 threshold`, the
@@ -156,7 +169,7 @@ impl<'a> Diffusion<'a> {
         let mut row = self.density.row(field, self.density.height - 1).to_vec();
         let (mut above, nothing) = (row.clone(), vec![0.0; self.density.width]);
         for y in (0..self.density.height - 1).rev() {
-            self.poll(y, self.control)?;
+            self.poll_row(y, self.control)?;
             let densities = if y == 0 { &nothing } else { self.density.row(field, y) };
             let weights = &self.weights;
             let marks = &mut ignored;
@@ -203,7 +216,6 @@ impl<'a> Diffusion<'a> {
         let mut lanes = [f64::INFINITY; 16];
         lanes[..thresholds.len()].copy_from_slice(thresholds);
         let [first, second] = [0, 8].map(|start| std::array::from_fn(|i| lanes[start + i]));
-        chosen.fill(0);
         for field in 0..self.density.fields.len() {
             let level = self.level;
             if thresholds.len() > 8 {
@@ -213,7 +225,7 @@ impl<'a> Diffusion<'a> {
                 dispatch!(level, simd => self.run_field::<_, 1>(simd, field, [first], chosen, control))?;
             }
         }
-        Ok(counts_of_lanes(chosen, thresholds.len()))
+        self.counts_of_lanes(chosen, thresholds.len(), control)
     }
 
     /// One pass over one field, adding its points to those chosen.
@@ -233,7 +245,10 @@ impl<'a> Diffusion<'a> {
         let mut above = vec![[[0.0; 8]; N]; width];
         let mut rightwards = true;
         for (y, chosen) in chosen.chunks_exact_mut(width).enumerate() {
-            self.poll(y, control)?;
+            self.poll_row(y, control)?;
+            if field == 0 {
+                chosen.fill(0);
+            }
             let weights = &self.weights;
             if y + 1 < height {
                 let next = self.density.row(field, y + 1);
@@ -247,32 +262,43 @@ impl<'a> Diffusion<'a> {
         Ok(())
     }
 
-    /// 1 for each lattice point that a threshold of the last pass chose.
-    fn points_of(self, threshold: usize) -> Vec<u8> {
+    /// How many points have the bit of each lane set.
+    fn counts_of_lanes(
+        &self,
+        chosen: &[u16],
+        lanes: usize,
+        control: &dyn Control,
+    ) -> Result<Vec<usize>, Cancelled> {
+        let mut counts = vec![0; lanes];
+        // In 16 bits a lane counts up to 2^16 - 1 points.
+        for chunk in chosen.chunks(usize::from(u16::MAX)) {
+            self.poll(control)?;
+            for (lane, count) in counts.iter_mut().enumerate() {
+                *count += usize::from(chunk.iter().map(|bits| bits >> lane & 1).sum::<u16>());
+            }
+        }
+        Ok(counts)
+    }
+
+    /// 1 for each lattice point that a threshold of the last pass chose, 0 for the others.
+    fn marks_of(self, threshold: usize) -> Result<Vec<u8>, Cancelled> {
         let per_group = self.thresholds_per_group();
         let chosen = &self.chosen[threshold / per_group];
-        chosen.iter().map(|bits| (bits >> (threshold % per_group) & 1) as u8).collect()
+        let mut marks = Vec::with_capacity(chosen.len());
+        for chunk in chosen.chunks(POINTS_PER_POLL) {
+            self.poll(self.control)?;
+            marks.extend(chunk.iter().map(|bits| (bits >> (threshold % per_group) & 1) as u8));
+        }
+        Ok(marks)
     }
 }
 
-/// Tells whether sixteen numbers fill few enough vectors.
+/// Whether sixteen numbers fill at most four vectors.
 fn has_wide_vectors(level: Level) -> bool {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     return level.as_avx2().is_some();
     #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
     return false;
-}
-
-/// How many points have the bit of each lane set.
-fn counts_of_lanes(chosen: &[u16], lanes: usize) -> Vec<usize> {
-    let mut counts = vec![0; lanes];
-    // In 16 bits a lane counts up to 2^16 - 1 points.
-    for chunk in chosen.chunks(usize::from(u16::MAX)) {
-        for (lane, count) in counts.iter_mut().enumerate() {
-            *count += usize::from(chunk.iter().map(|bits| bits >> lane & 1).sum::<u16>());
-        }
-    }
-    counts
 }
 
 /// Errors drawn evenly from `-reach..reach`, from the seed's stream for a field.
@@ -294,8 +320,10 @@ impl Density {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::OnThreads;
     use crate::control::tests::Recorder;
     use crate::parameters::Target;
+    use std::num::NonZeroUsize;
 
     #[test]
     fn a_pass_can_be_cancelled_among_its_rows() {
@@ -311,21 +339,29 @@ mod tests {
     }
 
     #[test]
-    fn the_control_is_asked_at_every_32nd_row_of_a_pass() {
-        let field: Vec<f64> = (0..4 * 2000).map(|i| f64::from(i % 7) / 6.0).collect();
-        let density = Density { width: 4, height: 2000, fields: vec![field] };
-        let parameters = Parameters {
-            startup: Startup::Classic,
-            ..Parameters::default().target(Target::Size(900))
-        };
-        let recorder = Recorder::default();
-        let mut diffusion = Diffusion::new(&density, 900, &parameters, &recorder).unwrap();
-        diffusion.run(&[0.1]).unwrap();
-        diffusion.tries = 3;
-        diffusion.run(&[0.2]).unwrap();
-        let rows = 2000_usize.div_ceil(32);
-        let done = recorder.done(Stage::Diffuse, MAX_TRIES);
-        assert_eq!(done, [vec![0; rows], vec![3; rows]].concat());
+    fn polls_are_frequent_in_any_shape() {
+        for (width, height) in [(4, 100_000), (700, 700), (100_000, 4)] {
+            let field = (0..width * height).map(|i| (i % 7) as f64 / 6.0).collect();
+            let density = Density { width, height, fields: vec![field] };
+            let parameters = Parameters {
+                startup: Startup::Classic,
+                ..Parameters::default().target(Target::Size(9))
+            };
+            let mut diffusion = Diffusion::new(&density, 900, &parameters, &()).unwrap();
+            let recorder = Recorder::default();
+            diffusion.control = &recorder;
+            diffusion.run(&[0.1]).unwrap();
+            let passes = recorder.done(Stage::Diffuse, MAX_TRIES).len();
+            assert!(passes >= width * height / POINTS_PER_POLL, "{width} by {height}: {passes}");
+        }
+    }
+
+    #[test]
+    fn helper_threads_stop_at_a_cancellation() {
+        let density = Density { width: 4, height: 100, fields: vec![vec![0.5; 400]] };
+        let parameters = Parameters::default().target(Target::Size(90));
+        let control = OnThreads(Recorder::cancelling_at(1), NonZeroUsize::new(2).unwrap());
+        assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
     }
 
     #[test]

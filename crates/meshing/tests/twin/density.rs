@@ -36,6 +36,15 @@ pub(crate) fn luma(image: &Image) -> Vec<u16> {
     (0..r.len()).map(of).collect()
 }
 
+/// The gray picture of three components as the thesis made its gray images.
+pub(crate) fn thesis_gray(image: &Image) -> Vec<u16> {
+    let [r, g, b] = image.components() else { return Vec::new() };
+    let of = |i: usize| {
+        (77 * u64::from(r[i]) + 150 * u64::from(g[i]) + 29 * u64::from(b[i]) + 128) / 256
+    };
+    (0..r.len()).map(|i| of(i) as u16).collect()
+}
+
 /// Significance of one point, of its derivatives as numbers.
 type Measure = fn(fxx: f64, fyy: f64, fxy: f64) -> f64;
 

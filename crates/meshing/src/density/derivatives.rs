@@ -1,0 +1,495 @@
+//! Derivatives of a smoothed component, row by row.
+//!
+//! [`Derivatives`] is the specification and serves every choice of parameters. The component is
+//! extended beyond its border, smoothed without rounding and differentiated, and only the result is
+//! cropped: each derivative is the correlation of the extended component with one separable stencil,
+//! the smoothing kernel convolved with a difference kernel. With double convolution the smoothed
+//! component is cropped to the image and extended again before it is differentiated. Stencils hold
+//! whole numbers, so up to smoothing order 17 every value of a component of up to 16 bits is exact;
+//! beyond, it is rounded in the same way on every machine. One division at the end applies the unit.
+//!
+//! [`BinomialRow`] is the fast path for the second derivatives of the default filter, binomial
+//! smoothing of order 3 in both directions. The test `fast_path_equals_specification` ties the two.
+
+use crate::density::significance::{Significance, laplacian, mmsodd};
+use crate::parameters::Parameters;
+use crate::parameters::choices::{Boundary, Smoothing, SmoothingDirection};
+use fearless_simd::{Level, Simd, dispatch};
+
+/// A kernel of odd length along each axis.
+#[derive(Clone, Debug, PartialEq)]
+struct Stencil {
+    x: Vec<f64>,
+    y: Vec<f64>,
+}
+
+/// What makes one derivative of a component: one stencil, or two with a crop in between.
+#[derive(Clone, Debug)]
+struct Steps {
+    smoothing: Option<Stencil>,
+    derivative: Stencil,
+}
+
+/// The stencils that the parameters ask for, in whole numbers.
+#[derive(Clone, Debug)]
+pub(crate) struct Filter {
+    steps: Vec<Steps>,
+    /// What the filtered values must be divided by.
+    pub(crate) divisor: f64,
+    smoothing_boundary: Boundary,
+    boundary: Boundary,
+}
+
+/// Which derivatives are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// First derivatives in x and y.
+    First,
+    /// Second derivatives in x and y and the mixed one.
+    Second,
+}
+
+/// Filtered values of one row, `width` each, in units of `1 / divisor`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DerivativeRow {
+    /// Second derivative in x; for [`Order::First`] twice the first derivative in x.
+    pub(crate) xx: Vec<f64>,
+    /// Second derivative in y; for [`Order::First`] twice the first derivative in y.
+    pub(crate) yy: Vec<f64>,
+    /// Four times the mixed derivative; empty for [`Order::First`].
+    pub(crate) xy: Vec<f64>,
+}
+
+/// No smoothing and no difference.
+const IDENTITY: &[f64] = &[1.0];
+/// Twice the first derivative.
+const FIRST_DIFFERENCE: &[f64] = &[-1.0, 0.0, 1.0];
+/// The second derivative.
+const SECOND_DIFFERENCE: &[f64] = &[1.0, -2.0, 1.0];
+
+impl Filter {
+    /// The stencils of the derivatives of one order.
+    pub(crate) fn new(parameters: &Parameters, order: Order) -> Self {
+        let kernel = smoothing_kernel(parameters.smoothing, parameters.smoothing_order);
+        let sum: f64 = kernel.iter().sum();
+        let both = parameters.smoothing_direction == SmoothingDirection::Both;
+        let along = if both { kernel.as_slice() } else { IDENTITY };
+        // Without smoothing the mixed derivative is multiplied to have the unit of the others.
+        let unit = [sum];
+        let (mixed_x, mixed_y) = if both { (along, along) } else { (IDENTITY, &unit[..]) };
+        let steps = |smoothing: [&[f64]; 2], difference: [&[f64]; 2]| {
+            Steps::new(parameters.double_convolution, smoothing, difference)
+        };
+        let pure = match order {
+            Order::First => FIRST_DIFFERENCE,
+            Order::Second => SECOND_DIFFERENCE,
+        };
+        let in_x = steps([along, &kernel], [pure, IDENTITY]);
+        let in_y = steps([&kernel, along], [IDENTITY, pure]);
+        let mixed = steps([mixed_x, mixed_y], [FIRST_DIFFERENCE, FIRST_DIFFERENCE]);
+        Self {
+            steps: match order {
+                Order::First => vec![in_x, in_y],
+                Order::Second => vec![in_x, in_y, mixed],
+            },
+            divisor: if both { sum * sum } else { sum },
+            smoothing_boundary: parameters.smoothing_boundary,
+            boundary: parameters.boundary,
+        }
+    }
+}
+
+impl Steps {
+    /// Smoothing along x and y, then a difference along x and y: as one stencil, or as two.
+    fn new(is_double: bool, smooth: [&[f64]; 2], difference: [&[f64]; 2]) -> Self {
+        let stencil = |[x, y]: [&[f64]; 2]| Stencil { x: x.to_vec(), y: y.to_vec() };
+        if is_double {
+            return Self { smoothing: Some(stencil(smooth)), derivative: stencil(difference) };
+        }
+        let x = convolve(smooth[0], difference[0]);
+        let y = convolve(smooth[1], difference[1]);
+        Self { smoothing: None, derivative: Stencil { x, y } }
+    }
+}
+
+/// The derivatives of one component, computed from the bottom row upwards.
+pub(crate) struct Derivatives<'a> {
+    filter: &'a Filter,
+    component: &'a [u16],
+    width: usize,
+    /// With double convolution the last smoothed rows of each derivative.
+    smoothed: Vec<SmoothedRows>,
+    /// A row of column sums, extended to both sides.
+    sums: Vec<f64>,
+}
+
+/// The number and the values of three smoothed rows; row `y` is at index `y % 3`.
+type SmoothedRows = [Option<(usize, Vec<f64>)>; 3];
+
+impl<'a> Derivatives<'a> {
+    pub(crate) fn new(filter: &'a Filter, component: &'a [u16], width: usize) -> Self {
+        let smoothed = vec![SmoothedRows::default(); filter.steps.len()];
+        Self { filter, component, width, smoothed, sums: Vec::new() }
+    }
+
+    /// The derivatives of row `y`.
+    pub(crate) fn row(&mut self, y: usize, row: &mut DerivativeRow) {
+        let (width, boundary) = (self.width, self.filter.boundary);
+        let height = self.component.len() / width;
+        let original = |y: usize| &self.component[y * width..][..width];
+        let values = [&mut row.xx, &mut row.yy, &mut row.xy];
+        for ((steps, smoothed), values) in
+            self.filter.steps.iter().zip(&mut self.smoothed).zip(values)
+        {
+            values.resize(width, 0.0);
+            let (stencil, sums) = (&steps.derivative, &mut self.sums);
+            let Some(smoothing) = &steps.smoothing else {
+                filter_row(original, height, y, stencil, boundary, sums, values);
+                continue;
+            };
+            for near in y.saturating_sub(1)..height.min(y + 2) {
+                let entry = &mut smoothed[near % 3];
+                if entry.as_ref().is_none_or(|(known, _)| *known != near) {
+                    let mut values = vec![0.0; width];
+                    let boundary = self.filter.smoothing_boundary;
+                    filter_row(original, height, near, smoothing, boundary, sums, &mut values);
+                    *entry = Some((near, values));
+                }
+            }
+            let smoothed = |y: usize| smoothed[y % 3].as_ref().map_or(&[][..], |(_, row)| row);
+            filter_row(smoothed, height, y, stencil, boundary, sums, values);
+        }
+    }
+}
+
+/// Correlates extended rows with a stencil centred at each lattice point of row `y`.
+fn filter_row<'r, T: Copy + Into<f64> + 'r>(
+    rows: impl Fn(usize) -> &'r [T],
+    height: usize,
+    y: usize,
+    stencil: &Stencil,
+    boundary: Boundary,
+    sums: &mut Vec<f64>,
+    values: &mut [f64],
+) {
+    let (width, radius) = (values.len(), stencil.x.len() / 2);
+    sums.clear();
+    sums.resize(width + 2 * radius, 0.0);
+    for (k, &weight) in weights(&stencil.y) {
+        let at = (y + k) as isize - (stencil.y.len() / 2) as isize;
+        let Some(source) = extended_index(at, height, boundary) else { continue };
+        for (sum, &sample) in sums[radius..].iter_mut().zip(rows(source)) {
+            *sum += weight * sample.into();
+        }
+    }
+    extend_sideways(sums, radius, width, boundary);
+    values.fill(0.0);
+    for (k, &weight) in weights(&stencil.x) {
+        for (value, &sum) in values.iter_mut().zip(&sums[k..]) {
+            *value += weight * sum;
+        }
+    }
+}
+
+/// The weights of a kernel that are not 0, with their indices.
+fn weights(kernel: &[f64]) -> impl Iterator<Item = (usize, &f64)> {
+    kernel.iter().enumerate().filter(|(_, weight)| **weight != 0.0)
+}
+
+/// The index of the sample that stands at `at` in an axis of `length` extended beyond its ends;
+/// `None` for zero.
+fn extended_index(at: isize, length: usize, boundary: Boundary) -> Option<usize> {
+    let last = length as isize - 1;
+    if (0..=last).contains(&at) {
+        return Some(at as usize);
+    }
+    match boundary {
+        Boundary::Zero => None,
+        Boundary::Constant => Some(at.clamp(0, last) as usize),
+        Boundary::Symmetric => {
+            let period = at.rem_euclid(2 * last);
+            Some(period.min(2 * last - period) as usize)
+        }
+    }
+}
+
+/// Fills the margins of a row whose `width` inner values are set.
+fn extend_sideways<T: Copy + Default>(
+    row: &mut [T],
+    radius: usize,
+    width: usize,
+    boundary: Boundary,
+) {
+    for i in (0..radius).chain(radius + width..row.len()) {
+        let source = extended_index(i as isize - radius as isize, width, boundary);
+        row[i] = source.map_or(T::default(), |source| row[radius + source]);
+    }
+}
+
+/// The smoothing kernel of an odd order, in whole numbers.
+fn smoothing_kernel(smoothing: Smoothing, order: usize) -> Vec<f64> {
+    match smoothing {
+        Smoothing::Mean => vec![1.0; order],
+        Smoothing::Binomial => (1..order).fold(vec![1.0], |row, _| convolve(&row, &[1.0, 1.0])),
+    }
+}
+
+/// The full convolution of two kernels.
+fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; a.len() + b.len() - 1];
+    for (i, &x) in a.iter().enumerate() {
+        for (j, &y) in b.iter().enumerate() {
+            product[i + j] += x * y;
+        }
+    }
+    product
+}
+
+/// Radius of the stencil of the fast path.
+const RADIUS: usize = 2;
+
+/// Divisor of its second derivatives in x and y.
+const BINOMIAL_DIVISOR: f64 = 16.0;
+
+/// The fast path: MMSODD or the Laplacian of one row, with binomial smoothing of order 3.
+///
+/// All three second derivatives are whole numbers of one stencil of 5 by 5 points. The columns are
+/// summed with three sets of weights, and the operator follows from these sums at once. Every
+/// number before the root is a whole one that its type holds, so the result is exact.
+pub(crate) struct BinomialRow {
+    boundary: Boundary,
+    level: Level,
+    sums: ColumnSums,
+    /// Stands for the rows beyond a border that is extended by zeros.
+    zeros: Vec<u16>,
+}
+
+/// Column sums of five rows, extended sideways.
+#[derive(Default)]
+struct ColumnSums {
+    /// With the weights of smoothing.
+    smoothed: Vec<i32>,
+    /// With the weights of the first derivative.
+    first: Vec<i32>,
+    /// With the weights of the second derivative.
+    second: Vec<i32>,
+}
+
+impl BinomialRow {
+    /// Buffers for rows of `width` samples; `None` when the parameters ask for another filter.
+    pub(crate) fn new(parameters: &Parameters, width: usize) -> Option<Self> {
+        let is_served = parameters.smoothing == Smoothing::Binomial
+            && parameters.smoothing_order == 3
+            && parameters.smoothing_direction == SmoothingDirection::Both
+            && !parameters.double_convolution;
+        let sums = || vec![0; width + 2 * RADIUS];
+        is_served.then(|| Self {
+            boundary: parameters.boundary,
+            level: Level::new(),
+            sums: ColumnSums { smoothed: sums(), first: sums(), second: sums() },
+            zeros: vec![0; width],
+        })
+    }
+
+    /// The operator on row `y` of a component, written to `values`.
+    pub(crate) fn evaluate(
+        &mut self,
+        significance: Significance,
+        samples: &[u16],
+        y: usize,
+        values: &mut [f64],
+    ) {
+        let (width, boundary, level) = (values.len(), self.boundary, self.level);
+        let rows = std::array::from_fn(|i| {
+            let at = y as isize + i as isize - RADIUS as isize;
+            match extended_index(at, samples.len() / width, boundary) {
+                Some(source) => &samples[source * width..][..width],
+                None => &self.zeros[..],
+            }
+        });
+        let sums = &mut self.sums;
+        dispatch!(level, simd => sum_five_rows(simd, rows, sums));
+        for sums in [&mut sums.smoothed, &mut sums.first, &mut sums.second] {
+            extend_sideways(sums, RADIUS, width, boundary);
+        }
+        match significance {
+            Significance::Mmsodd => dispatch!(level, simd => operate(simd, sums, values, mmsodd)),
+            Significance::Mol => dispatch!(level, simd => operate(simd, sums, values, laplacian)),
+        }
+    }
+}
+
+/// Sums each column of five rows with three sets of weights.
+#[inline(always)]
+fn sum_five_rows<S: Simd>(_: S, [a, b, c, d, e]: [&[u16]; 5], sums: &mut ColumnSums) {
+    let width = a.len();
+    let [b, c, d, e] = [b, c, d, e].map(|row| &row[..width]);
+    let smoothed = &mut sums.smoothed[RADIUS..][..width];
+    let first = &mut sums.first[RADIUS..][..width];
+    let second = &mut sums.second[RADIUS..][..width];
+    for x in 0..width {
+        let [a, b, c, d, e] = [a[x], b[x], c[x], d[x], e[x]].map(i32::from);
+        smoothed[x] = b + 2 * c + d;
+        first[x] = e - a + 2 * (d - b);
+        second[x] = a - 2 * c + e;
+    }
+}
+
+/// An operator of the second derivatives that a row of column sums gives.
+#[inline(always)]
+fn operate<S: Simd>(
+    _: S,
+    sums: &ColumnSums,
+    values: &mut [f64],
+    operator: impl Fn(f64, f64, f64) -> f64,
+) {
+    let extended = values.len() + 2 * RADIUS;
+    let ColumnSums { smoothed, first, second } = sums;
+    let (smoothed, first, second) =
+        (&smoothed[..extended], &first[..extended], &second[..extended]);
+    let five = |sums: &[i32], x: usize| -> [i32; 5] { std::array::from_fn(|i| sums[x + i]) };
+    for (x, value) in values.iter_mut().enumerate() {
+        let [a, _, c, _, e] = five(smoothed, x);
+        let xx = a - 2 * c + e;
+        let [_, b, c, d, _] = five(second, x);
+        let yy = b + 2 * c + d;
+        let [a, b, _, d, e] = five(first, x);
+        let xy = e - a + 2 * (d - b);
+        *value = operator(xx.into(), yy.into(), xy.into()) / BINOMIAL_DIVISOR;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Target;
+    use proptest::prelude::*;
+
+    fn parameters() -> Parameters {
+        Parameters::default().target(Target::Size(4))
+    }
+
+    /// All derivatives of a component, divided by their unit.
+    fn second_derivatives(
+        parameters: &Parameters,
+        component: &[u16],
+        width: usize,
+    ) -> [Vec<f64>; 3] {
+        let filter = Filter::new(parameters, Order::Second);
+        let mut derivatives = Derivatives::new(&filter, component, width);
+        let (mut all, mut row) = ([Vec::new(), Vec::new(), Vec::new()], DerivativeRow::default());
+        for y in 0..component.len() / width {
+            derivatives.row(y, &mut row);
+            for (all, row) in all.iter_mut().zip([&row.xx, &row.yy, &row.xy]) {
+                all.extend(row.iter().map(|value| value / filter.divisor));
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn order_three_has_the_known_stencils() {
+        let filter = Filter::new(&parameters(), Order::Second);
+        let stencil = |x: [f64; 5], y: &[f64]| Stencil { x: x.to_vec(), y: y.to_vec() };
+        let mixed = [-1.0, -2.0, 0.0, 2.0, 1.0];
+        let second = stencil([1.0, 0.0, -2.0, 0.0, 1.0], &[1.0, 2.0, 1.0]);
+        assert_eq!(filter.steps[0].derivative, second);
+        assert_eq!(filter.steps[2].derivative, stencil(mixed, &mixed));
+        assert_eq!(filter.divisor, 16.0);
+    }
+
+    #[test]
+    fn orthogonal_smoothing_keeps_the_own_direction_sharp() {
+        let orthogonal =
+            Parameters { smoothing_direction: SmoothingDirection::Orthogonal, ..parameters() };
+        let impulse: Vec<u16> = (0..81).map(|i| if i == 4 * 9 + 4 { 64 } else { 0 }).collect();
+        let [xx, yy, xy] = second_derivatives(&orthogonal, &impulse, 9);
+        assert_eq!(xx[4 * 9 + 2..][..5], [0.0, 32.0, -64.0, 32.0, 0.0]);
+        assert_eq!(xx[3 * 9 + 2..][..5], [0.0, 16.0, -32.0, 16.0, 0.0]);
+        assert_eq!([yy[3 * 9 + 4], yy[4 * 9 + 4], yy[4 * 9 + 3]], [32.0, -64.0, -32.0]);
+        // Four times the mixed derivative, unsmoothed.
+        assert_eq!([xy[3 * 9 + 3], xy[3 * 9 + 4], xy[3 * 9 + 5]], [64.0, 0.0, -64.0]);
+    }
+
+    #[test]
+    fn double_convolution_differs_at_the_border_only() {
+        for smoothing_direction in [SmoothingDirection::Both, SmoothingDirection::Orthogonal] {
+            let once = Parameters { smoothing_direction, ..parameters() };
+            let twice = Parameters { double_convolution: true, ..once.clone() };
+            let samples: Vec<u16> = (0..81).map(|i| 50 + i * i % 97).collect();
+            let one = second_derivatives(&once, &samples, 9);
+            let two = second_derivatives(&twice, &samples, 9);
+            // Filters at right angles to each other do not see each other's border.
+            assert_eq!(one != two, smoothing_direction == SmoothingDirection::Both);
+            let is_inner = |i: &usize| (2..7).contains(&(i % 9)) && (2..7).contains(&(i / 9));
+            for (one, two) in one.iter().zip(&two) {
+                (0..81).filter(is_inner).for_each(|i| assert_eq!(one[i], two[i], "{i}"));
+            }
+        }
+    }
+
+    #[test]
+    fn both_convolutions_have_their_own_boundary() {
+        use Boundary::{Constant, Symmetric, Zero};
+        let second = |smoothing_boundary, boundary| {
+            let own = parameters();
+            let twice =
+                Parameters { double_convolution: true, smoothing_boundary, boundary, ..own };
+            second_derivatives(&twice, &[80; 36], 6)[0][2 * 6..][..6].to_vec()
+        };
+        assert_eq!(second(Constant, Symmetric), [0.0; 6]);
+        assert_eq!(second(Constant, Zero), [-80.0, 0.0, 0.0, 0.0, 0.0, -80.0]);
+        assert_eq!(second(Zero, Constant), [20.0, -20.0, 0.0, 0.0, -20.0, 20.0]);
+    }
+
+    #[test]
+    fn boundaries_extend_as_named() {
+        let at = |i, boundary| extended_index(i, 4, boundary);
+        assert_eq!(at(-1, Boundary::Zero), None);
+        assert_eq!(at(-2, Boundary::Constant), Some(0));
+        assert_eq!(at(5, Boundary::Constant), Some(3));
+        assert_eq!(at(-1, Boundary::Symmetric), Some(1));
+        assert_eq!(at(4, Boundary::Symmetric), Some(2));
+        assert_eq!(at(-5, Boundary::Symmetric), Some(1));
+        assert_eq!(extended_index(-3, 2, Boundary::Symmetric), Some(1));
+    }
+
+    proptest! {
+        #[test]
+        fn fast_path_equals_specification(
+            width in 2usize..40,
+            samples in prop::collection::vec(0u16..=u16::MAX, 80..400),
+            boundary in prop::sample::select(Boundary::ALL),
+        ) {
+            let samples = &samples[..samples.len() / width * width];
+            let parameters = Parameters { boundary, ..parameters() };
+            let mut fast = BinomialRow::new(&parameters, width).unwrap();
+            let filter = Filter::new(&parameters, Order::Second);
+            let mut derivatives = Derivatives::new(&filter, samples, width);
+            let (mut found, mut expected) = (vec![0.0; width], vec![0.0; width]);
+            let mut row = DerivativeRow::default();
+            for y in 0..samples.len() / width {
+                derivatives.row(y, &mut row);
+                for significance in [Significance::Mmsodd, Significance::Mol] {
+                    significance.evaluate(&row, filter.divisor, &mut expected);
+                    fast.evaluate(significance, samples, y, &mut found);
+                    prop_assert_eq!(&found, &expected);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn fast_path_refuses_other_filters() {
+        let parameters = parameters();
+        assert!(BinomialRow::new(&parameters, 3).is_some());
+        for other in [
+            Parameters { smoothing_order: 5, ..parameters.clone() },
+            Parameters { smoothing: Smoothing::Mean, ..parameters.clone() },
+            Parameters { double_convolution: true, ..parameters.clone() },
+            Parameters { smoothing_direction: SmoothingDirection::Orthogonal, ..parameters },
+        ] {
+            assert!(BinomialRow::new(&other, 3).is_none());
+        }
+    }
+}
