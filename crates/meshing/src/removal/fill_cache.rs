@@ -1,142 +1,84 @@
 //! The errors of the triangles that would fill the hole of a vertex, as last evaluated.
 //!
-//! When a neighbour goes, some triangles of a vertex's hole stay the same, two in five, and when
-//! the vertex itself goes, all of them do: their errors need not be computed again. A triangle is
-//! known by the places of its vertices among the neighbours, which shift when a neighbour goes.
+//! When a neighbour is removed, two in five triangles of a vertex's hole stay the same, and when the
+//! vertex itself is removed, all do: their errors need not be computed again. A triangle is known by
+//! the indices of its vertices among the neighbours.
 
-use crate::triangulation::hole::HoleTriangle;
+/// Triangles cached for each vertex; a hole has four on average.
+pub(crate) const CACHED_TRIANGLES: usize = 6;
 
-/// Triangles remembered for each vertex; a hole has four on average.
-pub(crate) const SLOTS: usize = 6;
-
-/// Stands in for the places of a triangle that is not remembered.
-const NOTHING: u32 = u32::MAX;
-
-/// Places from this one on are not remembered.
-const PLACES: u32 = 255;
+/// Stands for a triangle that is not cached.
+const NONE: u32 = u32::MAX;
 
 /// The triangles last evaluated for one vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct HoleMemory {
-    /// The places of the vertices of each, a byte each.
-    triangles: [u32; SLOTS],
-    /// Errors that do not fit are not remembered.
-    errors: [u32; SLOTS],
+pub(crate) struct FillCache {
+    /// The indices of the vertices of each, ascending, a byte each.
+    triangles: [u32; CACHED_TRIANGLES],
+    errors: [u32; CACHED_TRIANGLES],
 }
 
-impl HoleMemory {
-    /// A memory of nothing.
-    pub(crate) const NOTHING: Self = Self { triangles: [NOTHING; SLOTS], errors: [0; SLOTS] };
+impl FillCache {
+    /// No triangles.
+    pub(crate) const EMPTY: Self =
+        Self { triangles: [NONE; CACHED_TRIANGLES], errors: [0; CACHED_TRIANGLES] };
 
-    /// The error of a triangle whose vertices had these places, ascending, when it was remembered.
-    #[inline]
-    pub(crate) fn error(&self, places: HoleTriangle) -> Option<u64> {
-        let wanted = pack(places);
-        // All slots are looked at, without a branch for each.
-        let (mut found, mut error) = (false, 0);
-        for (&triangle, &known) in self.triangles.iter().zip(&self.errors) {
-            if triangle == wanted {
-                (found, error) = (true, known);
-            }
+    /// Whether the error of a triangle is cached, and the error, or 0.
+    #[inline(always)]
+    pub(crate) fn error(&self, indices: [u8; 3]) -> (bool, u32) {
+        let wanted = pack(indices);
+        // All slots are compared, without a branch for each.
+        let (mut is_cached, mut error) = (false, 0);
+        for (&triangle, &cached) in self.triangles.iter().zip(&self.errors) {
+            is_cached |= triangle == wanted;
+            error |= if triangle == wanted { cached } else { 0 };
         }
-        found.then_some(error.into())
+        (is_cached, error)
     }
 
-    /// Whether the error of a triangle is remembered, and the error, or 0.
+    /// Writes a triangle to a slot, if there is a slot of this number.
     #[inline(always)]
-    pub(crate) fn error_or_zero(&self, places: HoleTriangle) -> (bool, u32) {
-        let wanted = pack(places);
-        let (mut is_known, mut error) = (false, 0);
-        for (&triangle, &known) in self.triangles.iter().zip(&self.errors) {
-            is_known |= triangle == wanted;
-            error |= if triangle == wanted { known } else { 0 };
-        }
-        (is_known, error)
-    }
-
-    /// Remembers a triangle, if there is a slot of this number.
-    #[inline(always)]
-    pub(crate) fn set_triangle(&mut self, slot: usize, places: HoleTriangle) {
+    pub(crate) fn set_triangle(&mut self, slot: usize, indices: [u8; 3]) {
         if let Some(triangle) = self.triangles.get_mut(slot) {
-            *triangle = pack(places);
+            *triangle = pack(indices);
         }
     }
 
-    /// Remembers the error of the triangle in a slot, if there is a slot of this number.
+    /// Writes the error of the triangle in a slot, if there is a slot of this number; an error that
+    /// does not fit takes the triangle out.
     #[inline(always)]
-    pub(crate) fn set_error(&mut self, slot: usize, error: u32) {
-        if let Some(known) = self.errors.get_mut(slot) {
-            *known = error;
+    pub(crate) fn set_error(&mut self, slot: usize, error: u64) {
+        if let (Some(triangle), Some(cached)) =
+            (self.triangles.get_mut(slot), self.errors.get_mut(slot))
+        {
+            *triangle = if error > u32::MAX.into() { NONE } else { *triangle };
+            *cached = error as u32;
         }
     }
 
-    /// What is remembered of a fill.
-    #[inline]
-    pub(crate) fn of(triangles: &[HoleTriangle], errors: &[u64]) -> Self {
-        let mut memory = Self::NOTHING;
-        for (i, (&triangle, &error)) in triangles.iter().zip(errors).take(SLOTS).enumerate() {
-            // The last place is the largest.
-            if triangle[2] < PLACES && error <= u32::MAX.into() {
-                memory.triangles[i] = pack(triangle);
-                memory.errors[i] = error as u32;
-            }
-        }
-        memory
-    }
-
-    /// Hands out all triangles of a fill of `count`, with their errors; `None` when some of them
-    /// are not remembered.
+    /// All triangles of a fill of `count`, and their errors; `None` when some of them are not cached.
     #[inline(always)]
-    pub(crate) fn recall(&self, count: usize) -> Option<impl Iterator<Item = (HoleTriangle, u64)>> {
-        let known = self.triangles.get(..count)?;
-        if known.contains(&NOTHING) {
-            return None;
-        }
-        let errors = self.errors.iter().map(|&error| error.into());
-        Some(known.iter().map(|&triangle| unpack(triangle)).zip(errors))
+    pub(crate) fn all(
+        &self,
+        count: usize,
+    ) -> Option<(impl Iterator<Item = [u8; 3]>, [u32; CACHED_TRIANGLES])> {
+        let cached = self.triangles.get(..count)?;
+        let is_whole = !cached.contains(&NONE);
+        is_whole.then(|| (cached.iter().map(|&triangle| unpack(triangle)), self.errors))
     }
 }
 
-/// Three places as three bytes.
+/// Three indices as three bytes.
 #[inline(always)]
-fn pack([a, b, c]: HoleTriangle) -> u32 {
-    a | b << 8 | c << 16
+fn pack([a, b, c]: [u8; 3]) -> u32 {
+    u32::from_le_bytes([a, b, c, 0])
 }
 
-/// The three places.
+/// The three indices.
 #[inline(always)]
-fn unpack(triangle: u32) -> HoleTriangle {
-    [triangle & 0xff, triangle >> 8 & 0xff, triangle >> 16]
-}
-
-/// How the places of a vertex's neighbours have shifted since its hole was last evaluated.
-#[derive(Clone, Copy)]
-pub(crate) struct Shift {
-    /// The place of the neighbour that went.
-    pub(crate) place: u32,
-    /// How many neighbours stand there now.
-    pub(crate) successors: u32,
-}
-
-impl Shift {
-    /// No neighbour went.
-    pub(crate) const NONE: Self = Self { place: u32::MAX, successors: 0 };
-
-    /// The places that three neighbours had; `None` when one of them is new or they were out of
-    /// reach of the memory.
-    #[inline]
-    pub(crate) fn before(self, triangle: HoleTriangle) -> Option<HoleTriangle> {
-        let mut before = triangle;
-        for place in &mut before {
-            if *place >= self.place {
-                if *place - self.place < self.successors {
-                    return None;
-                }
-                *place = *place - self.successors + 1;
-            }
-        }
-        (before[2] < PLACES).then_some(before)
-    }
+fn unpack(triangle: u32) -> [u8; 3] {
+    let [a, b, c, _] = triangle.to_le_bytes();
+    [a, b, c]
 }
 
 #[cfg(test)]
@@ -144,37 +86,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_remembered_is_found_where_its_neighbours_stand_now() {
-        let memory = HoleMemory::of(&[[0, 1, 4], [1, 2, 4], [2, 3, 4]], &[7, 0, 1 << 31]);
-        assert_eq!(memory.error([1, 2, 4]), Some(0));
-        assert_eq!(memory.error([1, 3, 4]), None);
-        // Neighbour 1 gives way to two others.
-        let shift = Shift { place: 1, successors: 2 };
-        assert_eq!(shift.before([3, 4, 5]), Some([2, 3, 4]));
-        assert_eq!(memory.error([2, 3, 4]), Some(1 << 31));
-        assert_eq!(shift.before([0, 2, 5]), None);
-        // Neighbour 0 goes and leaves nothing.
-        let shift = Shift { place: 0, successors: 0 };
-        assert_eq!(shift.before([0, 1, 3]), Some([1, 2, 4]));
-        assert_eq!(Shift::NONE.before([0, 1, 4]), Some([0, 1, 4]));
-    }
-
-    #[test]
-    fn a_whole_fill_is_recalled_in_its_order() {
-        let (triangles, errors) = ([[0, 2, 4], [2, 3, 4], [0, 1, 2]], [5, 6, 7]);
-        let memory = HoleMemory::of(&triangles, &errors);
-        assert!(memory.recall(3).unwrap().eq(triangles.into_iter().zip(errors)));
-        assert!(memory.recall(4).is_none() && memory.recall(7).is_none());
-        assert!(HoleMemory::of(&triangles, &[5, 1 << 32, 7]).recall(3).is_none());
-    }
-
-    #[test]
-    fn what_does_not_fit_is_forgotten() {
-        let memory = HoleMemory::of(&[[0, 1, 300], [1, 2, 3]], &[5, 1 << 32]);
-        assert_eq!(memory.error([1, 2, 3]), None);
-        assert_eq!(memory.error([0, 1, 44]), None);
-        assert_eq!(Shift::NONE.before([0, 1, 300]), None);
-        assert_eq!(HoleMemory::of(&[[1, 2, 3]; 8], &[9; 8]).error([1, 2, 3]), Some(9));
-        assert_eq!(HoleMemory::NOTHING.error([0, 1, 2]), None);
+    fn finds_what_was_written() {
+        let mut cache = FillCache::EMPTY;
+        assert_eq!(cache.error([0, 1, 2]), (false, 0));
+        let (triangles, errors) = ([[0, 2, 4], [2, 3, 4], [0, 1, 2]], [5, 0, 7]);
+        for (slot, (triangle, error)) in triangles.into_iter().zip(errors).enumerate() {
+            cache.set_triangle(slot, triangle);
+            cache.set_error(slot, error);
+        }
+        assert_eq!(cache.error([0, 1, 2]), (true, 7));
+        assert_eq!(cache.error([2, 3, 4]), (true, 0));
+        assert_eq!(cache.error([1, 3, 4]), (false, 0));
+        assert!(cache.all(3).unwrap().0.eq(triangles));
+        assert!(cache.all(4).is_none() && cache.all(7).is_none());
+        // Neither an error that does not fit nor a slot too many.
+        cache.set_error(1, 1 << 32);
+        assert!(!cache.error([2, 3, 4]).0 && cache.all(3).is_none());
+        cache.set_triangle(CACHED_TRIANGLES, [6, 7, 8]);
+        assert!(!cache.error([6, 7, 8]).0);
     }
 }

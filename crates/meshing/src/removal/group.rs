@@ -5,7 +5,7 @@
 
 use crate::control::Cancelled;
 use crate::face_error::Measure;
-use crate::removal::candidate::{Neighbour, Remover};
+use crate::removal::candidate::{Evaluator, Neighbour};
 use crate::removal::queue::{Entry, RemovalQueue};
 use crate::removal::star::{INLINE_CAPACITY, StarBlock};
 use crate::removal::vertices::{MeshView, Vertices};
@@ -29,7 +29,7 @@ pub(crate) struct Group<'t, 'a> {
     queues: &'t mut [RemovalQueue],
     /// The number of the first tile.
     first_tile: usize,
-    remover: Remover<'a>,
+    evaluator: Evaluator<'a>,
     /// The neighbours of the last vertex removed.
     neighbours: Vec<Neighbour>,
     /// The entries, as they were, of vertices that wait for a larger group.
@@ -45,8 +45,8 @@ impl<'t, 'a> Group<'t, 'a> {
         stars: &'t mut [StarBlock],
         queues: &'t mut [RemovalQueue],
     ) -> Self {
-        let (remover, neighbours, waiting) = (Remover::new(measure), Vec::new(), Vec::new());
-        Self { vertices, stars, queues, first_tile, remover, neighbours, waiting }
+        let (evaluator, neighbours, waiting) = (Evaluator::new(measure), Vec::new(), Vec::new());
+        Self { vertices, stars, queues, first_tile, evaluator, neighbours, waiting }
     }
 
     /// Removes vertices of a tile, always the first of its queue, as long as the selection accepts
@@ -77,7 +77,7 @@ impl<'t, 'a> Group<'t, 'a> {
         self.prefetch_next(tile);
         let view =
             MeshView { vertices: self.vertices, blocks: self.stars, first_block: self.first_tile };
-        self.remover.prepare(vertex, &view, &mut self.neighbours);
+        self.evaluator.prepare(vertex, &view, &mut self.neighbours);
         for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
             let tile = self.vertices.block_of(vertex) - self.first_tile;
             self.stars[tile].write(vertex, star);

@@ -13,7 +13,6 @@ pub(crate) mod max_error;
 mod partition;
 mod progress;
 pub(crate) mod queue;
-mod small_candidate;
 mod star;
 mod start;
 pub(crate) mod vertex_order;

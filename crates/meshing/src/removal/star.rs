@@ -5,9 +5,9 @@
 //! memory. A record has room for nine neighbours; the few vertices with more, or with a face whose
 //! error needs more than 32 bits, have theirs in lists.
 
-use crate::removal::fill_cache::{HoleMemory, Shift};
-use crate::removal::small_candidate::FewGap;
+use crate::removal::fill_cache::FillCache;
 use crate::triangulation::{NONE, Triangulation, next, previous};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::hint::black_box;
 use std::ops::Range;
@@ -22,7 +22,7 @@ const SPILLED: u32 = u32::MAX;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(64))]
 pub(crate) struct Record {
-    pub(crate) memory: HoleMemory,
+    pub(crate) fill: FillCache,
     /// Number of neighbours, 0 for a vertex that is gone.
     degree: u32,
     neighbours: [u32; INLINE_CAPACITY],
@@ -60,19 +60,19 @@ pub(crate) struct StarBlock {
 
 impl Record {
     const REMOVED: Self = Self {
-        memory: HoleMemory::NOTHING,
+        fill: FillCache::EMPTY,
         degree: 0,
         neighbours: [0; INLINE_CAPACITY],
         errors: [0; INLINE_CAPACITY],
     };
 
-    /// Tells whether the star is in the record itself.
+    /// Whether the star is in the record itself.
     #[inline(always)]
-    pub(crate) fn is_within(&self) -> bool {
+    pub(crate) fn is_inline(&self) -> bool {
         self.degree != SPILLED
     }
 
-    /// The neighbours of a star within.
+    /// The neighbours of an inline star.
     #[inline(always)]
     pub(crate) fn neighbours(&self) -> &[u32] {
         &self.neighbours[..INLINE_CAPACITY.min(self.degree as usize)]
@@ -84,46 +84,95 @@ impl Record {
         &self.neighbours
     }
 
-    /// The sum of the errors of all faces of a star within.
+    /// The sum of the errors of all faces of an inline star.
     #[inline(always)]
     pub(crate) fn error(&self) -> u64 {
         self.errors.iter().map(|&error| u64::from(error)).sum()
     }
 
-    /// The star, with nothing remembered, when a neighbour that is not at the border gives way to
-    /// others, and the place of that neighbour; `None` when either star is not within.
+    /// The star, with nothing cached, after a neighbour is replaced, and the index of that
+    /// neighbour; `None` when either star is not inline. [`Star::without`] is its specification.
     ///
-    /// All parts are copied with room for the largest, the later ones over what is too much.
+    /// Copies fixed-size blocks; later copies overwrite the surplus of earlier ones.
     #[inline]
-    pub(crate) fn without(&self, gone: u32, gap: &FewGap) -> Option<(Self, usize)> {
-        let degree = (self.degree as usize).wrapping_sub(1) + gap.count;
-        if !self.is_within() || degree > INLINE_CAPACITY {
+    pub(crate) fn without(
+        &self,
+        removed: u32,
+        replacement: &InlineReplacement,
+    ) -> Option<(Self, usize)> {
+        let InlineReplacement { successors, count, errors: between } = replacement;
+        let degree = (self.degree as usize).wrapping_sub(1) + count;
+        if !self.is_inline() || degree > INLINE_CAPACITY {
             return None;
         }
-        let places = self.neighbours.iter().enumerate();
-        let found = places.fold(0, |found, (i, &v)| found | u32::from(v == gone) << i);
-        let place = (found.trailing_zeros() as usize).min(INLINE_CAPACITY - 1);
+        let indices = self.neighbours.iter().enumerate();
+        let found = indices.fold(0, |found, (i, &v)| found | u32::from(v == removed) << i);
+        let at = (found.trailing_zeros() as usize).min(INLINE_CAPACITY - 1);
         let mut neighbours = [0; 4 * INLINE_CAPACITY];
         neighbours[..INLINE_CAPACITY].copy_from_slice(&self.neighbours);
         let mut after = [0; 2 * INLINE_CAPACITY];
         after[..INLINE_CAPACITY].copy_from_slice(&self.neighbours);
-        neighbours[place..place + INLINE_CAPACITY - 1].copy_from_slice(&gap.successors);
-        neighbours[place + gap.count..][..INLINE_CAPACITY]
-            .copy_from_slice(&after[place + 1..][..INLINE_CAPACITY]);
+        neighbours[at..at + INLINE_CAPACITY - 1].copy_from_slice(successors);
+        neighbours[at + count..][..INLINE_CAPACITY]
+            .copy_from_slice(&after[at + 1..][..INLINE_CAPACITY]);
         // The error before each neighbour; before the first one it is that after the last.
         let mut errors = [0; 4 * INLINE_CAPACITY];
         errors[1..=INLINE_CAPACITY].copy_from_slice(&self.errors);
         after[..INLINE_CAPACITY].copy_from_slice(&self.errors);
-        errors[place..place + INLINE_CAPACITY - 1].copy_from_slice(&gap.errors);
-        errors[place + gap.count + 1..][..INLINE_CAPACITY]
-            .copy_from_slice(&after[place + 1..][..INLINE_CAPACITY]);
-        errors[degree] = errors[if place == 0 { 0 } else { degree }];
+        errors[at..at + INLINE_CAPACITY - 1].copy_from_slice(between);
+        errors[at + count + 1..][..INLINE_CAPACITY]
+            .copy_from_slice(&after[at + 1..][..INLINE_CAPACITY]);
+        errors[degree] = errors[if at == 0 { 0 } else { degree }];
         let mut record = Self { degree: degree as u32, ..Self::REMOVED };
         for i in 0..INLINE_CAPACITY {
             record.neighbours[i] = if i < degree { neighbours[i] } else { 0 };
             record.errors[i] = if i < degree { errors[i + 1] } else { 0 };
         }
-        Some((record, place))
+        Some((record, at))
+    }
+}
+
+/// What replaces a removed vertex in the star of a neighbour.
+#[derive(Default)]
+pub(crate) struct Replacement {
+    /// The new neighbours, counter-clockwise.
+    pub(crate) successors: Vec<u32>,
+    /// The errors of the faces before each of them and after the last; 0 beyond the border.
+    pub(crate) errors: Vec<u64>,
+}
+
+/// The same in arrays, for a vertex of at most eight neighbours.
+#[derive(Default)]
+pub(crate) struct InlineReplacement {
+    successors: [u32; INLINE_CAPACITY - 1],
+    pub(crate) count: usize,
+    errors: [u32; INLINE_CAPACITY - 1],
+}
+
+impl InlineReplacement {
+    /// Adds a new neighbour and the error of the face before it.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, successor: u32, error: u32) {
+        self.successors[self.count % (INLINE_CAPACITY - 1)] = successor;
+        self.end(error);
+        self.count += 1;
+    }
+
+    /// Sets the error of the last face.
+    #[inline(always)]
+    pub(crate) fn end(&mut self, error: u32) {
+        debug_assert!(self.count < INLINE_CAPACITY - 1);
+        self.errors[self.count % (INLINE_CAPACITY - 1)] = error;
+    }
+}
+
+impl Replacement {
+    /// Becomes a copy.
+    pub(crate) fn copy_from(&mut self, inline: &InlineReplacement) {
+        self.successors.clear();
+        self.successors.extend_from_slice(&inline.successors[..inline.count]);
+        self.errors.clear();
+        self.errors.extend(inline.errors[..=inline.count].iter().map(|&error| u64::from(error)));
     }
 }
 
@@ -134,52 +183,19 @@ impl Star {
         self.errors.iter().sum()
     }
 
-    /// Becomes a copy of another star.
-    fn copy<E: Copy + Into<u64>>(&mut self, neighbours: &[u32], errors: &[E]) {
-        self.clear();
-        self.neighbours.extend_from_slice(neighbours);
-        self.errors.extend(errors.iter().map(|&error| error.into()));
-    }
-
-    /// Becomes another star where a neighbour, at `place`, has given way.
-    #[inline]
-    fn copy_without<E: Copy + Into<u64>>(
-        &mut self,
-        (neighbours, errors): (&[u32], &[E]),
-        place: usize,
-        gap: Gap<'_>,
-    ) {
-        self.clear();
-        self.neighbours.extend_from_slice(&neighbours[..place]);
-        self.neighbours.extend_from_slice(gap.successors);
-        self.neighbours.extend_from_slice(&neighbours[place + 1..]);
-        match (place, gap.is_on_border()) {
-            (0, true) => {
-                self.errors.extend_from_slice(gap.errors);
-                self.keep(&errors[1..]);
-            }
-            (_, true) => {
-                self.keep(&errors[..place - 1]);
-                self.errors.extend_from_slice(gap.errors);
-                self.errors.push(0);
-            }
-            (0, false) => {
-                // The face before the first neighbour comes last.
-                self.errors.extend_from_slice(&gap.errors[1..]);
-                self.keep(&errors[1..errors.len() - 1]);
-                self.errors.push(gap.errors[0]);
-            }
-            (_, false) => {
-                self.keep(&errors[..place - 1]);
-                self.errors.extend_from_slice(gap.errors);
-                self.keep(&errors[place + 1..]);
-            }
-        }
-    }
-
-    #[inline]
-    fn keep<E: Copy + Into<u64>>(&mut self, errors: &[E]) {
-        self.errors.extend(errors.iter().map(|&error| error.into()));
+    /// The star after a neighbour is replaced, and the index of that neighbour.
+    pub(crate) fn without(&self, removed: u32, replacement: &Replacement) -> (Self, usize) {
+        let Replacement { successors, errors: between } = replacement;
+        let Self { neighbours, errors } = self;
+        // The vertex is a neighbour of each of its neighbours.
+        let at = neighbours.iter().position(|&v| v == removed).unwrap_or_default();
+        let errors = match at.checked_sub(1) {
+            Some(before) => [&errors[..before], between, &errors[at + 1..]].concat(),
+            // The face before the first neighbour is the last.
+            None => [&between[1..], &errors[1..errors.len() - 1], &between[..1]].concat(),
+        };
+        let neighbours = [&neighbours[..at], successors, &neighbours[at + 1..]].concat();
+        (Self { neighbours, errors }, at)
     }
 
     fn clear(&mut self) {
@@ -187,35 +203,19 @@ impl Star {
         self.errors.clear();
     }
 
-    /// The star as it is kept.
-    pub(crate) fn pack(&self, memory: HoleMemory) -> Packed {
+    /// The star as it is kept, with nothing cached; may take it.
+    pub(crate) fn pack(&mut self) -> Packed {
         let degree = self.neighbours.len();
-        let mut record = Record { memory, degree: degree as u32, ..Record::REMOVED };
+        let mut record = Record { degree: degree as u32, ..Record::REMOVED };
         if degree > INLINE_CAPACITY || self.errors.iter().any(|&error| error > u32::MAX.into()) {
             record.degree = SPILLED;
-            return Packed { record, spilled: Some(Box::new(self.clone())) };
+            return Packed { record, spilled: Some(Box::new(std::mem::take(self))) };
         }
         record.neighbours[..degree].copy_from_slice(&self.neighbours);
         for (kept, &error) in record.errors.iter_mut().zip(&self.errors) {
             *kept = error as u32;
         }
         Packed { record, spilled: None }
-    }
-}
-
-/// What stands in a star in the place of a neighbour that is gone.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Gap<'a> {
-    /// The new neighbours, counter-clockwise.
-    pub(crate) successors: &'a [u32],
-    /// The errors of the faces between them and the neighbours before and after: one more than
-    /// successors, but as many where a side of the gap lies on the border.
-    pub(crate) errors: &'a [u64],
-}
-
-impl Gap<'_> {
-    fn is_on_border(&self) -> bool {
-        self.errors.len() == self.successors.len()
     }
 }
 
@@ -260,7 +260,7 @@ impl StarBlock {
                         break;
                     }
                 }
-                block.push(star.pack(HoleMemory::NOTHING));
+                block.push(star.pack());
             }
             blocks.push(block);
         }
@@ -326,61 +326,22 @@ impl StarBlock {
         }
     }
 
-    /// What is remembered of the hole of a vertex.
-    #[inline]
-    pub(crate) fn memory(&self, vertex: u32) -> &HoleMemory {
-        &self.record(vertex).memory
-    }
-
-    /// Remembers a hole.
-    pub(crate) fn remember(&mut self, vertex: u32, memory: HoleMemory) {
+    /// Replaces what is cached of the hole of a vertex.
+    pub(crate) fn set_fill(&mut self, vertex: u32, fill: FillCache) {
         let index = self.index(vertex);
-        self.records[index].memory = memory;
+        self.records[index].fill = fill;
     }
 
-    /// Copies the star of a vertex to `star`.
-    pub(crate) fn read(&self, vertex: u32, star: &mut Star) {
+    /// The star of a vertex, in lists.
+    pub(crate) fn star(&self, vertex: u32) -> Cow<'_, Star> {
         let record = self.record(vertex);
         match record.degree {
-            SPILLED => star.clone_from(&self.spilled[&vertex]),
-            degree => {
-                let degree = degree as usize;
-                star.copy(&record.neighbours[..degree], &record.errors[..degree]);
-            }
+            SPILLED => Cow::Borrowed(&self.spilled[&vertex]),
+            degree => Cow::Owned(Star {
+                neighbours: record.neighbours().to_vec(),
+                errors: record.errors[..degree as usize].iter().map(|&e| e.into()).collect(),
+            }),
         }
-    }
-
-    /// Copies to `star` the star that a vertex will have without one of its neighbours, and returns
-    /// how the places of the others shift.
-    #[inline]
-    pub(crate) fn read_without(
-        &self,
-        vertex: u32,
-        gone: u32,
-        gap: Gap<'_>,
-        star: &mut Star,
-    ) -> Shift {
-        let record = self.record(vertex);
-        let place = |neighbours: &[u32]| {
-            // Whoever has the vertex as a neighbour is one of its neighbours.
-            neighbours.iter().position(|&v| v == gone).unwrap_or_default()
-        };
-        let place = match record.degree {
-            SPILLED => {
-                let Star { neighbours, errors } = &self.spilled[&vertex];
-                let place = place(neighbours);
-                star.copy_without((neighbours, errors), place, gap);
-                place
-            }
-            degree => {
-                let degree = degree as usize;
-                let place = place(&record.neighbours[..degree]);
-                let old = (&record.neighbours[..degree], &record.errors[..degree]);
-                star.copy_without(old, place, gap);
-                place
-            }
-        };
-        Shift { place: place as u32, successors: gap.successors.len() as u32 }
     }
 
     /// Replaces the star of a vertex.

@@ -4,8 +4,8 @@ use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::{FaceErrors, Measure};
 use crate::image::{Image, Point};
 use crate::parallel::in_parallel;
-use crate::removal::candidate::Remover;
-use crate::removal::fill_cache::HoleMemory;
+use crate::removal::candidate::Evaluator;
+use crate::removal::fill_cache::FillCache;
 use crate::removal::progress::{Progress, StopRule};
 use crate::removal::queue::{Entry, RemovalQueue};
 use crate::removal::star::StarBlock;
@@ -94,15 +94,15 @@ fn evaluate_tile(
             .filter(|&vertex| !view.is_corner(vertex))
             .collect();
         evaluated.clear();
-        evaluated.resize(chunk.len(), (0, HoleMemory::NOTHING));
+        evaluated.resize(chunk.len(), (0, FillCache::EMPTY));
         in_parallel(&chunk, &mut evaluated, control.threads(), |vertices, evaluated| {
-            let mut remover = Remover::new(measure);
+            let mut evaluator = Evaluator::new(measure);
             for (&vertex, evaluated) in vertices.iter().zip(evaluated) {
-                *evaluated = remover.evaluate(vertex, &view);
+                *evaluated = evaluator.evaluate(vertex, &view);
             }
         });
-        for (vertex, &(change, memory)) in chunk.into_iter().zip(&evaluated) {
-            stars[tile].remember(vertex, memory);
+        for (vertex, &(change, fill)) in chunk.into_iter().zip(&evaluated) {
+            stars[tile].set_fill(vertex, fill);
             entries.push(Entry { change, rank: vertices.ranks[vertex as usize], vertex });
         }
     }

@@ -3,9 +3,8 @@
 use super::*;
 use crate::face_error::FaceErrors;
 use crate::parameters::choices::ErrorMetric;
-use crate::removal::candidate::Remover;
-use crate::removal::fill_cache::HoleMemory;
-use crate::removal::star::Star;
+use crate::removal::candidate::Evaluator;
+use crate::removal::fill_cache::FillCache;
 use crate::removal::vertices::MeshView;
 use crate::triangulation::triangulate;
 use proptest::prelude::*;
@@ -64,10 +63,10 @@ impl Start<'_> {
     fn assert_errors_are_current(&self, measure: &Measure<'_>) {
         let mut errors = FaceErrors::new(measure);
         let view = MeshView { vertices: &self.vertices, blocks: &self.stars, first_block: 0 };
-        let (mut star, mut total) = (Star::default(), 0);
+        let mut total = 0;
         let vertices = 0..self.vertices.points.len() as u32;
         for v in vertices.filter(|&v| !view.stars(v).is_removed(v)) {
-            view.stars(v).read(v, &mut star);
+            let star = view.stars(v).star(v);
             let neighbours = &star.neighbours;
             for (i, &error) in star.errors.iter().enumerate() {
                 let last = i + 1 == neighbours.len();
@@ -93,13 +92,13 @@ impl Start<'_> {
 
     /// The queue's keys are the changes computed afresh, with nothing cached.
     fn assert_keys_are_current(&mut self, measure: &Measure<'_>) {
-        let mut remover = Remover::new(measure);
+        let mut evaluator = Evaluator::new(measure);
         for entry in self.queues[0].entries() {
-            let cached = *self.stars[0].memory(entry.vertex);
-            self.stars[0].remember(entry.vertex, HoleMemory::NOTHING);
+            let cached = self.stars[0].record(entry.vertex).fill;
+            self.stars[0].set_fill(entry.vertex, FillCache::EMPTY);
             let view = MeshView { vertices: &self.vertices, blocks: &self.stars, first_block: 0 };
-            let (change, _) = remover.evaluate(entry.vertex, &view);
-            self.stars[0].remember(entry.vertex, cached);
+            let (change, _) = evaluator.evaluate(entry.vertex, &view);
+            self.stars[0].set_fill(entry.vertex, cached);
             assert_eq!(change, entry.change);
         }
     }

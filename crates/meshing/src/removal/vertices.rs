@@ -89,12 +89,6 @@ impl MeshView<'_> {
         self.vertices.points[vertex as usize]
     }
 
-    /// Whether all coordinates are below 2^14, so that 32 bits hold products of two.
-    #[inline]
-    pub(crate) fn is_narrow(&self) -> bool {
-        self.vertices.right.max(self.vertices.top) < 1 << 14
-    }
-
     /// Whether a vertex is a corner of the image.
     pub(crate) fn is_corner(&self, vertex: u32) -> bool {
         let Point { x, y } = self.point(vertex);

@@ -11,7 +11,6 @@ mod flipping;
 mod front;
 pub(crate) mod hole;
 pub(crate) mod predicates;
-pub(crate) mod small_hole;
 mod sweep;
 
 use crate::control::{Cancelled, Control, Stage};

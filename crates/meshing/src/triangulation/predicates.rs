@@ -51,25 +51,6 @@ pub fn in_circle(a: Point, b: Point, c: Point, d: Point) -> bool {
     }
 }
 
-/// [`in_circle`] for coordinates below 2^14: the factors stay below 2^29, their products below 2^59.
-#[inline(always)]
-pub(crate) fn in_circle_near(a: Point, b: Point, c: Point, d: Point) -> bool {
-    let ((acx, acy), (bcx, bcy)) = ((a.x - c.x, a.y - c.y), (b.x - c.x, b.y - c.y));
-    let ((adx, ady), (bdx, bdy)) = ((a.x - d.x, a.y - d.y), (b.x - d.x, b.y - d.y));
-    let (sine_c, cosine_c) = (acx * bcy - acy * bcx, acx * bcx + acy * bcy);
-    let (sine_d, cosine_d) = (bdx * ady - bdy * adx, bdx * adx + bdy * ady);
-    match i64::from(sine_c) * i64::from(cosine_d) + i64::from(cosine_c) * i64::from(sine_d) {
-        0 => of_cocircular(a, b, c, d),
-        sine => sine < 0,
-    }
-}
-
-/// [`in_circle`] for points that are cocircular.
-#[cold]
-pub(crate) fn of_cocircular(a: Point, b: Point, c: Point, d: Point) -> bool {
-    preferred(&[difference(a, d), difference(b, d), difference(c, d)])
-}
-
 /// The answer for cocircular points, of three of them relative to the fourth: the sign of the
 /// first perturbing term that is not 0; both lower the lift, so they count negatively.
 #[cold]
@@ -110,7 +91,7 @@ fn determinant(rows: &[(i64, i64); 3], lift: Lift) -> i128 {
 
 /// One multiplication on 64-bit machines.
 #[inline]
-fn product(a: i64, b: i64) -> i128 {
+pub(super) fn product(a: i64, b: i64) -> i128 {
     i128::from(a) * i128::from(b)
 }
 
