@@ -104,9 +104,6 @@ impl From<ParameterError> for Problem {
             E::TargetNeedsSquaredError(_) => {
                 Self::new(Kind::ConflictingParameters, detail).param("target_psnr")
             }
-            E::WeightsNeedSquaredError(_) => {
-                Self::new(Kind::ConflictingParameters, detail).param("weights")
-            }
             E::Shape(error) => error.into(),
             _ => Self::new(Kind::ParameterOutOfRange, detail),
         }

@@ -4,7 +4,7 @@ use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::error::MeshingError;
 use crate::face_error::metrics::mean_error;
-use crate::face_error::{FaceErrors, Measure};
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
 use crate::image::{Image, Point};
 use crate::model::flat_color::{FlatColors, FlatFaces, RowSums};
@@ -95,8 +95,10 @@ fn mesh_by_plan(
     } else {
         Valued { mesh: Mesh::of_samples(image, points, faces), squared_error }
     };
-    let flat =
-        parameters.is_flat().then(|| FlatColors::of_mesh(image, &mesh, control)).transpose()?;
+    let flat = parameters
+        .is_flat()
+        .then(|| FlatColors::of_mesh(image, &mesh, guided.weights(), control))
+        .transpose()?;
     let fidelity = match (&flat, squared_error) {
         (Some(flat), _) => flat.fidelity,
         (None, Some(known)) => Fidelity::of_sum(known, image),
@@ -140,8 +142,9 @@ fn reduce(
     if !guided.parameters.simplifies(&plan) {
         return Ok(Reduced::of_triangulation(triangulation, Vec::new()));
     }
-    let new = if effort == 0 { Measure::new } else { Measure::with_model };
-    let measure = new(&guided.image, error_metric, guided.weights());
+    let evaluator = ErrorEvaluator::new(&guided.image, error_metric, guided.weights());
+    let evaluator = evaluator.with_flat_areas();
+    let measure = if effort == 0 { evaluator } else { evaluator.with_model() };
     let reduced = remove(guided, &measure, triangulation, plan, control)?;
     if effort == 0 { Ok(reduced) } else { refine_reduced(guided, &measure, reduced, control) }
 }
@@ -150,7 +153,7 @@ fn reduce(
 /// gave it, some points more or fewer.
 fn remove(
     guided: &Guided<'_>,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     triangulation: Triangulation,
     plan: Plan,
     control: &dyn Control,
@@ -192,7 +195,7 @@ fn keep_within(
 /// Moves and exchanges the vertices that removal left.
 fn refine_reduced(
     guided: &Guided<'_>,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     reduced: Reduced,
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
@@ -213,7 +216,7 @@ fn reduce_for_flat_faces(
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
     let (faces, sides) = (triangulation.faces(), guided.image.sides());
-    let sums = RowSums::new(&guided.image);
+    let sums = RowSums::new(&guided.image, guided.weights());
     let mut mesh = MeasuredMesh::new(triangulation.points, &faces, sides, FlatFaces::new(&sums));
     let surplus = mesh.vertex_count().saturating_sub(plan.size);
     let count = if plan.initial_size == plan.size { 0 } else { surplus };
@@ -304,7 +307,8 @@ fn largest_difference(image: &Image, mesh: &Mesh, control: &dyn Control) -> Resu
 
 /// The squared error of an image's approximation by a mesh that carries its samples.
 fn squared_error_of(mesh: &Mesh, image: &Image, control: &dyn Control) -> Result<u64, Cancelled> {
-    let (measure, faces) = (Measure::for_few(image, ErrorMetric::MeanCompSe), mesh.faces());
+    let (measure, faces) =
+        (ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None), mesh.faces());
     let mut errors = vec![0; faces.len().min(FACES_PER_POLL)];
     let mut sum = 0;
     for (chunk, some) in faces.chunks(FACES_PER_POLL).enumerate() {
@@ -357,7 +361,7 @@ mod tests {
         assert_eq!(refined.removals, simplified.removals);
         assert_eq!(refined.mesh.points().len(), simplified.mesh.points().len());
         assert!(refined.fidelity.squared_error < simplified.fidelity.squared_error);
-        let measure = Measure::for_few(&image, ErrorMetric::MeanCompSe);
+        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let removed: HashSet<Point> =
             simplified.removals.iter().map(|removal| removal.point).collect();
         assert!(simplified.mesh.points().iter().all(|point| !removed.contains(point)));

@@ -4,7 +4,7 @@
 //! the code.
 
 mod refinement {
-    use crate::face_error::Measure;
+    use crate::face_error::ErrorEvaluator;
     use crate::image::{Image, Point, corner_points};
     use crate::parameters::choices::ErrorMetric;
     use crate::refinement::refine;
@@ -21,7 +21,7 @@ mod refinement {
     #[test]
     fn errors_of_each_effort() {
         let image = shaded(64);
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let errors: Vec<u64> = (0..=9)
             .map(|effort| {
                 let mesh = measured(&measure, &image, scattered());
@@ -42,8 +42,9 @@ mod refinement {
         };
         let components = shaded.components().iter().map(finer).collect();
         let image = Image::from_bottom_up(64, 64, 12, components).unwrap();
-        let errors = [Measure::with_model, Measure::new].map(|new| {
-            let measure = new(&image, ErrorMetric::MeanCompSe, None);
+        let errors = [true, false].map(|has_model| {
+            let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+            let measure = if has_model { evaluator.with_model() } else { evaluator };
             let mesh = measured(&measure, &image, scattered());
             refine(mesh, 1, &()).unwrap().total_error()
         });

@@ -48,9 +48,10 @@ pub(crate) trait FaceMeasure: Send + Sync {
         None
     }
 
-    /// Whether some points matter more than others, so that the error is not that on the points.
-    fn is_weighted(&self) -> bool {
-        false
+    /// The error without weights, whose changes the quadratic model predicts, of a face of some
+    /// error.
+    fn unweighted_error(&mut self, _corners: [Point; 3], error: u64) -> u64 {
+        error
     }
 }
 
@@ -71,8 +72,8 @@ impl FaceMeasure for crate::face_error::FaceErrors<'_> {
         Self::model_pixels(self)
     }
 
-    fn is_weighted(&self) -> bool {
-        Self::is_weighted(self)
+    fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
+        Self::unweighted_error(self, corners, error)
     }
 }
 

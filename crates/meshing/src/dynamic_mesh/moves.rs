@@ -8,7 +8,6 @@
 use crate::dynamic_mesh::half_edges::Ring;
 use crate::dynamic_mesh::probe::Probe;
 use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
-use crate::face_error::quadratic_model::ModelPixels;
 use crate::image::Point;
 
 /// The error of a triangle of a fill that has not been measured.
@@ -77,22 +76,16 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         candidates: &mut Vec<(f32, Point)>,
     ) -> bool {
         candidates.clear();
+        let Self { triangulation, probe: Probe { star, measure, .. }, face_errors, .. } = self;
+        let error_of = |&slot: &u32| {
+            measure.unweighted_error(triangulation.corners(slot), face_errors[slot as usize])
+        };
+        let error: u64 = star.triangles.iter().map(error_of).sum();
         let Some(pixels) = self.probe.measure.model_pixels() else { return false };
         let from = self.triangulation.points[self.trial.vertex as usize];
         let face_count = self.probe.star.beyond.len();
         let Some(model) = pixels.model(from, &self.probe.boundary, face_count) else {
             return false;
-        };
-        let error: u64 = if let ModelPixels::Bits8(pixels) = pixels
-            && self.probe.measure.is_weighted()
-        {
-            // The model knows no weights, so the tolerance is one of errors without weights.
-            let faces = self.probe.star.triangles.iter().map(|&t| self.triangulation.corners(t));
-            self.trial.tried.clear();
-            pixels.squared_errors(&faces.collect::<Vec<_>>(), &mut self.trial.tried);
-            self.trial.tried.iter().sum()
-        } else {
-            self.probe.star.triangles.iter().map(|&t| self.face_errors[t as usize]).sum()
         };
         let mut limit = tolerance * error as f32;
         for &(dx, dy) in offsets {
@@ -100,7 +93,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             if !self.is_vacant(to) {
                 continue;
             }
-            let change = pixels.predicted_change(&model, from, to);
+            let change = pixels.predicted_change(&model, to);
             if change < limit {
                 let rank = candidates.partition_point(|better| better.0 <= change);
                 candidates.truncate(count - 1);

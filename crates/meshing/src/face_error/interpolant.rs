@@ -1,21 +1,34 @@
-//! The linear interpolant of one component over a face, rounded to integers exactly.
+//! The linear interpolant over a face, rounded to integers exactly.
 //!
-//! With `den` twice the face's area the interpolant at a lattice point is a fraction `num / den`,
-//! and `num` is a whole number, linear in `x` and `y`. The nearest integer, halves up, is
-//! `floor((2 num + den) / (2 den))`. Instead of dividing, the fraction `(4 num + 1) / (4 den)` is
-//! computed in floating point and rounded to nearest: a quarter of a step above `num / den`, it
-//! rounds as wanted at halves and keeps at least `1 / (4 den)` away from every tie, far more than
-//! the error of two roundings, `2^16 * 2^-52`, as long as `den < 2^33`. Larger faces divide.
+//! Let `den` be twice the face's area. At a pixel the interpolant is a fraction `num / den`, where
+//! `num` is an integer, linear in `x` and `y`. The nearest integer, halves up, is
+//! `floor((2 num + den) / (2 den))`. Floating point computes the fraction `(4 num + 1) / (4 den)`
+//! instead and rounds it to nearest: a quarter of a step above `num / den`, it rounds halves up and
+//! stays at least `1 / (4 den)` away from every tie, far more than the error of two roundings,
+//! `2^16 * 2^-52`, as long as `den < 2^33`. Larger faces divide.
+//!
+//! [`Interpolant`] is the specification, for faces of any size. [`Plane`] is the fast form for small
+//! faces over samples of up to 8 bits, eight values at a time. The tests of the face's error, which
+//! is computed with either, tie it to the specification (`small_faces_have_the_error_of_large_ones`
+//! and `largest_errors_of_small_faces_are_exact`).
 
 use crate::image::Point;
 use crate::triangulation::predicates::orientation;
+use fearless_simd::{Simd, f32x8, i32x8, prelude::*};
 
-/// Adding this to a number below 2^51 rounds it to a whole number, which then stands in the low
-/// bits of the sum.
-const ROUND_TO_NEAREST: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
+/// Adding this to a number below 2^51 rounds it to an integer, which then is in the low bits of the
+/// sum; 1.5 * 2^52.
+const ROUND_TO_NEAREST: f64 = 6_755_399_441_055_744.0;
 
-/// Faces of at most this double area are computed in floating point.
+/// Adding this to a number below 2^22 rounds it to an integer, and subtracting it leaves that;
+/// 1.5 * 2^23.
+const ROUND_TO_NEAREST_F32: f32 = 12_582_912.0;
+
+/// Faces of at most this double area use floating point.
 const FLOATING_POINT_LIMIT: i64 = 1 << 33;
+
+/// Largest number of bits of the samples of a [`Plane`].
+pub(crate) const PLANE_PRECISION: u8 = 8;
 
 /// One component's interpolant over one face.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +37,7 @@ pub(crate) struct Interpolant {
     double_area: i64,
     /// `1 / (4 double_area)`.
     quarter_reciprocal: f64,
-    /// The numerator at `(0, 0)`.
+    /// The numerator at pixel `(0, 0)`.
     at_origin: i64,
     /// Change of the numerator from one column to the next.
     per_column: i64,
@@ -37,17 +50,6 @@ impl Interpolant {
     #[inline]
     pub(crate) fn new([a, b, c]: [Point; 3], samples: [u16; 3]) -> Self {
         let double_area = orientation(a, b, c);
-        Self::with_double_area([a, b, c], samples, double_area, 0.25 / double_area as f64)
-    }
-
-    /// The same, for a face whose double area and the quarter of its reciprocal are known.
-    #[inline]
-    pub(crate) fn with_double_area(
-        [a, b, c]: [Point; 3],
-        samples: [u16; 3],
-        double_area: i64,
-        quarter_reciprocal: f64,
-    ) -> Self {
         let [za, zb, zc] = samples.map(i64::from);
         let (bx, by) = (i64::from(b.x - a.x), i64::from(b.y - a.y));
         let (cx, cy) = (i64::from(c.x - a.x), i64::from(c.y - a.y));
@@ -55,6 +57,7 @@ impl Interpolant {
         let per_row = (zc - za) * bx - (zb - za) * cx;
         let at_a = double_area * za;
         let at_origin = at_a - per_column * i64::from(a.x) - per_row * i64::from(a.y);
+        let quarter_reciprocal = 0.25 / double_area as f64;
         Self { double_area, quarter_reciprocal, at_origin, per_column, per_row }
     }
 
@@ -82,7 +85,7 @@ impl Interpolant {
         self.for_each_value(x, y, samples.len(), |i, value| samples[i] = value as u16);
     }
 
-    /// Calls `use_value(i, value)` with the rounded interpolant at `(x + i, y)` for `count` points
+    /// Calls `use_value(i, value)` with the rounded interpolant at `(x + i, y)` for `count` pixels
     /// of the face.
     #[inline(always)]
     fn for_each_value(&self, x: i32, y: i32, count: usize, mut use_value: impl FnMut(usize, i32)) {
@@ -100,6 +103,62 @@ impl Interpolant {
             let value = (first + step * i as f64) * self.quarter_reciprocal;
             use_value(i, (value + ROUND_TO_NEAREST).to_bits() as i32);
         }
+    }
+}
+
+/// The interpolants of a small face's components in lanes: eight pixels of one component, four of
+/// two, or two of three or four.
+///
+/// Every number up to the quotient is an integer below 2^24, which 32-bit floating point holds
+/// exactly: vertices are at most 63 columns and rows apart, so `den` is at most `63^2`, the
+/// numerators `4 num + 1` at the face's pixels are at most `4 * 255 * 63^2 + 1 < 2^22`, and they
+/// change over the face's extent by at most `4 * 255 * 2 * 63 * 63 < 2^23` in each direction. The
+/// quotient by `4 den` is below 256, so two roundings leave an error below `255 * 2^-23`, less than
+/// half of `1 / (4 * 63^2)`, the least distance of a quotient from a tie. Lanes beyond the end of a
+/// row hold numbers that need not be exact and do not count.
+#[derive(Clone, Copy)]
+pub(crate) struct Plane<S: Simd> {
+    pub(crate) simd: S,
+    /// The first vertex.
+    pub(crate) a: Point,
+    /// Numerators at the first vertex and at the pixels after it.
+    at_a: f32x8<S>,
+    pub(crate) per_column: f32x8<S>,
+    pub(crate) per_row: f32x8<S>,
+    pub(crate) quarter_reciprocal: f32,
+    /// Pixels from the first lane's to that of each lane.
+    pub(crate) offsets: i32x8<S>,
+}
+
+impl<S: Simd> Plane<S> {
+    /// The interpolants of samples at the vertices of a counter-clockwise small face.
+    #[inline(always)]
+    pub(crate) fn new(
+        simd: S,
+        [a, b, c]: [Point; 3],
+        [za, zb, zc]: [f32x8<S>; 3],
+        offsets: i32x8<S>,
+    ) -> Self {
+        let ((bx, by), (cx, cy)) = ((b.x - a.x, b.y - a.y), (c.x - a.x, c.y - a.y));
+        let double_area = (bx * cy - by * cx) as f32;
+        let (to_b, to_c) = ((zb - za) * 4.0, (zc - za) * 4.0);
+        let per_column = to_b * cy as f32 - to_c * by as f32;
+        let per_row = to_c * bx as f32 - to_b * cx as f32;
+        let at_a = za * (4.0 * double_area) + 1.0 + per_column * offsets.to_float::<f32x8<S>>();
+        let quarter_reciprocal = 0.25 / double_area;
+        Self { simd, a, at_a, per_column, per_row, quarter_reciprocal, offsets }
+    }
+
+    /// The numerators in row `y` at and after the column of the first vertex.
+    #[inline(always)]
+    pub(crate) fn row(&self, y: i32) -> f32x8<S> {
+        self.at_a + self.per_row * (y - self.a.y) as f32
+    }
+
+    /// The interpolants with these numerators, rounded.
+    #[inline(always)]
+    pub(crate) fn rounded(&self, numerators: f32x8<S>) -> f32x8<S> {
+        numerators * self.quarter_reciprocal + ROUND_TO_NEAREST_F32 - ROUND_TO_NEAREST_F32
     }
 }
 
@@ -148,23 +207,23 @@ mod tests {
 
     proptest! {
         #[test]
-        fn interpolants_of_small_faces_are_rounded_exactly(seeds: [u32; 8], samples: [u16; 3]) {
+        fn rounds_small_faces_exactly(seeds: [u32; 8], samples: [u16; 3]) {
             check(12, seeds, samples);
         }
 
         #[test]
-        fn interpolants_of_large_faces_are_rounded_exactly(seeds: [u32; 8], samples: [u16; 3]) {
+        fn rounds_large_faces_exactly(seeds: [u32; 8], samples: [u16; 3]) {
             check(16_384, seeds, samples);
         }
 
         #[test]
-        fn interpolants_of_huge_faces_are_rounded_exactly(seeds: [u32; 8], samples: [u16; 3]) {
+        fn rounds_huge_faces_exactly(seeds: [u32; 8], samples: [u16; 3]) {
             check(1 << 20, seeds, samples);
         }
     }
 
     #[test]
-    fn a_run_of_points_has_the_value_of_each() {
+    fn fills_a_run_with_the_value_of_each_pixel() {
         let samples = [65_535, 3, 40_000];
         let sides = [(12, 12), (70_000, 70_000), (1_000_000, 1_000_000), (20_000, 1_000_000)];
         for (width, height) in sides {
@@ -178,12 +237,12 @@ mod tests {
     }
 
     #[test]
-    fn halves_are_rounded_up() {
+    fn rounds_halves_up() {
         let face = [Point::new(0, 0), Point::new(2, 0), Point::new(0, 2)];
         let interpolant = Interpolant::new(face, [0, 1, 2]);
         assert_eq!(value(&interpolant, Point::new(1, 0)), 1);
         assert_eq!(value(&interpolant, Point::new(1, 1)), 2);
-        // Of a face so large that its numerators have more digits than a floating-point number.
+        // A face whose numerators have more digits than a floating-point number.
         let side = 1 << 19;
         let face = [Point::new(0, 0), Point::new(side, 0), Point::new(0, side)];
         let interpolant = Interpolant::new(face, [40_000, 40_001, 40_000]);

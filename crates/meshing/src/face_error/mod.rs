@@ -1,225 +1,201 @@
-//! The error of faces: how far their interpolants are from the picture.
+//! The error of faces: how far their rounded interpolants are from the image.
+//!
+//! An [`ErrorEvaluator`] holds what all threads share, a [`FaceErrors`] the memory of one thread.
+//! The specification of an error is a walk over the rows of a face ([`pixels_of_face`]) with its
+//! [`interpolant`] and one of the [`metrics`]. The squared error, which every method of the thesis
+//! uses, has two faster forms: a walk in floating point here, and vectors for small faces
+//! ([`squared`]). The tests `small_faces_have_the_error_of_large_ones` and
+//! `weights_multiply_the_errors_of_pixels` tie all forms to sums pixel by pixel.
 
-pub(crate) mod face_rows;
-pub(crate) mod flat_areas;
+mod flat_areas;
 pub(crate) mod interpolant;
 pub(crate) mod metrics;
+pub(crate) mod pixels_of_face;
 pub(crate) mod quadratic_model;
-pub(crate) mod small_face;
-pub(crate) mod small_face_plane;
-pub(crate) mod small_face_rows;
-pub(crate) mod small_face_samples;
-pub(crate) mod weighted;
+mod squared;
 
-use crate::face_error::face_rows::for_each_row;
 use crate::face_error::flat_areas::FlatAreas;
 use crate::face_error::interpolant::Interpolant;
-use crate::face_error::metrics::Metric;
+use crate::face_error::metrics::Run;
+use crate::face_error::pixels_of_face::for_each_row;
 use crate::face_error::quadratic_model::ModelPixels;
-use crate::face_error::small_face::{Pixels, TOO_LARGE};
-use crate::face_error::weighted::weighted_error;
+use crate::face_error::squared::Pixels;
 use crate::image::{Image, Point};
 use crate::parameters::choices::ErrorMetric;
-use crate::triangulation::predicates::orientation;
 use fearless_simd::{Level, Simd, dispatch};
 
-/// What faces are measured against: an image, its tables and a metric.
-pub(crate) struct Measure<'a> {
+/// Evaluates errors of approximations of one image.
+pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
-    /// `None` for the squared error, which has paths of its own.
-    metric: Option<&'static dyn Metric>,
-    pixels: Option<Pixels>,
+    kind: Kind<'a>,
     flat: Option<FlatAreas>,
     level: Level,
-    /// How much each point matters, where that differs.
-    weights: Option<&'a [u8]>,
-    /// The pixels of the quadratic model where errors are weighted.
-    model_8_bits: Option<Pixels>,
-    /// The same where samples have more than 8 bits.
-    model_16_bits: Option<Pixels<u16>>,
 }
 
-impl<'a> Measure<'a> {
-    /// Errors of approximations of `image` by a metric, for many more faces than cover it once.
+/// How errors are evaluated.
+enum Kind<'a> {
+    /// The squared error of at most four components of at most 8 bits.
+    Squared(Pixels),
+    /// The squared error of any other image.
+    SquaredWide { model: Option<Pixels<u16>> },
+    /// Any metric, times the weights of pixels.
+    ByPixel { metric: ErrorMetric, weights: Option<&'a [u8]>, model: Option<Pixels> },
+}
+
+impl<'a> ErrorEvaluator<'a> {
+    /// Evaluates errors by a metric, times the weight of each pixel where there are weights.
     pub(crate) fn new(image: &'a Image, metric: ErrorMetric, weights: Option<&'a [u8]>) -> Self {
-        if weights.is_some() {
-            // Weighted errors have no tables.
-            return Self { weights, pixels: None, ..Self::for_few(image, metric) };
-        }
-        Self { flat: FlatAreas::new(image), ..Self::for_few(image, metric) }
+        let kind = if weights.is_some() || !metric.is_squared_difference() {
+            Kind::ByPixel { metric, weights, model: None }
+        } else {
+            Pixels::new(image).map_or(Kind::SquaredWide { model: None }, Kind::Squared)
+        };
+        Self { image, kind, flat: None, level: Level::new() }
     }
 
-    /// The same without weights and without the tables that only many faces are worth.
-    pub(crate) fn for_few(image: &'a Image, metric: ErrorMetric) -> Self {
-        let is_squared = metric.is_squared_difference();
-        Self {
-            image,
-            metric: (!is_squared).then(|| metric.metric()),
-            pixels: if is_squared { Pixels::new(image) } else { None },
-            flat: None,
-            level: Level::new(),
-            weights: None,
-            model_8_bits: None,
-            model_16_bits: None,
-        }
+    /// The same with a table of the areas of one color, for many more faces than cover the image.
+    pub(crate) fn with_flat_areas(self) -> Self {
+        let is_weighted = matches!(self.kind, Kind::ByPixel { weights: Some(_), .. });
+        Self { flat: if is_weighted { None } else { FlatAreas::new(self.image) }, ..self }
     }
 
-    /// The same as [`new`](Self::new), with the pixels of the quadratic model, which knows no
-    /// weights.
-    pub(crate) fn with_model(
-        image: &'a Image,
-        metric: ErrorMetric,
-        weights: Option<&'a [u8]>,
-    ) -> Self {
-        let measure = Self::new(image, metric, weights);
-        if weights.is_some() {
-            return Self { model_8_bits: Pixels::new(image), ..measure };
+    /// The same with the pixels of the quadratic model where it has others than the errors: for
+    /// squared errors with weights, which the model ignores, and above 8 bits.
+    pub(crate) fn with_model(mut self) -> Self {
+        match &mut self.kind {
+            Kind::SquaredWide { model } => *model = Pixels::new(self.image),
+            Kind::ByPixel { metric, weights: Some(_), model }
+                if metric.is_squared_difference() || *metric == ErrorMetric::Ssim =>
+            {
+                *model = Pixels::new(self.image);
+            }
+            Kind::Squared(_) | Kind::ByPixel { .. } => {}
         }
-        let is_wide = measure.metric.is_none() && measure.pixels.is_none();
-        Self { model_16_bits: is_wide.then(|| Pixels::new(image)).flatten(), ..measure }
+        self
     }
 }
 
-/// Computes errors of faces over vertices at lattice points of an image; keeps its memory from one
-/// face to the next.
-pub(crate) struct FaceErrors<'m> {
-    measure: &'m Measure<'m>,
+/// Computes errors of faces on one thread; keeps its memory from one face to the next.
+pub(crate) struct FaceErrors<'e> {
+    evaluator: &'e ErrorEvaluator<'e>,
     interpolants: Vec<Interpolant>,
     /// One row of approximations for each component.
     approximations: Vec<Vec<u16>>,
-    /// The error of a face that is small.
-    small: Vec<u64>,
+    /// The error of a single face.
+    single: Vec<u64>,
 }
 
-impl<'m> FaceErrors<'m> {
-    pub(crate) fn new(measure: &'m Measure<'m>) -> Self {
-        let count = measure.image.component_count();
+impl<'e> FaceErrors<'e> {
+    pub(crate) fn new(evaluator: &'e ErrorEvaluator<'e>) -> Self {
+        let count = evaluator.image.component_count();
         Self {
-            measure,
+            evaluator,
             interpolants: Vec::with_capacity(count),
             approximations: vec![Vec::new(); count],
-            small: Vec::new(),
+            single: Vec::with_capacity(1),
         }
     }
 
-    /// Another one that measures against the same.
+    /// Another one of the same errors.
     pub(crate) fn another(&self) -> Self {
-        Self::new(self.measure)
+        Self::new(self.evaluator)
     }
 
-    /// Sums over each face's lattice points of the error of the rounded interpolant.
-    pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
-        if self.measure.flat.is_some() {
-            errors.clear();
-            errors.extend(faces.iter().map(|&face| self.error(face)));
-            return;
-        }
-        match &self.measure.pixels {
-            Some(pixels) => pixels.squared_errors(faces, errors),
-            None => {
-                errors.clear();
-                errors.resize(faces.len(), TOO_LARGE);
-            }
-        }
-        for (error, &face) in errors.iter_mut().zip(faces) {
-            if *error == TOO_LARGE {
-                *error = self.error_of_any(face, u64::MAX);
-            }
-        }
-    }
-
-    /// The same for one face.
+    /// The error of a counter-clockwise face: the sum of its pixels' errors.
     pub(crate) fn error(&mut self, corners: [Point; 3]) -> u64 {
-        self.error_below(corners, u64::MAX)
+        let mut single = std::mem::take(&mut self.single);
+        let error = self.errors_below(&[corners], u64::MAX, &mut single);
+        self.single = single;
+        error
     }
 
-    /// The same where it is less than `limit`; otherwise `limit` or more, which is known sooner.
-    fn error_below(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        if self.measure.flat.as_ref().is_some_and(|areas| areas.is_flat(corners)) {
-            return 0;
-        }
-        if let Some(pixels) = &self.measure.pixels {
-            pixels.squared_errors(&[corners], &mut self.small);
-            if self.small[0] != TOO_LARGE {
-                return self.small[0];
-            }
-        }
-        self.error_of_any(corners, limit)
+    /// The errors of faces.
+    pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
+        self.errors_below(faces, u64::MAX, errors);
     }
 
-    /// The errors of faces in order as long as their sum is less than `limit`, and the sum; where it
-    /// reaches the limit, that or more.
+    /// The errors of faces in order as long as their sum is less than `limit`. Returns the sum,
+    /// which is exact below the limit; the last error may be too low where the sum reaches it.
     pub(crate) fn errors_below(
         &mut self,
         faces: &[[Point; 3]],
         limit: u64,
         errors: &mut Vec<u64>,
     ) -> u64 {
-        let (mut sum, measure) = (0, self.measure);
+        let (evaluator, mut sum) = (self.evaluator, 0);
         errors.clear();
-        while errors.len() < faces.len() && sum < limit {
-            let first = errors.len();
-            match &measure.pixels {
-                Some(pixels) if measure.flat.is_none() => {
-                    pixels.squared_errors_below(&faces[first..], limit - sum, errors);
+        while sum < limit
+            && let Some(&face) = faces.get(errors.len())
+        {
+            let mut rest = &faces[errors.len()..];
+            if let Some(flat) = &evaluator.flat {
+                if flat.is_flat(face) {
+                    errors.push(0);
+                    continue;
                 }
-                _ => errors.push(self.error_below(faces[first], limit - sum)),
+                rest = &rest[..1];
             }
-            if errors.last() == Some(&TOO_LARGE) {
-                errors.pop();
-                let below = limit - sum - errors[first..].iter().sum::<u64>();
-                errors.push(self.error_of_any(faces[errors.len()], below));
+            if let Kind::Squared(pixels) = &evaluator.kind {
+                let count = errors.len();
+                sum += pixels.errors(rest, limit - sum, errors);
+                if errors.len() > count {
+                    continue;
+                }
             }
-            sum += errors[first..].iter().sum::<u64>();
+            let error = self.error_of_any(face, limit - sum);
+            errors.push(error);
+            sum += error;
         }
         sum
     }
 
-    /// The pixels of the quadratic model, where one predicts the squared error of small faces.
+    /// The pixels of the quadratic model, where it predicts changes of the error.
     pub(crate) fn model_pixels(&self) -> Option<ModelPixels<'_>> {
-        let Measure { pixels, model_8_bits, model_16_bits, .. } = self.measure;
-        let narrow = pixels.as_ref().or(model_8_bits.as_ref()).map(ModelPixels::Bits8);
-        narrow.or(model_16_bits.as_ref().map(ModelPixels::Bits16))
+        match &self.evaluator.kind {
+            Kind::Squared(pixels) => Some(ModelPixels::Bits8(pixels)),
+            Kind::SquaredWide { model } => model.as_ref().map(ModelPixels::Bits16),
+            Kind::ByPixel { model, .. } => model.as_ref().map(ModelPixels::Bits8),
+        }
     }
 
-    /// Tells whether some points matter more than others.
-    pub(crate) fn is_weighted(&self) -> bool {
-        self.measure.weights.is_some()
+    /// The error without weights, whose changes the model predicts, of a face of some error.
+    pub(crate) fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
+        if !matches!(self.evaluator.kind, Kind::ByPixel { model: Some(_), .. }) {
+            return error;
+        }
+        self.set_interpolants(corners);
+        self.squared_error(corners, u64::MAX)
     }
 
-    /// The error of a face of any size, where it is less than `limit`.
+    /// The error of a face of any size; `limit` or more where it is not less.
     fn error_of_any(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        if let Some(weights) = self.measure.weights {
-            return weighted_error(self.measure.image, weights, corners);
-        }
-        self.prepare(corners);
-        match self.measure.metric {
-            None => self.squared_error(corners, limit),
-            Some(metric) => self.error_by(metric, corners),
+        self.set_interpolants(corners);
+        match self.evaluator.kind {
+            Kind::ByPixel { metric, weights, .. } => self.error_by_pixel(metric, weights, corners),
+            Kind::Squared(_) | Kind::SquaredWide { .. } => self.squared_error(corners, limit),
         }
     }
 
-    /// Sets the interpolants of a face.
-    fn prepare(&mut self, corners: [Point; 3]) {
-        let double_area = orientation(corners[0], corners[1], corners[2]);
-        let width = self.measure.image.width();
-        let places = corners.map(|p| p.y as usize * width + p.x as usize);
-        let quarter_reciprocal = 0.25 / double_area as f64;
+    fn set_interpolants(&mut self, corners: [Point; 3]) {
+        let image = self.evaluator.image;
+        let pixels = corners.map(|p| p.y as usize * image.width() + p.x as usize);
         self.interpolants.clear();
-        self.interpolants.extend(self.measure.image.components().iter().map(|samples| {
-            let samples = places.map(|place| samples[place]);
-            Interpolant::with_double_area(corners, samples, double_area, quarter_reciprocal)
-        }));
+        self.interpolants.extend(
+            image
+                .components()
+                .iter()
+                .map(|samples| Interpolant::new(corners, pixels.map(|pixel| samples[pixel]))),
+        );
     }
 
-    /// Sum over points and components of the squared differences, row by row until it reaches `limit`.
+    /// The squared error, row by row until it reaches `limit`.
     fn squared_error(&self, corners: [Point; 3], limit: u64) -> u64 {
-        dispatch!(self.measure.level, simd => self.squared_error_by(simd, corners, limit))
+        dispatch!(self.evaluator.level, simd => self.squared_error_by(simd, corners, limit))
     }
 
     #[inline(always)]
     fn squared_error_by<S: Simd>(&self, _: S, corners: [Point; 3], limit: u64) -> u64 {
-        let (image, width) = (self.measure.image, self.measure.image.width());
+        let (image, width) = (self.evaluator.image, self.evaluator.image.width());
         let mut sum = 0;
         for_each_row(
             corners,
@@ -228,41 +204,49 @@ impl<'m> FaceErrors<'m> {
                 if sum >= limit {
                     return;
                 }
-                let points = y as usize * width + first as usize..y as usize * width + end as usize;
+                let row = y as usize * width;
+                let pixels = row + first as usize..row + end as usize;
                 for (interpolant, samples) in self.interpolants.iter().zip(image.components()) {
-                    sum += interpolant.squared_error(first, y, &samples[points.clone()]);
+                    sum += interpolant.squared_error(first, y, &samples[pixels.clone()]);
                 }
             },
         );
         sum
     }
 
-    /// Sum over points of another metric.
-    fn error_by(&mut self, metric: &dyn Metric, corners: [Point; 3]) -> u64 {
-        let Self { measure: Measure { image, .. }, interpolants, approximations, .. } = self;
-        let mut sum = 0;
+    /// The error by any metric. With weights and more than 8 bits the sum over the face is exact in
+    /// 128 bits and shrinks once, at the end.
+    fn error_by_pixel(
+        &mut self,
+        metric: ErrorMetric,
+        weights: Option<&[u8]>,
+        corners: [Point; 3],
+    ) -> u64 {
+        let Self { evaluator: ErrorEvaluator { image, .. }, interpolants, approximations, .. } =
+            self;
+        let mut sum = 0u128;
         for_each_row(corners, |y, first, end| {
-            let columns = first as usize..end as usize;
+            let (y, columns) = (y as usize, first as usize..end as usize);
             for (interpolant, row) in interpolants.iter().zip(approximations.iter_mut()) {
                 row.resize(columns.len(), 0);
-                interpolant.fill(first, y, row);
+                interpolant.fill(first, y as i32, row);
             }
-            let components = 0..image.component_count();
-            let original: Vec<&[u16]> =
-                components.map(|c| &image.row(c, y as usize)[columns.clone()]).collect();
-            sum += metric.error(&original, approximations);
+            let weights = weights.map(|weights| &weights[y * image.width()..][columns.clone()]);
+            sum += u128::from(metric.error(&Run { image, y, columns, weights }, approximations));
         });
-        sum
+        let shift = weights.map_or(0, |_| metric.weighted_shift(image.precision()));
+        (sum >> shift) as u64
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
 
-    /// A picture of scattered samples of all values.
-    fn picture(side: usize, component_count: usize, precision: u8) -> Image {
+    /// An image of scattered samples of all values.
+    fn scattered(side: usize, component_count: usize, precision: u8) -> Image {
         let plane = |c: usize| {
             let sample = |i: usize| ((i * 40_503 + c * 9_973 + i / side * 31) >> 3) as u16;
             (0..side * side).map(|i| sample(i) >> (16 - precision)).collect()
@@ -271,100 +255,144 @@ mod tests {
         Image::from_bottom_up(side, side, precision, components).unwrap()
     }
 
-    proptest! {
-        #[test]
-        fn small_faces_are_measured_as_all_others_are(
-            places in prop::array::uniform6(0i32..90),
-            scale in 1i32..8,
-            (component_count, precision) in (1usize..5, 1u8..9),
-        ) {
-            let image = picture(90, component_count, precision);
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
-            let mut errors = FaceErrors::new(&measure);
-            let mut corners = [0, 2, 4].map(|i| Point::new(places[i] / scale, places[i + 1] / scale));
-            if orientation(corners[0], corners[1], corners[2]) < 0 {
-                corners.swap(1, 2);
-            }
-            if orientation(corners[0], corners[1], corners[2]) > 0 {
-                prop_assert_eq!(errors.error(corners), errors.error_of_any(corners, u64::MAX));
-            }
+    /// The counter-clockwise face of three points; `None` where they are on a line.
+    fn face([a, b, c]: [(i32, i32); 3]) -> Option<[Point; 3]> {
+        let [a, b, c] = [a, b, c].map(|(x, y)| Point::new(x, y));
+        match orientation(a, b, c) {
+            0 => None,
+            1.. => Some([a, b, c]),
+            _ => Some([a, c, b]),
         }
+    }
 
-        #[test]
-        fn an_error_below_the_limit_is_exact_and_any_other_reaches_it(
-            places in prop::array::uniform6(0i32..90),
-            (component_count, precision) in (1usize..5, 7u8..10),
-            part in 0u64..200,
-        ) {
-            let image = picture(90, component_count, precision);
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
-            let mut errors = FaceErrors::new(&measure);
-            let mut corners = [0, 2, 4].map(|i| Point::new(places[i], places[i + 1]));
-            if orientation(corners[0], corners[1], corners[2]) < 0 {
-                corners.swap(1, 2);
-            }
-            if orientation(corners[0], corners[1], corners[2]) > 0 {
-                let error = errors.error(corners);
-                let limit = error * part / 100;
-                let below = errors.error_below(corners, limit);
-                let is_right = if error < limit { below == error } else { below >= limit };
-                prop_assert!(is_right, "{} below {}, told {}", error, limit, below);
-            }
+    /// The weighted squared error of a face, pixel by pixel.
+    fn squared_error(image: &Image, corners: [Point; 3], weight: impl Fn(usize) -> u64) -> u128 {
+        let mut sum = 0;
+        for component in image.components() {
+            let samples = corners.map(|p| component[p.y as usize * image.width() + p.x as usize]);
+            let interpolant = Interpolant::new(corners, samples);
+            for_each_row(corners, |y, first, end| {
+                for x in first..end {
+                    let (mut value, pixel) = ([0], y as usize * image.width() + x as usize);
+                    interpolant.fill(x, y, &mut value);
+                    let error = u128::from(component[pixel].abs_diff(value[0])).pow(2);
+                    sum += error * u128::from(weight(pixel));
+                }
+            });
         }
+        sum
     }
 
     proptest! {
         #[test]
-        fn errors_of_faces_are_told_in_order_until_their_sum_reaches_the_limit(
-            places in prop::collection::vec((0i32..90, 0i32..90), 3..24),
-            (component_count, precision, flat) in (1usize..6, 7u8..10, prop::bool::ANY),
-            part in 0u64..150,
+        fn small_faces_have_the_error_of_large_ones(
+            corners in prop::array::uniform3((0i32..90, 0i32..90)),
+            scale in 1i32..8,
+            (component_count, precision) in (1usize..6, 1u8..10),
         ) {
-            let image = if flat {
-                let samples = (0..90 * 90).map(|i| if i % 90 < 70 { 5 } else { i as u16 % 64 });
-                Image::from_bottom_up(90, 90, precision, vec![samples.collect(); component_count]).unwrap()
-            } else {
-                picture(90, component_count, precision)
-            };
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
-            prop_assert_eq!(measure.flat.is_some(), flat);
-            let mut of_faces = FaceErrors::new(&measure);
-            let mut faces: Vec<[Point; 3]> = Vec::new();
-            for places in places.chunks_exact(3) {
-                let [a, b, c] = [0, 1, 2].map(|i| Point::new(places[i].0, places[i].1));
-                match orientation(a, b, c) {
-                    0 => {}
-                    1.. => faces.push([a, b, c]),
-                    _ => faces.push([a, c, b]),
-                }
+            let image = scattered(90, component_count, precision);
+            let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+            let mut errors = FaceErrors::new(&evaluator);
+            if let Some(corners) = face(corners.map(|(x, y)| (x / scale, y / scale))) {
+                let error = errors.error(corners);
+                prop_assert_eq!(error, errors.error_of_any(corners, u64::MAX));
+                prop_assert_eq!(u128::from(error), squared_error(&image, corners, |_| 1));
             }
-            let alone: Vec<u64> = faces.iter().map(|&face| of_faces.error(face)).collect();
-            let all = alone.iter().sum::<u64>();
+        }
+
+        #[test]
+        fn errors_are_exact_until_their_sum_reaches_the_limit(
+            corners in prop::collection::vec(prop::array::uniform3((0i32..90, 0i32..90)), 1..8),
+            (component_count, precision, has_flat_areas) in (1usize..6, 7u8..10, any::<bool>()),
+            percent in 0u64..150,
+        ) {
+            let mut image = scattered(90, component_count, precision);
+            if has_flat_areas {
+                let samples = (0..90 * 90).map(|i| if i % 90 < 70 { 5 } else { i as u16 % 64 });
+                image = image.with_components(vec![samples.collect(); component_count]);
+            }
+            let evaluator =
+                ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None).with_flat_areas();
+            prop_assert_eq!(evaluator.flat.is_some(), has_flat_areas);
+            let mut of_faces = FaceErrors::new(&evaluator);
+            let faces: Vec<[Point; 3]> = corners.into_iter().filter_map(face).collect();
+            let exact: Vec<u64> = faces.iter().map(|&face| of_faces.error(face)).collect();
+            let total = exact.iter().sum::<u64>();
             let mut errors = vec![7];
-            prop_assert_eq!(of_faces.errors_below(&faces, u64::MAX, &mut errors), all);
-            prop_assert_eq!(&errors, &alone);
-            let limit = all * part / 100;
+            of_faces.errors(&faces, &mut errors);
+            prop_assert_eq!(&errors, &exact);
+            let limit = total * percent / 100;
             let sum = of_faces.errors_below(&faces, limit, &mut errors);
-            let told = errors.len();
+            let count = errors.len();
             prop_assert_eq!(sum, errors.iter().sum::<u64>());
-            prop_assert_eq!(sum < limit, told == faces.len() && all < limit);
-            // All but the last of those told are below the limit, and exact.
-            let exact = if sum < limit { told } else { told.saturating_sub(1) };
-            prop_assert_eq!(&errors[..exact], &alone[..exact]);
-            prop_assert!(alone[..exact].iter().sum::<u64>() < limit.max(1));
-            if sum >= limit && told > 0 {
-                prop_assert!(alone[..told].iter().sum::<u64>() >= limit);
+            prop_assert_eq!(sum < limit, total < limit);
+            if sum < limit {
+                prop_assert_eq!(&errors, &exact);
+            } else if count > 0 {
+                prop_assert_eq!(&errors[..count - 1], &exact[..count - 1]);
+                prop_assert!(exact[..count - 1].iter().sum::<u64>() < limit);
+                prop_assert!(errors[count - 1] <= exact[count - 1]);
             }
         }
     }
 
     #[test]
-    fn models_squared_errors_of_four_components_and_weighted_8_bits() {
+    fn largest_errors_of_small_faces_are_exact() {
+        // Corners of each pattern of black and white, and the opposite everywhere else.
+        let side = 65;
+        for (pattern, (x, y)) in
+            (0..8).flat_map(|pattern| [(1, 1), (0, 1), (1, 0), (0, 0)].map(|at| (pattern, at)))
+        {
+            let corners = face([(x, y), (x + 63, y), (x + 63, y + 63)]).unwrap();
+            let white = |i: usize| {
+                let corner = corners.iter().position(|p| p.y as usize * side + p.x as usize == i);
+                corner.map_or(pattern % 2 == 0, |corner| pattern >> corner & 1 == 1)
+            };
+            let plane = |is_white: &dyn Fn(usize) -> bool| {
+                (0..side * side).map(|i| if is_white(i) { 255 } else { 0 }).collect::<Vec<u16>>()
+            };
+            let components = vec![plane(&white), plane(&|i| !white(i)), plane(&|i| i % 3 == 0)];
+            let image = Image::from_bottom_up(side, side, 8, components).unwrap();
+            let (pixels, mut errors) = (Pixels::new(&image).unwrap(), Vec::new());
+            pixels.errors(&[corners], u64::MAX, &mut errors);
+            let expected = squared_error(&image, corners, |_| 1);
+            assert_eq!(
+                errors.iter().map(|&error| u128::from(error)).collect::<Vec<_>>(),
+                [expected]
+            );
+        }
+    }
+
+    #[test]
+    fn weights_multiply_the_errors_of_pixels() {
+        let corners = face([(0, 0), (6, 1), (2, 5)]).unwrap();
+        let weights: Vec<u8> = (0..64).map(|i| (i * 29 % 256) as u8).collect();
+        for precision in [5, 8, 9, 12, 16] {
+            let image = scattered(8, 2, precision);
+            let error = |metric, weights: Option<&[u8]>| {
+                FaceErrors::new(&ErrorEvaluator::new(&image, metric, weights)).error(corners)
+            };
+            let exact = squared_error(&image, corners, |pixel| weights[pixel].into());
+            assert!(exact > 0);
+            let unit = 1 << (2 * precision.saturating_sub(8));
+            for metric in [ErrorMetric::MeanCompSe, ErrorMetric::Ssim] {
+                assert_eq!(u128::from(error(metric, Some(&weights))), exact / unit);
+            }
+            for &metric in ErrorMetric::ALL {
+                let equal = u128::from(error(metric, Some(&[5; 64])));
+                let unit = 1 << metric.weighted_shift(precision);
+                assert_eq!(equal, 5 * u128::from(error(metric, None)) / unit, "{metric}");
+            }
+        }
+    }
+
+    #[test]
+    fn models_squared_errors_of_up_to_four_components() {
         let model_bits = |component_count, precision, is_weighted: bool, metric| {
-            let image = picture(8, component_count, precision);
-            let weights = is_weighted.then_some(&[3u8; 64][..]);
-            let measure = Measure::with_model(&image, metric, weights);
-            match FaceErrors::new(&measure).model_pixels() {
+            let image = scattered(8, component_count, precision);
+            let weights = is_weighted.then_some(&[3; 64][..]);
+            let evaluator = ErrorEvaluator::new(&image, metric, weights).with_model();
+            match FaceErrors::new(&evaluator).model_pixels() {
                 None => 0,
                 Some(ModelPixels::Bits8(_)) => 8,
                 Some(ModelPixels::Bits16(_)) => 16,
@@ -373,41 +401,10 @@ mod tests {
         let squared = ErrorMetric::MeanCompSe;
         assert_eq!(model_bits(1, 8, false, squared), 8);
         assert_eq!(model_bits(4, 8, true, squared), 8);
-        assert_eq!(model_bits(1, 9, false, squared), 16);
         assert_eq!(model_bits(4, 16, false, squared), 16);
         assert_eq!(model_bits(1, 9, true, squared), 0);
         assert_eq!(model_bits(5, 8, false, squared), 0);
+        assert_eq!(model_bits(3, 8, true, ErrorMetric::LumaSe), 0);
         assert_eq!(model_bits(3, 9, false, ErrorMetric::MeanCompAe), 0);
-        // Without a model nothing is kept for it.
-        let image = picture(8, 1, 9);
-        let measure = Measure::new(&image, squared, None);
-        assert!(FaceErrors::new(&measure).model_pixels().is_none());
-    }
-
-    #[test]
-    fn the_largest_errors_of_the_largest_small_faces_are_exact() {
-        // Black and white corners, and the opposite everywhere else.
-        let side = 65;
-        let samples = |white: &dyn Fn(usize) -> bool| {
-            (0..side * side).map(|i| if white(i) { 255 } else { 0 }).collect::<Vec<u16>>()
-        };
-        // Inside, and at the borders where rows are walked one by one.
-        for (pattern, (x, y)) in
-            (0..8).flat_map(|pattern| [(1, 1), (0, 1), (1, 0), (0, 0)].map(|at| (pattern, at)))
-        {
-            let corners = [(x, y), (x + 63, y), (x + 63, y + 63)].map(|(x, y)| y * side + x);
-            let places = corners.map(|i| Point::new((i % side) as i32, (i / side) as i32));
-            let at_corner = |i: usize| corners.iter().position(|&corner| corner == i);
-            let white = |i: usize| {
-                at_corner(i).map_or(pattern % 2 == 0, |corner| pattern >> corner & 1 == 1)
-            };
-            let components =
-                vec![samples(&white), samples(&|i| !white(i)), samples(&|i| i % 3 == 0)];
-            let image = Image::from_bottom_up(side, side, 8, components).unwrap();
-            let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
-            let mut small = Vec::new();
-            measure.pixels.as_ref().unwrap().squared_errors(&[places], &mut small);
-            assert_eq!(small, [FaceErrors::new(&measure).error_of_any(places, u64::MAX)]);
-        }
     }
 }

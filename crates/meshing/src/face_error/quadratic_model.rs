@@ -16,15 +16,11 @@
 //! therefore good enough. Every machine predicts the same numbers: vectors have eight lanes
 //! everywhere, and each lane does the same operations in the same order.
 
-use crate::face_error::small_face::{LANES, Pixels};
-use crate::face_error::small_face_plane::Plane;
-use crate::face_error::small_face_rows::{Edges, ROWS};
-use crate::face_error::small_face_samples::Sample;
+use crate::face_error::interpolant::Plane;
+use crate::face_error::pixels_of_face::{ROWS, SmallFace};
+use crate::face_error::squared::{LANES, MAX_COMPONENTS, Pixels, Sample};
 use crate::image::Point;
-use fearless_simd::{Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*};
-
-/// Components that the model reads at most.
-const COMPONENTS: usize = 4;
+use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 
 /// The pixels that the model reads.
 #[derive(Clone, Copy)]
@@ -51,41 +47,44 @@ impl ModelPixels<'_> {
         }
     }
 
-    /// The predicted change of the squared error when the vertex moves between two pixels.
-    pub(crate) fn predicted_change(self, model: &QuadraticModel, from: Point, to: Point) -> f32 {
-        let [before, after] = match self {
-            Self::Bits8(pixels) => [from, to].map(|p| pixels.samples_at(p)),
-            Self::Bits16(pixels) => [from, to].map(|p| pixels.samples_at(p)),
-        };
-        model.change(before, after, (to.x - from.x) as f32, (to.y - from.y) as f32)
+    /// The predicted change of the squared error when the vertex moves to another pixel.
+    pub(crate) fn predicted_change(self, model: &QuadraticModel, to: Point) -> f32 {
+        model.change(
+            to,
+            match self {
+                Self::Bits8(pixels) => pixels.samples_at(to),
+                Self::Bits16(pixels) => pixels.samples_at(to),
+            },
+        )
     }
 }
 
-/// The coefficients of the model; those of missing components are 0.
-#[derive(Clone, Copy, Debug, Default)]
+/// The model of one vertex: its coefficients, those of missing components 0.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct QuadraticModel {
+    vertex: Point,
+    /// The samples at the vertex.
+    before: [f32; MAX_COMPONENTS],
     /// Of the changes of the samples.
-    samples: [f32; COMPONENTS],
-    /// Of the displacement in columns and in rows.
-    columns: f32,
-    rows: f32,
+    samples: [f32; MAX_COMPONENTS],
     /// Of the squared changes of the samples.
-    squares: [f32; COMPONENTS],
+    squares: [f32; MAX_COMPONENTS],
     /// Of the products of these changes with the displacement in columns and in rows.
-    by_columns: [f32; COMPONENTS],
-    by_rows: [f32; COMPONENTS],
-    /// Of the displacement's squared columns, columns times rows, and squared rows.
-    displacement: [f32; 3],
+    by_columns: [f32; MAX_COMPONENTS],
+    by_rows: [f32; MAX_COMPONENTS],
+    /// Of the displacement's columns, rows, squared columns, columns times rows, squared rows.
+    displacement: [f32; 5],
 }
 
 impl QuadraticModel {
-    /// The change for a displacement of `x` columns and `y` rows.
+    /// The change for a move to a pixel of the samples `after`.
     #[inline]
-    fn change(&self, before: [f32; COMPONENTS], after: [f32; COMPONENTS], x: f32, y: f32) -> f32 {
-        let [xx, xy, yy] = self.displacement;
-        let alone = self.columns * x + self.rows * y + xx * x * x + xy * x * y + yy * y * y;
-        let with_samples = (0..COMPONENTS).map(|c| {
-            let change = after[c] - before[c];
+    fn change(&self, to: Point, after: [f32; MAX_COMPONENTS]) -> f32 {
+        let (x, y) = ((to.x - self.vertex.x) as f32, (to.y - self.vertex.y) as f32);
+        let [columns, rows, xx, xy, yy] = self.displacement;
+        let alone = columns * x + rows * y + xx * x * x + xy * x * y + yy * y * y;
+        let with_samples = (0..MAX_COMPONENTS).map(|c| {
+            let change = after[c] - self.before[c];
             let mixed = self.by_columns[c] * x + self.by_rows[c] * y;
             change * (self.samples[c] + self.squares[c] * change + mixed)
         });
@@ -93,17 +92,13 @@ impl QuadraticModel {
     }
 }
 
-/// The coefficients in lanes, while faces are added.
+/// Sums over faces, in lanes.
 struct Sums<S: Simd> {
-    /// First moments of the residuals, and these times the slopes of their faces.
-    moment: f32x8<S>,
-    moment_by_column: f32x8<S>,
-    moment_by_row: f32x8<S>,
-    /// Sums of the squared weights, and these times the slopes and their products.
-    weight: f32,
-    weight_by_column: f32x8<S>,
-    weight_by_row: f32x8<S>,
-    weight_by_products: [f32x8<S>; 3],
+    /// First moments of the residuals; the same times the slope per column, and per row.
+    moments: [f32x8<S>; 3],
+    /// Sums of the squared weights; the same times the slope per column, per row, and times the
+    /// three products of slopes.
+    weights: [f32x8<S>; 6],
 }
 
 /// The barycentric weight of a face's first vertex, in lanes.
@@ -116,40 +111,32 @@ struct Weight<S: Simd> {
 impl<T: Sample> Pixels<T> {
     fn model(&self, vertex: Point, link: &[Point], face_count: usize) -> Option<QuadraticModel> {
         match self.stride {
-            1 => {
-                dispatch!(self.level, simd => self.model_by::<_, 1>(simd, vertex, link, face_count))
-            }
-            2 => {
-                dispatch!(self.level, simd => self.model_by::<_, 2>(simd, vertex, link, face_count))
-            }
-            _ => {
-                dispatch!(self.level, simd => self.model_by::<_, 4>(simd, vertex, link, face_count))
-            }
+            1 => dispatch!(self.level, simd => self.fit::<_, 1>(simd, vertex, link, face_count)),
+            2 => dispatch!(self.level, simd => self.fit::<_, 2>(simd, vertex, link, face_count)),
+            _ => dispatch!(self.level, simd => self.fit::<_, 4>(simd, vertex, link, face_count)),
         }
     }
 
     #[inline(always)]
-    fn model_by<S: Simd, const STRIDE: usize>(
+    fn fit<S: Simd, const STRIDE: usize>(
         &self,
         simd: S,
         vertex: Point,
         link: &[Point],
         face_count: usize,
     ) -> Option<QuadraticModel> {
-        let offsets = i32x8::simd_from(simd, std::array::from_fn(|lane| (lane / STRIDE) as i32));
-        let at_vertex = self.repeat::<S, STRIDE>(simd, vertex);
-        let mut sums = Sums::new(simd);
+        let zero = f32x8::splat(simd, 0.0);
+        let mut sums = Sums { moments: [zero; 3], weights: [zero; 6] };
         let ends = link.iter().skip(1).chain(&link[..1]);
         for (&b, &c) in link.iter().zip(ends).take(face_count) {
-            let (corners, edges) = ([vertex, b, c], Edges::new([vertex, b, c])?);
-            let at_b = self.repeat::<S, STRIDE>(simd, b);
-            let at_c = self.repeat::<S, STRIDE>(simd, c);
-            let plane = Plane::new(simd, corners, [at_vertex, at_b, at_c], offsets);
+            let corners = [vertex, b, c];
+            let face = SmallFace::new(corners)?;
+            let plane = self.plane::<S, STRIDE>(simd, corners);
             let weight = Weight::new(&plane, corners);
-            let moment = self.moment::<S, STRIDE>(&plane, &weight, &edges);
+            let moment = self.moment::<S, STRIDE>(&plane, &weight, &face);
             sums.add(&plane, moment, double_area(corners) / 12.0);
         }
-        Some(sums.model::<STRIDE>())
+        Some(sums.model::<STRIDE>(vertex, self.samples_at(vertex)))
     }
 
     /// The sum over a face's pixels of the residuals times the weights.
@@ -158,17 +145,17 @@ impl<T: Sample> Pixels<T> {
         &self,
         plane: &Plane<S>,
         weight: &Weight<S>,
-        edges: &Edges,
+        face: &SmallFace,
     ) -> f32x8<S> {
         let mut sum = f32x8::splat(plane.simd, 0.0);
-        for first_row in (0..edges.rows).step_by(ROWS) {
-            let rows = edges.rows(plane.simd, first_row);
-            let count = ROWS.min((edges.rows - first_row) as usize);
-            let from = edges.bottom + 1 + first_row;
-            for (y, (&first, &points)) in
-                (from..).zip(rows.firsts.iter().zip(&rows.counts).take(count))
+        for first_row in (0..face.rows).step_by(ROWS) {
+            let rows = face.rows(plane.simd, first_row);
+            let count = ROWS.min((face.rows - first_row) as usize);
+            for (i, (&first, &points)) in
+                rows.firsts.iter().zip(&rows.counts).take(count).enumerate()
             {
-                sum += self.moment_of_row::<S, STRIDE>(plane, weight, Point::new(first, y), points);
+                let first = Point::new(first, face.bottom + 1 + first_row + i as i32);
+                sum += self.moment_of_row::<S, STRIDE>(plane, weight, first, points);
             }
         }
         sum
@@ -205,9 +192,9 @@ impl<T: Sample> Pixels<T> {
 
     /// The samples of one pixel; those of missing components mean nothing.
     #[inline]
-    fn samples_at(&self, p: Point) -> [f32; COMPONENTS] {
+    fn samples_at(&self, p: Point) -> [f32; MAX_COMPONENTS] {
         let at = (p.y as usize * self.width + p.x as usize) * self.stride;
-        let samples = &self.samples[at..at + COMPONENTS];
+        let samples = &self.samples[at..at + MAX_COMPONENTS];
         std::array::from_fn(|c| samples[c].into())
     }
 }
@@ -229,58 +216,53 @@ impl<S: Simd> Weight<S> {
 }
 
 impl<S: Simd> Sums<S> {
-    #[inline(always)]
-    fn new(simd: S) -> Self {
-        let zero = f32x8::splat(simd, 0.0);
-        Self {
-            moment: zero,
-            moment_by_column: zero,
-            moment_by_row: zero,
-            weight: 0.0,
-            weight_by_column: zero,
-            weight_by_row: zero,
-            weight_by_products: [zero; 3],
-        }
-    }
-
     /// Adds a face.
     #[inline(always)]
     fn add(&mut self, plane: &Plane<S>, moment: f32x8<S>, weight: f32) {
+        let one = f32x8::splat(plane.simd, 1.0);
         let column = plane.per_column * plane.quarter_reciprocal;
         let row = plane.per_row * plane.quarter_reciprocal;
-        self.moment += moment;
-        self.moment_by_column += moment * column;
-        self.moment_by_row += moment * row;
-        self.weight += weight;
-        self.weight_by_column += column * weight;
-        self.weight_by_row += row * weight;
-        let products = [column * column, column * row * 2.0, row * row];
-        for (sum, product) in self.weight_by_products.iter_mut().zip(products) {
-            *sum += product * weight;
+        let slopes = [one, column, row, column * column, column * row * 2.0, row * row];
+        for (sum, slope) in self.moments.iter_mut().zip(slopes) {
+            *sum += moment * slope;
+        }
+        for (sum, slope) in self.weights.iter_mut().zip(slopes) {
+            *sum += slope * weight;
         }
     }
 
-    /// The model. Slopes are the same in all lanes of a component; sums add up over the lanes.
+    /// The model. Slopes are the same in all lanes of a component; moments add up over the lanes.
     #[inline(always)]
-    fn model<const STRIDE: usize>(self) -> QuadraticModel {
-        let [xx, xy, yy] = self.weight_by_products;
-        let displacement = [xx.into(), xy.into(), yy.into()];
+    fn model<const STRIDE: usize>(
+        self,
+        vertex: Point,
+        before: [f32; MAX_COMPONENTS],
+    ) -> QuadraticModel {
+        let [samples, by_column, by_row] = self.moments.map(|lanes| sums::<STRIDE>(lanes.into()));
+        let [squares, columns, rows, xx, xy, yy] =
+            self.weights.map(|lanes| firsts::<STRIDE>(lanes.into()));
         QuadraticModel {
-            samples: sums::<STRIDE>(self.moment.into()).map(|sum| 2.0 * sum),
-            columns: -2.0 * total(sums::<STRIDE>(self.moment_by_column.into())),
-            rows: -2.0 * total(sums::<STRIDE>(self.moment_by_row.into())),
-            squares: firsts::<STRIDE>([self.weight; LANES]),
-            by_columns: firsts::<STRIDE>(self.weight_by_column.into()).map(|slope| -2.0 * slope),
-            by_rows: firsts::<STRIDE>(self.weight_by_row.into()).map(|slope| -2.0 * slope),
-            displacement: displacement.map(|lanes| total(firsts::<STRIDE>(lanes))),
+            vertex,
+            before,
+            samples: samples.map(|sum| 2.0 * sum),
+            squares,
+            by_columns: columns.map(|slope| -2.0 * slope),
+            by_rows: rows.map(|slope| -2.0 * slope),
+            displacement: [
+                -2.0 * total(by_column),
+                -2.0 * total(by_row),
+                total(xx),
+                total(xy),
+                total(yy),
+            ],
         }
     }
 }
 
 /// The sum of the lanes of each component.
 #[inline(always)]
-fn sums<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; COMPONENTS] {
-    let mut sums = [0.0; COMPONENTS];
+fn sums<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
+    let mut sums = [0.0; MAX_COMPONENTS];
     for (lane, value) in lanes.into_iter().enumerate() {
         sums[lane % STRIDE] += value;
     }
@@ -289,22 +271,22 @@ fn sums<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; COMPONENTS] {
 
 /// The first lane of each component.
 #[inline(always)]
-fn firsts<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; COMPONENTS] {
-    let mut firsts = [0.0; COMPONENTS];
+fn firsts<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
+    let mut firsts = [0.0; MAX_COMPONENTS];
     firsts[..STRIDE].copy_from_slice(&lanes[..STRIDE]);
     firsts
 }
 
 /// The sum over the components.
 #[inline(always)]
-fn total(values: [f32; COMPONENTS]) -> f32 {
+fn total(values: [f32; MAX_COMPONENTS]) -> f32 {
     values.iter().sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::face_error::face_rows::for_each_row;
+    use crate::face_error::pixels_of_face::for_each_row;
     use crate::image::Image;
     use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
@@ -363,7 +345,7 @@ mod tests {
             let wide = Pixels::<u16>::new(&image).unwrap();
             let predicted = |pixels: ModelPixels<'_>| {
                 let model = pixels.model(vertex, &link, link.len()).unwrap();
-                pixels.predicted_change(&model, vertex, to)
+                pixels.predicted_change(&model, to)
             };
             let found = predicted(ModelPixels::Bits16(&wide));
             let expected = change_by_definition(&image, vertex, &link, to);

@@ -7,9 +7,10 @@
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::FaceMeasure;
 use crate::error::MeshingError;
-use crate::face_error::face_rows::for_each_row;
+use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point, ShapeMismatch};
 use crate::model::mesh::Mesh;
+use crate::parameters::choices::ErrorMetric;
 use crate::quality::fidelity::Fidelity;
 
 /// Faces between two polls of the control.
@@ -34,16 +35,17 @@ impl FlatColors {
     /// When the image has another shape than the mesh's, or the control cancels.
     pub fn new(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<Self, MeshingError> {
         ShapeMismatch::check(image.shape(), mesh.shape())?;
-        Ok(Self::of_mesh(image, mesh, control)?)
+        Ok(Self::of_mesh(image, mesh, None, control)?)
     }
 
-    /// The colours for an image that has the mesh's shape.
+    /// The colors for an image of the mesh's shape, weighted where there are weights.
     pub(crate) fn of_mesh(
         image: &Image,
         mesh: &Mesh,
+        weights: Option<&[u8]>,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let sums = RowSums::new(image);
+        let sums = RowSums::new(image, weights);
         let (count, width) = (image.component_count(), image.width());
         let mut colors = Vec::with_capacity(mesh.faces().len() * count);
         let mut components = vec![vec![0; image.pixel_count()]; count];
@@ -56,10 +58,14 @@ impl FlatColors {
             for (c, component) in components.iter_mut().enumerate() {
                 let sum = sums.of_face(c, corners);
                 let color = sum.mean().unwrap_or_else(|| mesh.vertex_samples(face[0] as usize)[c]);
-                squared_error += sum.squared_error(color);
                 colors.push(color);
                 for_each_row(corners, |y, first, end| {
-                    component[y as usize * width..][first as usize..end as usize].fill(color);
+                    let columns = first as usize..end as usize;
+                    let squares = image.row(c, y as usize)[columns.clone()]
+                        .iter()
+                        .map(|sample| u64::from(sample.abs_diff(color)).pow(2));
+                    squared_error += squares.sum::<u64>();
+                    component[y as usize * width..][columns].fill(color);
                 });
             }
         }
@@ -68,55 +74,59 @@ impl FlatColors {
     }
 }
 
-/// Sums over the points of a face.
+/// Sums over the pixels of a face, each times the pixel's weight; exact for any face.
 #[derive(Clone, Copy, Default)]
 struct Sum {
-    points: u64,
-    samples: u64,
-    squares: u64,
+    weights: u64,
+    samples: u128,
+    squares: u128,
 }
 
 impl Sum {
-    /// The mean sample, rounded to nearest, halves up.
+    /// The mean sample, rounded to nearest, halves up; `None` without any weight.
     fn mean(self) -> Option<u16> {
-        let mean = (2 * self.samples + self.points).checked_div(2 * self.points)?;
+        let weights = u128::from(self.weights);
+        let mean = (2 * self.samples + weights).checked_div(2 * weights)?;
         u16::try_from(mean).ok()
     }
 
-    /// The squared error of one value for all points.
-    fn squared_error(self, value: u16) -> u64 {
-        let value = u64::from(value);
+    /// The squared error of one value for all pixels.
+    fn squared_error(self, value: u16) -> u128 {
+        let value = u128::from(value);
         // Not below 0, being a sum of squares.
-        self.squares + self.points * value * value - 2 * value * self.samples
+        self.squares + u128::from(self.weights) * value * value - 2 * value * self.samples
     }
 }
 
-/// Running sums along each row: place `x` has the sums of the samples left of column `x`.
+/// Running sums along each row: index `x` has the sums over the pixels left of column `x`.
 pub(crate) struct RowSums {
     /// Columns of the image and one more.
     stride: usize,
-    /// For each component the sums of samples and of their squares.
+    /// The sums of weights, where there are any.
+    weights: Option<Vec<u64>>,
+    /// For each component the sums of samples and of their squares, times the weights.
     components: Vec<Vec<(u64, u64)>>,
+    /// Bits by which the error of a face shrinks.
+    shift: u32,
 }
 
 impl RowSums {
-    pub(crate) fn new(image: &Image) -> Self {
-        let running = |samples: &Vec<u16>| {
-            let mut sums = Vec::with_capacity(samples.len() + image.height());
-            for row in samples.chunks_exact(image.width()) {
-                let (mut sum, mut squares) = (0, 0);
-                sums.push((0, 0));
-                for &sample in row {
-                    sum += u64::from(sample);
-                    squares += u64::from(sample) * u64::from(sample);
-                    sums.push((sum, squares));
-                }
-            }
-            sums
+    /// The sums of an image, with weights where there are any.
+    pub(crate) fn new(image: &Image, weights: Option<&[u8]>) -> Self {
+        let width = image.width();
+        let weight = |i: usize| weights.map_or(1, |weights| u64::from(weights[i]));
+        let of_component = |samples: &Vec<u16>| {
+            running_sums(samples.len(), width, (0, 0), |(sum, squares), i| {
+                let sample = u64::from(samples[i]);
+                (sum + weight(i) * sample, squares + weight(i) * sample * sample)
+            })
         };
         Self {
-            stride: image.width() + 1,
-            components: image.components().iter().map(running).collect(),
+            stride: width + 1,
+            weights: weights
+                .map(|_| running_sums(image.pixel_count(), width, 0, |sum, i| sum + weight(i))),
+            components: image.components().iter().map(of_component).collect(),
+            shift: weights.map_or(0, |_| ErrorMetric::MeanCompSe.weighted_shift(image.precision())),
         }
     }
 
@@ -124,13 +134,35 @@ impl RowSums {
         let (sums, mut total) = (&self.components[c], Sum::default());
         for_each_row(corners, |y, first, end| {
             let row = y as usize * self.stride;
-            let (left, right) = (sums[row + first as usize], sums[row + end as usize]);
-            total.points += (end - first) as u64;
-            total.samples += right.0 - left.0;
-            total.squares += right.1 - left.1;
+            let (left, right) = (row + first as usize, row + end as usize);
+            total.weights += match &self.weights {
+                Some(weights) => weights[right] - weights[left],
+                None => (end - first) as u64,
+            };
+            total.samples += u128::from(sums[right].0 - sums[left].0);
+            total.squares += u128::from(sums[right].1 - sums[left].1);
         });
         total
     }
+}
+
+/// Sums along each row of `count` pixels, from `zero` on; `add` adds one pixel.
+fn running_sums<T: Copy>(
+    count: usize,
+    width: usize,
+    zero: T,
+    add: impl Fn(T, usize) -> T,
+) -> Vec<T> {
+    let mut sums = Vec::with_capacity(count + count / width);
+    for row in 0..count / width {
+        let mut sum = zero;
+        sums.push(sum);
+        for i in row * width..(row + 1) * width {
+            sum = add(sum, i);
+            sums.push(sum);
+        }
+    }
+    sums
 }
 
 /// Measures faces by the squared error of their best colours.
@@ -151,7 +183,7 @@ impl FaceMeasure for FlatFaces<'_> {
             let sum = self.sums.of_face(c, corners);
             sum.mean().map_or(0, |value| sum.squared_error(value))
         };
-        components.map(error).sum()
+        (components.map(error).sum::<u128>() >> self.sums.shift) as u64
     }
 
     fn another(&self) -> Self {
@@ -196,45 +228,51 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_other_colour_of_a_face_is_better_and_the_sums_are_those_of_the_picture(
+        fn colors_have_the_least_weighted_error(
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(any::<u16>(), 162),
+            weights in prop::option::of(prop::collection::vec(0u8..3, 64)),
             inner in prop::collection::vec((0usize..9, 0usize..9), 0..9),
         ) {
             let count = width * height;
             let components = vec![samples[..count].to_vec(), samples[81..81 + count].to_vec()];
             let image = Image::from_bottom_up(width, height, 16, components).unwrap();
+            let weights = weights.as_ref().map(|weights| &weights[..count]);
             let mesh = mesh_of(&image, &inner);
-            let flat = FlatColors::new(&image, &mesh, &()).unwrap();
+            let flat = FlatColors::of_mesh(&image, &mesh, weights, &()).unwrap();
             prop_assert_eq!(Fidelity::between(&image, &flat.picture).unwrap(), flat.fidelity);
-            let sums = RowSums::new(&image);
-            let mut total = 0;
+            let sums = RowSums::new(&image, weights);
             for (f, &face) in mesh.faces().iter().enumerate() {
-                let corners = mesh.corners(face);
+                let (corners, mut error) = (mesh.corners(face), 0);
                 for c in 0..2 {
-                    let mut owned: Vec<u16> = Vec::new();
+                    let mut owned: Vec<(u64, u16)> = Vec::new();
                     for_each_row(corners, |y, first, end| {
-                        owned.extend(&image.row(c, y as usize)[first as usize..end as usize]);
+                        for x in first as usize..end as usize {
+                            let pixel = y as usize * width + x;
+                            let weight = weights.map_or(1, |weights| weights[pixel].into());
+                            owned.push((weight, image.sample(c, x, y as usize)));
+                        }
                     });
-                    let mean = owned.iter().map(|&s| f64::from(s)).sum::<f64>() / owned.len() as f64;
-                    let color = if owned.is_empty() {
-                        mesh.vertex_samples(face[0] as usize)[c]
-                    } else {
-                        (mean + 0.5).floor() as u16
+                    let color = flat.colors[2 * f + c];
+                    let error_of = |color: u16| {
+                        let squared = |&(weight, s): &(u64, u16)| {
+                            weight * u64::from(s.abs_diff(color)).pow(2)
+                        };
+                        owned.iter().map(squared).sum::<u64>()
                     };
-                    prop_assert_eq!(flat.colors[2 * f + c], color);
-                }
-                let error = FlatFaces::new(&sums).error(corners);
-                total += error;
-                for c in 0..2 {
-                    let sum = sums.of_face(c, corners);
-                    let Some(best) = sum.mean() else { continue };
-                    for other in [best.saturating_sub(1), best.saturating_add(1)] {
-                        prop_assert!(sum.squared_error(best) <= sum.squared_error(other));
+                    if owned.iter().all(|&(weight, _)| weight == 0) {
+                        prop_assert_eq!(color, mesh.vertex_samples(face[0] as usize)[c]);
+                        continue;
                     }
+                    for other in [color.saturating_sub(1), color.saturating_add(1)] {
+                        prop_assert!(error_of(color) <= error_of(other));
+                    }
+                    error += error_of(color);
                 }
+                // With weights the sums of 16 bits come in units of those of 8 bits.
+                let unit = if weights.is_some() { 1 << 16 } else { 1 };
+                prop_assert_eq!(FlatFaces::new(&sums).error(corners), error / unit);
             }
-            prop_assert_eq!(total, flat.fidelity.squared_error);
         }
     }
 }

@@ -8,7 +8,7 @@
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::error::MeshingError;
-use crate::face_error::{FaceErrors, Measure};
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
 use crate::image::{Image, ImageError, Point, Shape, ShapeMismatch, check_shape, corner_points};
 use crate::model::mesh::{Mesh, MeshError};
@@ -271,7 +271,7 @@ fn remove_all(
     let (image, metric) = (&guided.image, guided.parameters.error_metric);
     let triangulation = Triangulation::new(points, control)?;
     let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
-    let measure = Measure::new(image, metric, guided.weights());
+    let measure = ErrorEvaluator::new(image, metric, guided.weights()).with_flat_areas();
     let Simplified { removals, error, .. } =
         simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;
     Ok(Removed { removals, squared_error: guided.has_squared_errors().then_some(error) })
@@ -293,7 +293,7 @@ fn measured_errors(
     removals: &[Removal],
     control: &dyn Control,
 ) -> Result<Vec<u64>, Cancelled> {
-    let measure = Measure::for_few(image, ErrorMetric::MeanCompSe);
+    let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
     let numbers: Vec<usize> =
         removals.iter().filter_map(|removal| points.binary_search(&removal.point).ok()).collect();
     let (faces, sides) = (triangulate(&points), (image.width(), image.height()));

@@ -1,10 +1,8 @@
 //! The picture rebuilt from a mesh.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::face_error::face_rows::for_each_row;
-use crate::face_error::interpolant::Interpolant;
-use crate::face_error::small_face_plane::{PRECISION, Plane};
-use crate::face_error::small_face_rows::{Edges, ROWS};
+use crate::face_error::interpolant::{Interpolant, PLANE_PRECISION, Plane};
+use crate::face_error::pixels_of_face::{ROWS, SmallFace, for_each_row};
 use crate::image::{Image, Point, Shape};
 use crate::model::mesh::Mesh;
 use crate::triangulation::Face;
@@ -34,7 +32,7 @@ pub fn rasterize(mesh: &Mesh, control: &dyn Control) -> Result<Image, Cancelled>
     let level = Level::new();
     for (f, faces) in mesh.faces().chunks(FACES_PER_POLL).enumerate() {
         control.poll(Stage::Rasterize, f * FACES_PER_POLL, mesh.faces().len())?;
-        if precision <= PRECISION {
+        if precision <= PLANE_PRECISION {
             dispatch!(level, simd => canvas.fill_small_faces(simd, faces));
         } else {
             faces.iter().for_each(|&face| canvas.fill_face(face));
@@ -72,9 +70,9 @@ impl Canvas<'_> {
     fn fill_small_faces<S: Simd>(&mut self, simd: S, faces: &[Face]) {
         for &face in faces {
             let corners = self.mesh.corners(face);
-            match Edges::new(corners) {
-                Some(edges) if edges.left > 0 && edges.bottom > 0 => {
-                    self.fill_small_face(simd, face, corners, edges);
+            match SmallFace::new(corners) {
+                Some(small) if !small.touches_axes() => {
+                    self.fill_small_face(simd, face, corners, small);
                 }
                 _ => self.fill_face(face),
             }
@@ -82,14 +80,20 @@ impl Canvas<'_> {
     }
 
     #[inline(always)]
-    fn fill_small_face<S: Simd>(&mut self, simd: S, face: Face, corners: [Point; 3], edges: Edges) {
+    fn fill_small_face<S: Simd>(
+        &mut self,
+        simd: S,
+        face: Face,
+        corners: [Point; 3],
+        small: SmallFace,
+    ) {
         let offsets = i32x8::simd_from(simd, [0, 1, 2, 3, 4, 5, 6, 7]);
         let lanes = u16x8::simd_from(simd, [0, 1, 2, 3, 4, 5, 6, 7]);
         let vertices = face.map(|v| self.mesh.vertex_samples(v as usize));
-        for first_row in (0..edges.rows).step_by(ROWS) {
-            let rows = edges.rows(simd, first_row);
-            let count = ROWS.min((edges.rows - first_row) as usize);
-            let y = edges.bottom + 1 + first_row;
+        for first_row in (0..small.rows).step_by(ROWS) {
+            let rows = small.rows(simd, first_row);
+            let count = ROWS.min((small.rows - first_row) as usize);
+            let y = small.bottom + 1 + first_row;
             for (c, samples) in self.components.iter_mut().enumerate() {
                 let at_corners = vertices.map(|samples| f32x8::splat(simd, samples[c].into()));
                 let plane = Plane::new(simd, corners, at_corners, offsets);

@@ -106,9 +106,6 @@ pub enum ParameterError {
         "target_psnr needs the error_metric mean_comp_se or vec_se, not {0}: give target_error instead"
     )]
     TargetNeedsSquaredError(ErrorMetric),
-    /// Weights with a metric that is not the squared error.
-    #[error("weights need the error_metric mean_comp_se, vec_se or ssim, not {0}")]
-    WeightsNeedSquaredError(ErrorMetric),
     /// Weights of another size than the image.
     #[error("the weights are for {}x{} points, the image has {}x{}", actual.0, actual.1, expected.0, expected.1)]
     WeightsSize {
@@ -436,18 +433,14 @@ impl Parameters {
         }
     }
 
-    /// Weights are for squared errors of the image's points. Flat faces know no other error.
+    /// Weights are for each point of the image.
     pub(crate) fn check_weights(&self, expected: (usize, usize)) -> Result<(), ParameterError> {
         let Some(weights) = &self.weights else { return Ok(()) };
         let actual = weights.size();
         if actual != expected {
             return Err(ParameterError::WeightsSize { actual, expected });
         }
-        match self.metric_of_guide() {
-            ErrorMetric::MeanCompSe | ErrorMetric::VecSe | ErrorMetric::Ssim => Ok(()),
-            _ if self.is_flat() => Ok(()),
-            _ => Err(ParameterError::WeightsNeedSquaredError(self.error_metric)),
-        }
+        Ok(())
     }
 
     /// The policy, the metric and the luma are defined for this many components.

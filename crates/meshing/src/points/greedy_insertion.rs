@@ -8,9 +8,9 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::face_error::face_rows::for_each_row;
 use crate::face_error::interpolant::Interpolant;
-use crate::face_error::{FaceErrors, Measure};
+use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point, corner_points};
 use crate::parameters::choices::ErrorMetric;
 use crate::triangulation::predicates::orientation;
@@ -42,7 +42,7 @@ pub(crate) fn inserted_points(
 ) -> Result<Vec<Point>, Cancelled> {
     let corners = corner_points(image.width(), image.height()).to_vec();
     let faces = triangulate(&corners);
-    let measure = Measure::new(image, metric, weights);
+    let measure = ErrorEvaluator::new(image, metric, weights).with_flat_areas();
     let sides = (image.width(), image.height());
     let mesh = MeasuredMesh::new(corners, &faces, sides, FaceErrors::new(&measure));
     let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new() };
@@ -173,7 +173,7 @@ mod tests {
             let points = inserted_points(&image, metric, None, size, &()).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
             let faces = triangulate(&points);
-            let measure = Measure::new(&image, metric, None);
+            let measure = ErrorEvaluator::new(&image, metric, None);
             let mut errors = FaceErrors::new(&measure);
             let corners = |face: &Face| face.map(|v| points[v as usize]);
             let total: u64 = faces.iter().map(|face| errors.error(corners(face))).sum();

@@ -87,7 +87,7 @@ impl Control for Part<'_> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::face_error::{FaceErrors, Measure};
+    use crate::face_error::{ErrorEvaluator, FaceErrors};
     use crate::image::{Image, Point, corner_points};
     use crate::model::flat_color::{FlatFaces, RowSums};
     use crate::parameters::choices::ErrorMetric;
@@ -110,7 +110,7 @@ pub(crate) mod tests {
     #[test]
     fn flat_faces_are_refined_by_their_own_errors() {
         let image = shaded(40);
-        let sums = RowSums::new(&image);
+        let sums = RowSums::new(&image, None);
         let seeds = (0..60).map(|i| Point::new(i * 37 % 40, i * 23 % 39));
         let points: BTreeSet<Point> = seeds.chain(corner_points(40, 40)).collect();
         let points: Vec<Point> = points.into_iter().collect();
@@ -165,13 +165,13 @@ pub(crate) mod tests {
     }
 
     /// What faces of an image are measured against.
-    pub(super) fn measure_of(image: &Image) -> Measure<'_> {
-        Measure::new(image, ErrorMetric::MeanCompSe, None)
+    pub(super) fn measure_of(image: &Image) -> ErrorEvaluator<'_> {
+        ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None)
     }
 
     /// The measured triangulation of points given by row, then column.
     pub(crate) fn measured<'m>(
-        measure: &'m Measure<'m>,
+        measure: &'m ErrorEvaluator<'m>,
         image: &Image,
         points: Vec<Point>,
     ) -> MeasuredMesh<FaceErrors<'m>> {

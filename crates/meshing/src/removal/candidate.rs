@@ -10,7 +10,7 @@
 //! and measure all their faces. The lists are the specification of the arrays: the test
 //! `arrays_and_lists_agree` compares them.
 
-use crate::face_error::{FaceErrors, Measure};
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::Point;
 use crate::removal::fill_cache::{CACHED_TRIANGLES, FillCache};
 use crate::removal::star::{InlineReplacement, Packed, Record, Replacement, Star};
@@ -64,7 +64,7 @@ struct Wedge {
 }
 
 impl<'m> Evaluator<'m> {
-    pub(crate) fn new(measure: &'m Measure<'m>) -> Self {
+    pub(crate) fn new(measure: &'m ErrorEvaluator<'m>) -> Self {
         Self {
             errors: FaceErrors::new(measure),
             batch: Batch::default(),

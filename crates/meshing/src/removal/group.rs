@@ -4,7 +4,7 @@
 //! at a time; a vertex with a neighbour outside its group then waits for a larger group.
 
 use crate::control::Cancelled;
-use crate::face_error::Measure;
+use crate::face_error::ErrorEvaluator;
 use crate::removal::candidate::{Evaluator, Neighbour};
 use crate::removal::queue::{Entry, RemovalQueue};
 use crate::removal::star::{INLINE_CAPACITY, StarBlock};
@@ -40,7 +40,7 @@ impl<'t, 'a> Group<'t, 'a> {
     /// The group of these tiles.
     pub(crate) fn new(
         vertices: &'a Vertices,
-        measure: &'a Measure<'a>,
+        measure: &'a ErrorEvaluator<'a>,
         first_tile: usize,
         stars: &'t mut [StarBlock],
         queues: &'t mut [RemovalQueue],

@@ -6,8 +6,8 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
-use crate::face_error::face_rows::for_each_row;
 use crate::face_error::interpolant::Interpolant;
+use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};
 use crate::removal::Removal;
 use crate::triangulation::Face;

@@ -22,7 +22,7 @@ pub use progress::Removal;
 pub(crate) use progress::StopRule;
 
 use crate::control::{Cancelled, Control};
-use crate::face_error::Measure;
+use crate::face_error::ErrorEvaluator;
 use crate::image::{Image, Point};
 use crate::parameters::choices::Parallel;
 use crate::removal::group::{Group, Selection};
@@ -55,14 +55,14 @@ pub(crate) fn simplify(
     parallel: Parallel,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
-    let measure = Measure::new(image, rule.metric, None);
+    let measure = ErrorEvaluator::new(image, rule.metric, None).with_flat_areas();
     simplify_by(image, &measure, triangulation, rule, parallel, control)
 }
 
 /// The same by a measure of the rule's metric that exists already.
 pub(crate) fn simplify_by(
     image: &Image,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     triangulation: Triangulation,
     rule: StopRule,
     parallel: Parallel,
@@ -83,7 +83,7 @@ pub(crate) fn simplify_by(
 /// Removes vertices in the exact order.
 fn remove_in_order(
     start: Start<'_>,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
     let Start { vertices, mut stars, mut queues, mut progress } = start;

@@ -13,7 +13,7 @@
 //! number of threads.
 
 use crate::control::{Cancelled, Control};
-use crate::face_error::Measure;
+use crate::face_error::ErrorEvaluator;
 use crate::parallel::share_out;
 use crate::removal::group::{Group, Selection};
 use crate::removal::progress::{Progress, StopRule};
@@ -72,7 +72,7 @@ pub(crate) fn tile_digits(vertex_count: usize, rule: StopRule) -> Option<u32> {
 /// Removes vertices tile by tile until few removals remain.
 pub(crate) fn remove_in_rounds(
     start: &mut Start<'_>,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
     let Start { vertices, stars, queues, progress } = start;
@@ -208,7 +208,7 @@ mod tests {
 
     /// What is left of all points of a picture, by tiles of `1 << digits` vertices.
     fn remove(image: &Image, size: usize, digits: u32, threads: usize) -> Simplified {
-        let measure = Measure::new(image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
         let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let mut start = start(image, &measure, down_to(size), digits, &control);
         remove_in_rounds(&mut start, &measure, &control).unwrap();
@@ -220,7 +220,7 @@ mod tests {
     fn assert_removals_can_be_replayed(image: &Image, made: &Simplified) {
         let (width, height) = (image.width(), image.height());
         let points = lattice(width, height);
-        let measure = Measure::new(image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
         let faces = triangulate(&points);
         let errors = FaceErrors::new(&measure);
         let mut mesh = MeasuredMesh::new(points, &faces, (width, height), errors);
@@ -304,7 +304,7 @@ mod tests {
     fn limit_is_a_quantile_and_quotas_follow_from_it() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let Start { queues, .. } = start(&image, &measure, down_to(4), 6, &());
         assert_eq!(queues.len(), 900_usize.div_ceil(64));
         for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2)] {

@@ -1,7 +1,7 @@
 //! What removal starts from: the stars and the queues of all vertices of a triangulation.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::face_error::{FaceErrors, Measure};
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point};
 use crate::parallel::in_parallel;
 use crate::removal::candidate::Evaluator;
@@ -33,7 +33,7 @@ pub(crate) fn prepare<'a>(
     image: &'a Image,
     triangulation: Triangulation,
     rule: StopRule,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     digits: u32,
     control: &dyn Control,
 ) -> Result<Start<'a>, Cancelled> {
@@ -53,7 +53,7 @@ pub(crate) fn prepare<'a>(
 /// The errors of all triangles.
 fn face_errors(
     triangulation: &Triangulation,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     surplus: usize,
     control: &dyn Control,
 ) -> Result<Vec<u64>, Cancelled> {
@@ -80,7 +80,7 @@ fn evaluate_tile(
     tile: usize,
     stars: &mut [StarBlock],
     vertices: &Vertices,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     progress: &Progress<'_>,
     control: &dyn Control,
 ) -> Result<RemovalQueue, Cancelled> {

@@ -23,7 +23,7 @@ pub(crate) fn down_to(size: usize) -> StopRule {
 /// What removal from all lattice points starts from.
 pub(crate) fn start<'a>(
     image: &'a Image,
-    measure: &Measure<'_>,
+    measure: &ErrorEvaluator<'_>,
     rule: StopRule,
     digits: u32,
     control: &dyn Control,
@@ -53,14 +53,14 @@ impl Selection for Once<'_, '_> {
 
 impl Start<'_> {
     /// Makes the next removal.
-    fn remove_one(&mut self, measure: &Measure<'_>) {
+    fn remove_one(&mut self, measure: &ErrorEvaluator<'_>) {
         let Self { vertices, stars, queues, progress } = self;
         let mut once = Once { vertices, progress, is_done: false };
         Group::new(vertices, measure, 0, stars, queues).remove_from(0, &mut once).unwrap();
     }
 
     /// The errors kept for the faces are those computed afresh.
-    fn assert_errors_are_current(&self, measure: &Measure<'_>) {
+    fn assert_errors_are_current(&self, measure: &ErrorEvaluator<'_>) {
         let mut errors = FaceErrors::new(measure);
         let view = MeshView { vertices: &self.vertices, blocks: &self.stars, first_block: 0 };
         let mut total = 0;
@@ -91,7 +91,7 @@ impl Start<'_> {
     }
 
     /// The queue's keys are the changes computed afresh, with nothing cached.
-    fn assert_keys_are_current(&mut self, measure: &Measure<'_>) {
+    fn assert_keys_are_current(&mut self, measure: &ErrorEvaluator<'_>) {
         let mut evaluator = Evaluator::new(measure);
         for entry in self.queues[0].entries() {
             let cached = self.stars[0].record(entry.vertex).fill;
@@ -114,7 +114,7 @@ proptest! {
         // Few gray levels, so that equal changes of error are common.
         let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
         let image = Image::from_bottom_up(width, height, 3, vec![plane(0), plane(3)]).unwrap();
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let mut start = start(&image, &measure, down_to(4), ONE_TILE, &());
         while start.queues[0].len() > 0 {
             start.remove_one(&measure);

@@ -159,19 +159,48 @@ fn heavier_pixels_get_more_vertices() {
 }
 
 #[test]
-fn refuses_weights_by_name() {
+fn refuses_weights_of_another_size() {
     let image = noise(24);
     assert!(Weights::from_top_down(24, 24, vec![1; 9]).is_err());
     let own = Method::Mgprfs.parameters(Target::Size(60));
-    let refusal = |side: usize, metric| {
+    let refusal = |side: usize| {
         let weights = Weights::from_top_down(side, side, vec![1; side * side]).ok();
-        let parameters = own.clone().weights(weights).error_metric(metric);
-        mesh_image(&image, &parameters, &()).map(|_| ()).map_err(|error| error.to_string())
+        mesh_image(&image, &own.clone().weights(weights), &())
+            .map(|_| ())
+            .map_err(|error| error.to_string())
     };
-    let squared = ErrorMetric::MeanCompSe;
-    assert_eq!(refusal(24, squared), Ok(()));
-    assert!(refusal(23, squared).unwrap_err().contains("23x23 points, the image has 24x24"));
-    assert!(refusal(24, ErrorMetric::MeanCompAe).unwrap_err().contains("not mean_comp_ae"));
+    assert_eq!(refusal(24), Ok(()));
+    assert!(refusal(23).unwrap_err().contains("23x23 points, the image has 24x24"));
+}
+
+/// The squared error of the columns left of the middle.
+fn error_of_left_half(image: &Image, picture: &Image) -> u64 {
+    let middle = image.width() / 2;
+    let rows = (0..image.component_count())
+        .flat_map(|c| (0..image.height()).map(move |y| (image.row(c, y), picture.row(c, y))));
+    let square = |(a, b): (&u16, &u16)| u64::from(a.abs_diff(*b)).pow(2);
+    rows.map(|(a, b)| a[..middle].iter().zip(&b[..middle]).map(square).sum::<u64>()).sum()
+}
+
+#[test]
+fn heavier_pixels_have_smaller_errors() {
+    let components = (1..4).map(|c| noise(32 + c).components()[0][..32 * 32].to_vec()).collect();
+    let image = Image::from_bottom_up(32, 32, 8, components).unwrap();
+    let weights = (0..32 * 32).map(|i| if i % 32 < 16 { 255 } else { 1 }).collect();
+    let weights = Weights::from_bottom_up(32, 32, weights).unwrap();
+    let target = Target::Size(100);
+    let own = Method::Mgprfs.parameters(target);
+    let with_metric = |&metric| own.clone().error_metric(metric);
+    let every_metric = ErrorMetric::ALL.iter().map(with_metric);
+    for parameters in every_metric.chain([Method::Flat.parameters(target)]) {
+        let [with, without] = [Some(weights.clone()), None].map(|weights| {
+            let made = model(&image, &parameters.clone().weights(weights));
+            let picture = made.flat.map(|flat| flat.picture);
+            let picture = picture.unwrap_or_else(|| rasterize(&made.mesh, &()).unwrap());
+            error_of_left_half(&image, &picture)
+        });
+        assert!(with < without, "{with}, {without}: {parameters:?}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::*;
 use crate::control::OnThreads;
 use crate::control::tests::Recorder;
-use crate::face_error::{FaceErrors, Measure};
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, corner_points};
 use crate::parameters::choices::ErrorMetric;
 use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
@@ -175,7 +175,7 @@ fn equal_weights_change_nothing_of_what_is_promised() {
     let (plain, points) = picture(9, 9, &samples, &seeds);
     let weights = [77; 81];
     let measures = [None, Some(&weights[..])]
-        .map(|weights| Measure::with_model(&plain, ErrorMetric::MeanCompSe, weights));
+        .map(|weights| ErrorEvaluator::new(&plain, ErrorMetric::MeanCompSe, weights).with_model());
     let [mut plain_mesh, mut weighted_mesh] =
         [0, 1].map(|i| measured(&measures[i], &plain, points.clone()));
     assert_eq!(weighted_mesh.total_error(), 77 * plain_mesh.total_error());
@@ -348,7 +348,7 @@ fn a_foresighted_look_passes_over_large_faces_where_they_are_few_and_forecasts_a
     {
         let components = vec![samples.clone(); component_count];
         let image = Image::from_bottom_up(width, height, precision, components).unwrap();
-        let measure = Measure::with_model(&image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None).with_model();
         let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
         let mut points: Vec<Point> =
             near.chain(corner_points(width, height)).chain([far]).collect();
@@ -424,6 +424,6 @@ fn sum_of_errors_of_corners(image: &Image) -> u64 {
 }
 
 /// The error of a face, measured afresh.
-fn measured_error(measure: &Measure<'_>, corners: [Point; 3]) -> u64 {
+fn measured_error(measure: &ErrorEvaluator<'_>, corners: [Point; 3]) -> u64 {
     FaceErrors::new(measure).error(corners)
 }

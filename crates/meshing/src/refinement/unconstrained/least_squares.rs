@@ -8,7 +8,7 @@
 //! every machine; libraries that choose vector instructions as they run do not promise that.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::face_error::face_rows::for_each_row;
+use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::Point;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::triangulation::predicates::orientation;

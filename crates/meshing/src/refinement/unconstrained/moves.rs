@@ -7,7 +7,7 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::half_edges::Ring;
-use crate::face_error::face_rows::for_each_row;
+use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::Point;
 use crate::refinement::unconstrained::valued_mesh::{ValuedMesh, squared_error};
 use crate::triangulation::predicates::orientation;

@@ -1,8 +1,8 @@
 //! A mesh whose vertices carry values of their own, and whose faces need not be Delaunay.
 
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Ring};
-use crate::face_error::face_rows::for_each_row;
 use crate::face_error::interpolant::Interpolant;
+use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};
 use crate::triangulation::predicates::{in_circle, orientation};
 use crate::triangulation::{Face, NONE, next, previous};
@@ -117,16 +117,9 @@ impl<'a> ValuedMesh<'a> {
 
 /// The squared error of a face with any values at its vertices.
 pub(crate) fn squared_error(image: &Image, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
-    let double_area = orientation(corners[0], corners[1], corners[2]);
-    let quarter_reciprocal = 0.25 / double_area as f64;
     let mut sum = 0;
     for (c, samples) in image.components().iter().enumerate() {
-        let interpolant = Interpolant::with_double_area(
-            corners,
-            values.map(|values| values[c]),
-            double_area,
-            quarter_reciprocal,
-        );
+        let interpolant = Interpolant::new(corners, values.map(|values| values[c]));
         for_each_row(corners, |y, first, end| {
             let row = y as usize * image.width();
             let samples = &samples[row + first as usize..row + end as usize];

@@ -54,7 +54,7 @@ proptest! {
         let sample = |s: &u16| if precision == 16 { s % 2 * 0xffff } else { *s << (precision - 3) };
         let samples = samples.iter().map(sample).take(width * height).collect();
         let image = Image::from_bottom_up(width, height, precision, vec![samples]).unwrap();
-        let measure = Measure::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let Start { vertices, mut stars, .. } =
             start(&image, &measure, down_to(4), ONE_TILE, &());
         let mut evaluator = Evaluator::new(&measure);

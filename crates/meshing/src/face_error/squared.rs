@@ -1,0 +1,318 @@
+//! The squared error of small faces over samples of up to 8 bits, all components at once.
+//!
+//! A vector has eight lanes: eight pixels of one component, four of two, or two of three or four.
+//! [`Plane`] proves that 32-bit floating point computes the rounded interpolants exactly. Sums of
+//! squares are exact below 2^24; they leave the lanes before 257 pixels are in one.
+//!
+//! The specification is the row by row sum of [`FaceErrors`](crate::face_error::FaceErrors) for
+//! faces of any size; the tests `small_faces_have_the_error_of_large_ones` and
+//! `largest_errors_of_small_faces_are_exact` tie this form to it. The program chooses the
+//! instructions of its machine as it runs; on all of them each lane does the same operations in the
+//! same order.
+
+use crate::face_error::interpolant::{PLANE_PRECISION, Plane};
+use crate::face_error::pixels_of_face::{MAX_EXTENT, ROWS, SmallFace, for_each_row};
+use crate::image::{Image, Point};
+use fearless_simd::{
+    Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u16x8, u32x4,
+};
+
+/// Lanes of a vector.
+pub(crate) const LANES: usize = 8;
+
+/// Components of a pixel at most.
+pub(crate) const MAX_COMPONENTS: usize = 4;
+
+/// Samples that a vector of 8-bit samples reads from a pixel on.
+const SAMPLES_READ: usize = 2 * LANES;
+
+/// Pixels whose squared differences a lane sums up exactly: `256 * 255^2 < 2^24`.
+const PIXELS_PER_SUM: usize = 256;
+
+// A row's vectors leave the lanes capacity for eight rows at least.
+const _: () = assert!((MAX_EXTENT as usize * MAX_COMPONENTS / LANES + 1) * ROWS <= PIXELS_PER_SUM);
+
+/// A sample as [`Pixels`] stores it.
+pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
+    /// Bits of a sample.
+    const PRECISION: u8;
+
+    /// A sample of at most so many bits.
+    fn of(sample: u16) -> Self;
+
+    /// The first eight of at least [`SAMPLES_READ`] samples.
+    fn first<S: Simd>(simd: S, samples: &[Self]) -> f32x8<S>;
+
+    /// The samples of the first pixel, repeated.
+    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S>;
+}
+
+impl Sample for u8 {
+    const PRECISION: u8 = PLANE_PRECISION;
+
+    #[inline(always)]
+    fn of(sample: u16) -> Self {
+        sample as u8
+    }
+
+    #[inline(always)]
+    fn first<S: Simd>(simd: S, samples: &[Self]) -> f32x8<S> {
+        first_bytes(u8x16::from_slice(simd, &samples[..SAMPLES_READ]))
+    }
+
+    #[inline(always)]
+    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
+        if STRIDE == 1 {
+            return f32x8::splat(simd, samples[0].into());
+        }
+        let mut bytes = [0; 4];
+        bytes[..STRIDE].copy_from_slice(&samples[..STRIDE]);
+        let repetitions = u32::MAX / (u32::MAX >> (32 - 8 * STRIDE));
+        let samples = u32::from_le_bytes(bytes) * repetitions;
+        first_bytes(u32x4::splat(simd, samples).to_bytes())
+    }
+}
+
+/// Only the quadratic model reads 16-bit samples.
+impl Sample for u16 {
+    const PRECISION: u8 = 16;
+
+    #[inline(always)]
+    fn of(sample: u16) -> Self {
+        sample
+    }
+
+    #[inline(always)]
+    fn first<S: Simd>(simd: S, samples: &[Self]) -> f32x8<S> {
+        let (first, second) = u16x8::from_slice(simd, &samples[..LANES]).widen();
+        first.combine(second).to_float()
+    }
+
+    #[inline(always)]
+    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
+        let samples = &samples[..STRIDE];
+        f32x8::simd_from(simd, std::array::from_fn(|lane| f32::from(samples[lane % STRIDE])))
+    }
+}
+
+/// The first eight bytes as numbers.
+#[inline(always)]
+fn first_bytes<S: Simd>(bytes: u8x16<S>) -> f32x8<S> {
+    let (first, second) = bytes.widen().0.widen();
+    first.combine(second).to_float()
+}
+
+/// An image of up to [`MAX_COMPONENTS`] components, the samples of each pixel side by side.
+pub(crate) struct Pixels<T = u8> {
+    pub(crate) level: Level,
+    pub(crate) width: usize,
+    /// Samples of each pixel: 1, 2 or 4. The fourth sample of three components is 0.
+    pub(crate) stride: usize,
+    /// Row by row, with [`SAMPLES_READ`] more at the end.
+    pub(crate) samples: Vec<T>,
+}
+
+impl<T: Sample> Pixels<T> {
+    /// The pixels of an image; `None` when it has more components or bits.
+    pub(crate) fn new(image: &Image) -> Option<Self> {
+        if image.precision() > T::PRECISION || image.component_count() > MAX_COMPONENTS {
+            return None;
+        }
+        let stride = image.component_count().next_power_of_two();
+        let mut samples = vec![T::default(); image.pixel_count() * stride + SAMPLES_READ];
+        for (c, component) in image.components().iter().enumerate() {
+            let stored = samples[c..].iter_mut().step_by(stride);
+            stored.zip(component).for_each(|(stored, &sample)| *stored = T::of(sample));
+        }
+        Some(Self { level: Level::new(), width: image.width(), stride, samples })
+    }
+
+    /// The interpolants of a face's components in lanes.
+    #[inline(always)]
+    pub(crate) fn plane<S: Simd, const STRIDE: usize>(
+        &self,
+        simd: S,
+        corners: [Point; 3],
+    ) -> Plane<S> {
+        // In a closure for `map` this would not always be compiled for the machine's vectors.
+        let at_corners = [
+            self.repeated::<S, STRIDE>(simd, corners[0]),
+            self.repeated::<S, STRIDE>(simd, corners[1]),
+            self.repeated::<S, STRIDE>(simd, corners[2]),
+        ];
+        let offsets = i32x8::simd_from(simd, std::array::from_fn(|lane| (lane / STRIDE) as i32));
+        Plane::new(simd, corners, at_corners, offsets)
+    }
+
+    /// The samples of one pixel, repeated.
+    #[inline(always)]
+    fn repeated<S: Simd, const STRIDE: usize>(&self, simd: S, p: Point) -> f32x8<S> {
+        let at = (p.y as usize * self.width + p.x as usize) * STRIDE;
+        T::repeated::<S, STRIDE>(simd, &self.samples[at..])
+    }
+}
+
+impl Pixels {
+    /// Appends the errors of counter-clockwise faces to `errors` and returns their sum: sums over
+    /// pixels and components of the squared differences between the rounded interpolant and the
+    /// image. Stops before the first face that is not small and after the face with which the sum
+    /// reaches `limit`.
+    pub(crate) fn errors(&self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        match self.stride {
+            1 => dispatch!(self.level, simd => self.errors_by::<_, 1>(simd, faces, limit, errors)),
+            2 => dispatch!(self.level, simd => self.errors_by::<_, 2>(simd, faces, limit, errors)),
+            _ => dispatch!(self.level, simd => self.errors_by::<_, 4>(simd, faces, limit, errors)),
+        }
+    }
+
+    #[inline(always)]
+    fn errors_by<S: Simd, const STRIDE: usize>(
+        &self,
+        simd: S,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+    ) -> u64 {
+        let mut sum = 0;
+        for &corners in faces {
+            let Some(face) = SmallFace::new(corners) else { break };
+            let error = self.error::<S, STRIDE>(simd, corners, &face);
+            errors.push(error);
+            sum += error;
+            if sum >= limit {
+                break;
+            }
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn error<S: Simd, const STRIDE: usize>(
+        &self,
+        simd: S,
+        corners: [Point; 3],
+        face: &SmallFace,
+    ) -> u64 {
+        let lanes = f32x8::splat(simd, 0.0);
+        let mut sum = Sum { plane: self.plane::<S, STRIDE>(simd, corners), lanes, total: 0 };
+        if face.touches_axes() {
+            return sum.of_walk::<STRIDE>(self, corners);
+        }
+        let vectors_per_row = face.columns as usize * STRIDE / LANES + 1;
+        let mut rows_summed = 0;
+        for first_row in (0..face.rows).step_by(ROWS) {
+            let rows = face.rows(simd, first_row);
+            let count = ROWS.min((face.rows - first_row) as usize);
+            if (rows_summed + count) * vectors_per_row > PIXELS_PER_SUM {
+                sum.empty_lanes();
+                rows_summed = 0;
+            }
+            rows_summed += count;
+            let y = face.bottom + 1 + first_row;
+            let (mut numerators, mut start) = (sum.plane.row(y), y as usize * self.width);
+            for (&first, &points) in rows.firsts.iter().zip(&rows.counts).take(count) {
+                let ahead = (first - sum.plane.a.x) as f32;
+                let from_first = numerators + sum.plane.per_column * ahead;
+                let samples = &self.samples[(start + first as usize) * STRIDE..];
+                sum.add_row::<STRIDE>(from_first, samples, points);
+                numerators += sum.plane.per_row;
+                start += self.width;
+            }
+        }
+        sum.empty_lanes();
+        sum.total
+    }
+}
+
+/// A sum of squared differences over the rows of a face.
+struct Sum<S: Simd> {
+    plane: Plane<S>,
+    lanes: f32x8<S>,
+    /// The part of the sum that has left the lanes.
+    total: u64,
+}
+
+impl<S: Simd> Sum<S> {
+    /// The sum over a face whose rows only the walk finds.
+    #[inline(always)]
+    fn of_walk<const STRIDE: usize>(mut self, pixels: &Pixels, corners: [Point; 3]) -> u64 {
+        for_each_row(
+            corners,
+            #[inline(always)]
+            |y, first, end| {
+                let ahead = (first - self.plane.a.x) as f32;
+                let numerators = self.plane.row(y) + self.plane.per_column * ahead;
+                let at = (y as usize * pixels.width + first as usize) * STRIDE;
+                self.add_row::<STRIDE>(numerators, &pixels.samples[at..], end - first);
+                self.empty_lanes();
+            },
+        );
+        self.total
+    }
+
+    /// Adds the squared differences in the first `points` pixels of `samples`.
+    #[inline(always)]
+    fn add_row<const STRIDE: usize>(
+        &mut self,
+        mut numerators: f32x8<S>,
+        samples: &[u8],
+        mut points: i32,
+    ) {
+        let plane = &self.plane;
+        let mut at = 0;
+        loop {
+            let values = plane.rounded(numerators);
+            let samples = u8::first(plane.simd, &samples[at..]);
+            let counts: mask32x8<S> = plane.offsets.simd_lt(points);
+            let differences = counts.select(values - samples, f32x8::splat(plane.simd, 0.0));
+            self.lanes += differences * differences;
+            points -= (LANES / STRIDE) as i32;
+            if points <= 0 {
+                return;
+            }
+            at += LANES;
+            numerators += plane.per_column * (LANES / STRIDE) as f32;
+        }
+    }
+
+    /// Adds the lanes to the total.
+    #[inline(always)]
+    fn empty_lanes(&mut self) {
+        let lanes: [i32; LANES] = self.lanes.to_int::<i32x8<S>>().into();
+        self.total += lanes.iter().sum::<i32>() as u64;
+        self.lanes = f32x8::splat(self.plane.simd, 0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Compares both ways of reading lanes with single samples.
+    #[inline(always)]
+    fn assert_lanes<S: Simd, T: Sample, const STRIDE: usize>(simd: S, samples: &[T]) {
+        let expected = |at: &dyn Fn(usize) -> usize| -> [f32; LANES] {
+            std::array::from_fn(|lane| samples[at(lane)].into())
+        };
+        let lanes = |lanes: f32x8<S>| -> [f32; LANES] { lanes.into() };
+        assert_eq!(lanes(T::first(simd, samples)), expected(&|lane| lane));
+        let repeated = lanes(T::repeated::<S, STRIDE>(simd, samples));
+        assert_eq!(repeated, expected(&|lane| lane % STRIDE));
+    }
+
+    proptest! {
+        #[test]
+        fn lanes_hold_the_samples(samples in prop::array::uniform32(0u16..=u16::MAX)) {
+            let bytes = samples.map(|sample| u8::of(sample & 255));
+            dispatch!(Level::new(), simd => {
+                assert_lanes::<_, _, 1>(simd, &samples);
+                assert_lanes::<_, _, 2>(simd, &samples);
+                assert_lanes::<_, _, 4>(simd, &samples);
+                assert_lanes::<_, _, 1>(simd, &bytes);
+                assert_lanes::<_, _, 2>(simd, &bytes);
+                assert_lanes::<_, _, 4>(simd, &bytes);
+            });
+        }
+    }
+}
