@@ -15,7 +15,7 @@ use crate::parameters::{
     Connectivity, ErrorBound, ErrorMetric, Parallel, Parameters, Plan, Target, Values,
 };
 use crate::points::initial_points;
-use crate::quality::fidelity::Fidelity;
+use crate::quality::fidelity::{Fidelity, largest_squared_error};
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
 use crate::refinement::unconstrained::liberate;
@@ -163,7 +163,12 @@ fn remove(
     if initial_size == size && bound.is_none() && !bad_point_removal {
         return Ok(Reduced::of_triangulation(triangulation, Vec::new()));
     }
-    let rule = StopRule { size, bound, metric, bad_point_removal };
+    let most = match bound {
+        Some(ErrorBound::PsnrDb(least)) => Some(largest_squared_error(least, guided.image.shape())),
+        Some(ErrorBound::MeanError(most)) => Some(metric.largest_sum(most, &guided.image)),
+        Some(ErrorBound::MaxError(_)) | None => None,
+    };
+    let rule = StopRule { size, bound: most, metric, bad_point_removal };
     if let Some(ErrorBound::MaxError(most)) = bound {
         let (points, faces) = (triangulation.points.clone(), triangulation.faces());
         let exact = Parallel::Exact;
@@ -288,7 +293,9 @@ pub(crate) fn is_within(
     control: &dyn Control,
 ) -> Result<bool, Cancelled> {
     Ok(match bound {
-        ErrorBound::PsnrDb(least) => made.fidelity.psnr_db() >= least,
+        ErrorBound::PsnrDb(least) => {
+            made.fidelity.squared_error <= largest_squared_error(least, image.shape())
+        }
         ErrorBound::MeanError(most) => {
             let rebuilt = rasterize(&made.mesh, control)?;
             mean_error(image, &rebuilt, parameters.metric_of_guide()) <= most

@@ -64,6 +64,16 @@ impl ErrorMetric {
         sum as f64 / (self.per_unit(image.component_count()) * image.pixel_count() as f64)
     }
 
+    /// The largest sum over an image whose mean error per point is at most `most`.
+    pub(crate) fn largest_sum(self, most: f64, image: &Image) -> u64 {
+        let mut sum = 0;
+        for bit in (0..u64::BITS).rev() {
+            let larger = sum | 1 << bit;
+            sum = if self.mean(larger, image) <= most { larger } else { sum };
+        }
+        sum
+    }
+
     /// Integers in one unit of the error of one pixel.
     fn per_unit(self, component_count: usize) -> f64 {
         match self {

@@ -52,6 +52,28 @@ impl Fidelity {
     }
 }
 
+/// The largest squared error of an image of this shape whose PSNR is at least this many decibels.
+///
+/// Uses operations that IEEE 754 rounds alike on every machine, so the result depends on neither
+/// the machine nor its logarithm; a squared error larger by one part in 10^12 is still taken, so
+/// that the PSNR of a known squared error admits that squared error.
+pub(crate) fn largest_squared_error(least_db: f64, shape: Shape) -> u64 {
+    let Fidelity { sample_count, precision, .. } = Fidelity::of_shape(0, shape);
+    let decades = (least_db / 10.0).floor();
+    // The Taylor series of 10^x for 0 <= x < 1.
+    let x = (least_db / 10.0 - decades) * std::f64::consts::LN_10;
+    let (mut power, mut term) = (1.0, 1.0);
+    for i in 1..40 {
+        term *= x / f64::from(i);
+        power += term;
+    }
+    for _ in 0..decades as u32 {
+        power *= 10.0;
+    }
+    let peak = f64::from(largest_sample(precision));
+    (sample_count as f64 * (peak * peak) / power * (1.0 + 1e-12)) as u64
+}
+
 /// Sum of squared differences of two components.
 fn sum_of_squares(a: &[u16], b: &[u16]) -> u64 {
     let square = |(&a, &b): (&u16, &u16)| u64::from(a.abs_diff(b)).pow(2);
@@ -64,6 +86,16 @@ mod tests {
 
     fn gray(samples: [u16; 4]) -> Image {
         Image::from_bottom_up(2, 2, 8, vec![samples.to_vec()]).unwrap()
+    }
+
+    #[test]
+    fn largest_squared_error_has_the_psnr() {
+        let shape = gray([0; 4]).shape();
+        for squared_error in (1..3000).chain([65025, 4 * 65025]) {
+            let psnr_db = Fidelity::of_shape(squared_error, shape).psnr_db();
+            assert_eq!(largest_squared_error(psnr_db, shape), squared_error);
+            assert_eq!(largest_squared_error(psnr_db + 1e-6, shape), squared_error - 1);
+        }
     }
 
     #[test]

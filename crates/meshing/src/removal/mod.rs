@@ -82,7 +82,7 @@ pub(crate) fn simplify_by(
 
 /// Removes vertices in the exact order.
 fn remove_in_order(
-    start: Start<'_>,
+    start: Start,
     measure: &ErrorEvaluator<'_>,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
@@ -94,13 +94,13 @@ fn remove_in_order(
 }
 
 /// Accepts removals until the rule says stop.
-struct ExactOrder<'p, 'a> {
+struct ExactOrder<'p> {
     vertices: &'p Vertices,
-    progress: &'p mut Progress<'a>,
+    progress: &'p mut Progress,
     control: &'p dyn Control,
 }
 
-impl Selection for ExactOrder<'_, '_> {
+impl Selection for ExactOrder<'_> {
     #[inline]
     fn accepts(&mut self, first: Entry) -> Result<bool, Cancelled> {
         self.progress.poll(self.control)?;

@@ -71,7 +71,7 @@ pub(crate) fn tile_digits(vertex_count: usize, rule: StopRule) -> Option<u32> {
 
 /// Removes vertices tile by tile until few removals remain.
 pub(crate) fn remove_in_rounds(
-    start: &mut Start<'_>,
+    start: &mut Start,
     measure: &ErrorEvaluator<'_>,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
@@ -124,7 +124,7 @@ struct Task<'t, 'a> {
 fn remove_in_groups(
     mut tasks: Vec<Task<'_, '_>>,
     limit: Entry,
-    progress: &Progress<'_>,
+    progress: &Progress,
     control: &dyn Control,
 ) -> Result<Vec<Vec<Entry>>, Cancelled> {
     share_out(tasks.iter_mut(), control, |task, control| task.run(limit, progress, control))?;
@@ -132,7 +132,7 @@ fn remove_in_groups(
 }
 
 /// Records what all groups have removed, in the order of the whole.
-fn record_in_order(removed: &[Vec<Entry>], vertices: &Vertices, progress: &mut Progress<'_>) {
+fn record_in_order(removed: &[Vec<Entry>], vertices: &Vertices, progress: &mut Progress) {
     let at = |group: usize, i: usize| Some(Reverse((*removed[group].get(i)?, group, i)));
     let mut next: BinaryHeap<_> = (0..removed.len()).filter_map(|group| at(group, 0)).collect();
     while let Some(Reverse((entry, group, i))) = next.pop() {
@@ -146,7 +146,7 @@ impl Task<'_, '_> {
     fn run(
         &mut self,
         limit: Entry,
-        progress: &Progress<'_>,
+        progress: &Progress,
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
         let mut removed_before = usize::MAX;
@@ -174,7 +174,7 @@ struct BelowLimit<'r> {
     limit: Entry,
     quota: &'r mut usize,
     removed: &'r mut Vec<Entry>,
-    progress: &'r Progress<'r>,
+    progress: &'r Progress,
     control: &'r dyn Control,
 }
 
@@ -296,7 +296,7 @@ mod tests {
         let (count, part) = (most, most / LEAST_PART);
         assert_eq!(digits(count, count - part), None);
         assert_eq!(digits(count, count - part - 1), Some(13));
-        let bound = Some(crate::parameters::ErrorBound::PsnrDb(30.0));
+        let bound = Some(30);
         assert_eq!(tile_digits(count, StopRule { bound, ..down_to(4) }), None);
     }
 

@@ -19,27 +19,27 @@ pub(crate) const ONE_TILE: u32 = u32::BITS - 1;
 const STEPS_PER_POLL: usize = 8192;
 
 /// A mesh before removal, in tiles of `1 << vertices.digits` vertices.
-pub(crate) struct Start<'a> {
+pub(crate) struct Start {
     pub(crate) vertices: Vertices,
     /// The stars of each tile.
     pub(crate) stars: Vec<StarBlock>,
     /// For each tile an entry for each vertex that may be removed.
     pub(crate) queues: Vec<RemovalQueue>,
-    pub(crate) progress: Progress<'a>,
+    pub(crate) progress: Progress,
 }
 
 /// Evaluates the vertices of a triangulation.
-pub(crate) fn prepare<'a>(
-    image: &'a Image,
+pub(crate) fn prepare(
+    image: &Image,
     triangulation: Triangulation,
     rule: StopRule,
     measure: &ErrorEvaluator<'_>,
     digits: u32,
     control: &dyn Control,
-) -> Result<Start<'a>, Cancelled> {
+) -> Result<Start, Cancelled> {
     let count = triangulation.points.len();
     let errors = face_errors(&triangulation, measure, count.saturating_sub(rule.size), control)?;
-    let progress = Progress::new(image, rule, count, errors.iter().sum());
+    let progress = Progress::new(rule, count, errors.iter().sum());
     let vertices = Vertices::new(image, &triangulation.points, digits);
     let mut stars = StarBlock::of_triangulation(&triangulation, &vertices.ranks, &errors, digits);
     drop((triangulation, errors));
@@ -81,7 +81,7 @@ fn evaluate_tile(
     stars: &mut [StarBlock],
     vertices: &Vertices,
     measure: &ErrorEvaluator<'_>,
-    progress: &Progress<'_>,
+    progress: &Progress,
     control: &dyn Control,
 ) -> Result<RemovalQueue, Cancelled> {
     let numbers = stars[tile].numbers();
@@ -109,7 +109,7 @@ fn evaluate_tile(
     Ok(RemovalQueue::of_vertices_from(numbers.start, numbers.len(), entries))
 }
 
-impl Start<'_> {
+impl Start {
     /// Makes one tile of all.
     pub(crate) fn merge_tiles(&mut self) {
         let count = self.vertices.points.len();

@@ -21,26 +21,26 @@ pub(crate) fn down_to(size: usize) -> StopRule {
 }
 
 /// What removal from all lattice points starts from.
-pub(crate) fn start<'a>(
-    image: &'a Image,
+pub(crate) fn start(
+    image: &Image,
     measure: &ErrorEvaluator<'_>,
     rule: StopRule,
     digits: u32,
     control: &dyn Control,
-) -> Start<'a> {
+) -> Start {
     let points = lattice(image.width(), image.height());
     let triangulation = Triangulation::new(points, &()).unwrap();
     prepare(image, triangulation, rule, measure, digits, control).unwrap()
 }
 
 /// Accepts one removal.
-struct Once<'p, 'a> {
+struct Once<'p> {
     vertices: &'p Vertices,
-    progress: &'p mut Progress<'a>,
+    progress: &'p mut Progress,
     is_done: bool,
 }
 
-impl Selection for Once<'_, '_> {
+impl Selection for Once<'_> {
     fn accepts(&mut self, _: Entry) -> Result<bool, Cancelled> {
         Ok(!self.is_done)
     }
@@ -51,7 +51,7 @@ impl Selection for Once<'_, '_> {
     }
 }
 
-impl Start<'_> {
+impl Start {
     /// Makes the next removal.
     fn remove_one(&mut self, measure: &ErrorEvaluator<'_>) {
         let Self { vertices, stars, queues, progress } = self;
