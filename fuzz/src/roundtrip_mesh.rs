@@ -18,7 +18,7 @@ pub fn run(bytes: &[u8]) {
     let samples = (0..points.len() * component_count).map(sample).collect();
     let faces = triangulate(&points);
     let shape = Shape { width, height, component_count, precision };
-    let mesh = Mesh::new(shape, points, samples, faces).expect("a triangulation is a mesh");
+    let mesh = Mesh::new(shape, points, samples, faces, &()).expect("a triangulation is a mesh");
     let mut written = Vec::new();
     write_model(&mesh, &mut written).expect("memory takes everything");
     assert_eq!(read_model(&written, &LIMITS).as_ref(), Ok(&mesh));

@@ -4,8 +4,8 @@
 //! follow, rows from the top as the file stores them; or how many bytes of text that say what is wrong;
 //! or the limit that the file's metadata exceeds.
 
-use pixmesh_codec::{Assembly, DecodeError, PictureFormat};
-use pixmesh_meshing::{Cancelled, Image};
+use pixmesh_codec::{Assembly, DecodeError, PictureFormat, Wanted};
+use pixmesh_meshing::Image;
 use std::io::{self, Write};
 
 const SAMPLES: u8 = b'S';
@@ -123,10 +123,7 @@ impl<F: Fn() -> Result<Assembly, DecodeError>> Reply<F> {
     }
 
     /// The image, or why there is none.
-    pub(super) fn into_image(
-        self,
-        wanted: &dyn Fn() -> Result<(), Cancelled>,
-    ) -> Result<Image, DecodeError> {
+    pub(super) fn into_image(self, wanted: &Wanted<'_>) -> Result<Image, DecodeError> {
         let (format, number) = (self.format, self.number());
         let reason = String::from_utf8_lossy(&self.text).into_owned();
         match self.head.first() {

@@ -120,7 +120,7 @@ mod tests {
                 let mut flipped = faces.to_vec();
                 (flipped[f], flipped[g]) = ([a, d, c], [d, b, c]);
                 let samples = mesh.samples().to_vec();
-                let made = Mesh::new(mesh.shape(), mesh.points().to_vec(), samples, flipped);
+                let made = Mesh::new(mesh.shape(), mesh.points().to_vec(), samples, flipped, &());
                 if let Ok(made) = made
                     && delaunay::check(&made).is_err()
                 {

@@ -47,7 +47,7 @@ pub fn resize(
     let progression = progression.shortened(size).map_err(damaged)?;
     watch.check()?;
     watch.begin("triangulate");
-    let mesh = progression.mesh_while(size, watch).map_err(damaged)?;
+    let mesh = progression.mesh(size, watch).map_err(damaged)?;
     let fidelity = progression.fidelity(size).map_err(damaged)?;
     let writing = Writing {
         format,

@@ -81,7 +81,7 @@ fn the_order_of_vertices_is_one_download_from_which_a_client_makes_every_size() 
     assert_eq!(document["mesh"]["progression_bytes"], answer.body.len());
     let progression = read_progression(&answer.body, &limits).unwrap();
     for size in [4, 20, 77, 100] {
-        let mesh = progression.mesh(size).unwrap();
+        let mesh = progression.mesh(size, &()).unwrap();
         let model = server.get(&format!("{job}/mesh?size={size}")).body;
         assert_eq!(read_model(&model, &limits).unwrap(), mesh, "{size}");
         let rebuilt = rasterize(&mesh, &()).unwrap();
@@ -94,7 +94,7 @@ fn the_order_of_vertices_is_one_download_from_which_a_client_makes_every_size() 
     assert!(direct.body == answer.body, "a request's is the same");
     let accept = [("Accept", "application/vnd.pixmesh.pmesh")];
     let pmesh = get(&server, &format!("{job}/mesh"), &accept);
-    assert_eq!(read_pmesh(&pmesh.body, &limits).unwrap(), progression.mesh(100).unwrap());
+    assert_eq!(read_pmesh(&pmesh.body, &limits).unwrap(), progression.mesh(100, &()).unwrap());
     server.wait_until_idle();
 }
 

@@ -97,7 +97,7 @@ impl RasterizeModel {
         let damaged = |source| CliError::Pmesh { name: name(), source };
         if let Some(size) = self.size {
             let read = pixmesh_codec::read_progression(bytes, &files::LIMITS);
-            let mesh = read.map_err(damaged)?.mesh(size);
+            let mesh = read.map_err(damaged)?.mesh(size, &());
             return mesh.map_err(|source| damaged(source.into()));
         }
         if pixmesh_codec::is_pmesh(bytes) {

@@ -25,7 +25,7 @@ fn mesh(side: usize, components: usize) -> Mesh {
     let cells = (0..side - 1).flat_map(|y| (0..side - 1).map(move |x| (y * side + x) as u32));
     let above = side as u32;
     let faces = cells.flat_map(|a| [[a, a + 1, a + above + 1], [a, a + above + 1, a + above]]);
-    Mesh::new(shape, points, samples, faces.collect()).unwrap()
+    Mesh::new(shape, points, samples, faces.collect(), &()).unwrap()
 }
 
 /// The best of five runs.

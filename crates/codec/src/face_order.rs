@@ -32,7 +32,7 @@ pub(crate) fn by_neighbours(mesh: &Mesh) -> Mesh {
     let points = order.iter().filter_map(|&vertex| mesh.points().get(vertex).copied()).collect();
     let samples = order.iter().flat_map(|&vertex| mesh.vertex_samples(vertex).to_vec()).collect();
     // A valid mesh in another order is valid.
-    Mesh::new(mesh.shape(), points, samples, faces).unwrap_or_else(|_| mesh.clone())
+    Mesh::new(mesh.shape(), points, samples, faces, &()).unwrap_or_else(|_| mesh.clone())
 }
 
 /// The face beyond each edge of each face; edge `i` runs from corner `i` to the next.
@@ -125,7 +125,7 @@ mod tests {
                 [[a, b, c], [c, d, a]]
             })
             .collect();
-        let mesh = Mesh::new(shape, points, (0..900).collect(), faces).unwrap();
+        let mesh = Mesh::new(shape, points, (0..900).collect(), faces, &()).unwrap();
         let ordered = by_neighbours(&mesh);
         let set = |mesh: &Mesh| -> BTreeSet<Vec<(i32, i32, u16)>> {
             let corner = |v: u32| {

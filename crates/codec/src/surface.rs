@@ -134,7 +134,7 @@ mod tests {
         let places = [(0, 0), (4, 0), (0, 2), (4, 2), (2, 0), (2, 1), (4, 1)];
         let points = places.map(|(x, y)| Point::new(x, y)).to_vec();
         let faces = vec![[0, 4, 5], [4, 1, 5], [1, 6, 5], [6, 3, 5], [3, 2, 5], [2, 0, 5]];
-        Mesh::new(shape, points, vec![0, 255, 51, 102, 0, 255, 10], faces).unwrap()
+        Mesh::new(shape, points, vec![0, 255, 51, 102, 0, 255, 10], faces, &()).unwrap()
     }
 
     #[test]

@@ -5,14 +5,23 @@
 //! longer wanted, it unwinds through the decoder up to [`guarded`](crate::guard::guarded), as salsa
 //! does with its queries. No hook for panics hears of that.
 
-use pixmesh_meshing::Cancelled;
+use pixmesh_meshing::{Cancelled, Control, Stage};
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::panic::resume_unwind;
 
 /// Says whether a piece of work is still wanted.
 ///
 /// It is asked every few thousand bytes and for every row, and must answer at once.
-pub type Wanted<'a> = dyn Fn() -> Result<(), Cancelled> + 'a;
+pub type Wanted<'a> = dyn Fn() -> Result<(), Cancelled> + Sync + 'a;
+
+/// A control of the kernels that asks whether the work is wanted.
+pub(crate) struct While<'a>(pub(crate) &'a Wanted<'a>);
+
+impl Control for While<'_> {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        (self.0)()
+    }
+}
 
 /// Wanted in any case.
 pub(crate) fn always() -> Result<(), Cancelled> {
@@ -104,9 +113,9 @@ impl Seek for WantedBytes<'_> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::cell::Cell;
     use std::io::Cursor;
     use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[derive(Clone, Debug)]
     enum Step {
@@ -172,15 +181,16 @@ mod tests {
     #[test]
     fn reading_unwinds_within_a_piece_of_where_it_is_no_longer_wanted() {
         let bytes = vec![0; 100 * PIECE_BYTES];
-        let read = Cell::new(0);
-        let wanted = || if read.get() > 10 * PIECE_BYTES { Err(Cancelled) } else { Ok(()) };
+        let read = AtomicUsize::new(0);
+        let position = || read.load(Ordering::Relaxed);
+        let wanted = || if position() > 10 * PIECE_BYTES { Err(Cancelled) } else { Ok(()) };
         let unwound = catch_unwind(AssertUnwindSafe(|| {
             let mut file = WantedBytes::new(&bytes, &wanted);
             while file.read(&mut [0; 3]).unwrap() > 0 {
-                read.set(read.get() + 3);
+                read.fetch_add(3, Ordering::Relaxed);
             }
         }));
         assert!(unwound.unwrap_err().is::<Cancelled>());
-        assert!((10 * PIECE_BYTES..=11 * PIECE_BYTES + 3).contains(&read.get()), "{}", read.get());
+        assert!((10 * PIECE_BYTES..=11 * PIECE_BYTES + 3).contains(&position()), "{}", position());
     }
 }

@@ -211,8 +211,8 @@ fn floods_of_comments_and_garbage_are_refused_at_once() {
 fn comments_are_lines_of_their_own_and_change_nothing() {
     let shape = pixmesh_meshing::Shape { width: 2, height: 2, component_count: 1, precision: 8 };
     let points = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| pixmesh_meshing::Point::new(x, y));
-    let mesh =
-        Mesh::new(shape, points.to_vec(), vec![1, 2, 3, 4], vec![[0, 1, 2], [1, 3, 2]]).unwrap();
+    let mesh = Mesh::new(shape, points.to_vec(), vec![1, 2, 3, 4], vec![[0, 1, 2], [1, 3, 2]], &())
+        .unwrap();
     let mut text = Vec::new();
     let comments = ["connectivity free: of another kind", "two\nlines"];
     pixmesh_codec::write_model_with_comments(&mesh, &comments, &mut text).unwrap();

@@ -76,7 +76,7 @@ proptest! {
             prop_assert_eq!(mesh.validate(), Ok(()));
         }
         if let Ok(progression) = read_progression(&bytes[..cut], &limits) {
-            prop_assert!(progression.mesh(4).is_ok());
+            prop_assert!(progression.mesh(4, &()).is_ok());
         }
     }
 }
@@ -85,7 +85,7 @@ proptest! {
 fn a_mesh_of_another_triangulation_is_refused() {
     let shape = Shape { width: 2, height: 2, component_count: 1, precision: 8 };
     let points = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
-    let mesh = Mesh::new(shape, points, vec![1, 2, 3, 4], vec![[0, 1, 2], [1, 3, 2]]).unwrap();
+    let mesh = Mesh::new(shape, points, vec![1, 2, 3, 4], vec![[0, 1, 2], [1, 3, 2]], &()).unwrap();
     let refused = write_pmesh(&mesh, &mut Vec::new());
     assert!(matches!(refused, Err(EncodeError::Connectivity { format: "pmesh" })));
 }

@@ -173,7 +173,8 @@ fn gamma(light: u16) -> u16 {
 fn rasterized_in_linear_light(mesh: &Mesh) -> Image {
     let shape = pixmesh_meshing::Shape { precision: 16, ..mesh.shape() };
     let samples = mesh.samples().iter().map(|&sample| linear(sample)).collect();
-    let linear = Mesh::new(shape, mesh.points().to_vec(), samples, mesh.faces().to_vec()).unwrap();
+    let linear =
+        Mesh::new(shape, mesh.points().to_vec(), samples, mesh.faces().to_vec(), &()).unwrap();
     let light = rasterize(&linear, &()).unwrap();
     let planes = light.components().iter();
     let planes = planes.map(|plane| plane.iter().map(|&sample| gamma(sample)).collect()).collect();
@@ -246,7 +247,8 @@ fn svg_has_no_seams_and_gradients_show_what_our_rasteriser_shows() {
     let one_colour = {
         let mesh = &meshes[0];
         let samples = vec![0; mesh.samples().len()];
-        Mesh::new(mesh.shape(), mesh.points().to_vec(), samples, mesh.faces().to_vec()).unwrap()
+        Mesh::new(mesh.shape(), mesh.points().to_vec(), samples, mesh.faces().to_vec(), &())
+            .unwrap()
     };
     let mut jobs = Vec::new();
     for shading in Shading::ALL {

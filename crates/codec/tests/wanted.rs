@@ -7,13 +7,13 @@ mod samples;
 
 use pixmesh_codec::{
     Alpha, DecodeError, DecodeOptions, EncodeError, Limits, ModelDefect, PmeshError,
-    PngCompression, Texture, WeightsError, read_model_while, read_progression_while,
+    PngCompression, Texture, Wanted, WeightsError, read_model_while, read_progression_while,
     read_weights_while, write_model, write_png, write_png_while, write_pnm, write_progression,
 };
 use pixmesh_meshing::{Cancelled, Image, Mesh, Method, Progression, Target, mesh_image};
 use samples::encoders::{bmp, gray_gif, tiff, webp};
 use samples::{gradient, jpeg, scattered};
-use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use tiff::encoder::{Compression, DeflateLevel, Predictor};
 
 /// Rows of the pictures below.
@@ -56,13 +56,13 @@ const SMALL: usize = 6;
 
 /// Runs `work`, which is wanted up to its question `last`; gives back its result and the questions
 /// that it asked.
-fn ask<T>(last: usize, work: impl FnOnce(&dyn Fn() -> Result<(), Cancelled>) -> T) -> (T, usize) {
-    let asked = Cell::new(0);
+fn ask<T>(last: usize, work: impl FnOnce(&Wanted<'_>) -> T) -> (T, usize) {
+    let asked = AtomicUsize::new(0);
     let result = work(&|| {
-        asked.set(asked.get() + 1);
-        if asked.get() > last { Err(Cancelled) } else { Ok(()) }
+        let before = asked.fetch_add(1, Ordering::Relaxed);
+        if before >= last { Err(Cancelled) } else { Ok(()) }
     });
-    (result, asked.get())
+    (result, asked.into_inner())
 }
 
 fn decode_until(

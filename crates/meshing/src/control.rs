@@ -32,11 +32,13 @@ pub enum Stage {
     Order,
     /// The picture rebuilt from the mesh.
     Rasterize,
+    /// Checks of a mesh or a progression made of parts.
+    Check,
 }
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Search,
         Self::Density,
         Self::Diffuse,
@@ -47,6 +49,7 @@ impl Stage {
         Self::Measure,
         Self::Order,
         Self::Rasterize,
+        Self::Check,
     ];
 
     /// The stage's name in lower case, as logs, metrics and `Server-Timing` carry it.
@@ -63,6 +66,7 @@ impl Stage {
             Self::Measure => "measure",
             Self::Order => "order",
             Self::Rasterize => "rasterize",
+            Self::Check => "check",
         }
     }
 }

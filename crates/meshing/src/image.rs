@@ -12,8 +12,13 @@ use thiserror::Error;
 /// product of two coordinates fit comfortably into 64 bits.
 pub const MAX_SIDE: usize = 1 << 20;
 
+/// The most lattice points an image may have: a mesh of all of them has fewer than six times as
+/// many half-edges, and these are numbered in 32 bits.
+pub const MAX_POINTS: usize = u32::MAX as usize / 6;
+
 /// A point of the image's lattice; `y` grows upwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Point {
     /// Row, `0..height`, 0 at the bottom. Declared first, so that points compare by row, then column.
     pub y: i32,
@@ -31,6 +36,7 @@ impl Point {
 
 /// Width, height, components and precision of the image that a mesh models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Shape {
     /// Columns, at least 2.
     pub width: usize,
@@ -89,8 +95,10 @@ pub enum ImageError {
         /// Rows given.
         height: usize,
     },
-    /// A side is longer than [`MAX_SIDE`].
-    #[error("an image of {width}x{height} is too large: {MAX_SIDE} columns and rows are the most")]
+    /// A side is longer than [`MAX_SIDE`], or there are more than [`MAX_POINTS`] lattice points.
+    #[error(
+        "an image of {width}x{height} is too large: {MAX_SIDE} columns and rows and {MAX_POINTS} points are the most"
+    )]
     TooLarge {
         /// Columns given.
         width: usize,
@@ -149,14 +157,43 @@ impl Image {
         }
     }
 
+    /// Makes an image of components whose rows run from the top to the bottom, as decoders give
+    /// them.
+    ///
+    /// Each component has `width * height` samples in `0..=2^precision - 1`.
+    ///
+    /// # Errors
+    /// When a side is under 2 or over [`MAX_SIDE`], there are more than [`MAX_POINTS`] points, the
+    /// precision is not 1..=16, there is no component, or a component has the wrong length or a
+    /// sample out of range.
+    ///
+    /// ```
+    /// use pixmesh_meshing::Image;
+    ///
+    /// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 20, 30, 40]])?;
+    /// assert_eq!(image.row(0, 0), [30, 40]); // row 0 is the bottom row
+    /// # Ok::<(), pixmesh_meshing::ImageError>(())
+    /// ```
+    pub fn from_top_down(
+        width: usize,
+        height: usize,
+        precision: u8,
+        mut components: Vec<Vec<u16>>,
+    ) -> Result<Self, ImageError> {
+        check_shape(width, height, precision)?;
+        for samples in &mut components {
+            flip_rows(samples, width);
+        }
+        Self::from_bottom_up(width, height, precision, components)
+    }
+
     /// Makes an image of components whose rows run from the bottom to the top.
     ///
     /// `components[c][y * width + x]` is the sample of component `c` at `(x, y)`, in
     /// `0..=2^precision - 1`.
     ///
     /// # Errors
-    /// When a side is under 2 or over [`MAX_SIDE`], the precision is not 1..=16, there is no
-    /// component, or a component has the wrong length or a sample out of range.
+    /// As [`from_top_down`](Self::from_top_down).
     pub fn from_bottom_up(
         width: usize,
         height: usize,
@@ -183,24 +220,6 @@ impl Image {
             }
         }
         Ok(Self { width, height, precision, components })
-    }
-
-    /// Makes an image of components whose rows run from the top to the bottom, as files have
-    /// them; the one place where a whole image is flipped.
-    ///
-    /// # Errors
-    /// As [`Image::from_bottom_up`].
-    pub fn from_top_down(
-        width: usize,
-        height: usize,
-        precision: u8,
-        mut components: Vec<Vec<u16>>,
-    ) -> Result<Self, ImageError> {
-        check_shape(width, height, precision)?;
-        for samples in &mut components {
-            flip_rows(samples, width);
-        }
-        Self::from_bottom_up(width, height, precision, components)
     }
 
     /// An image of parts that a kernel of this crate has made valid.
@@ -301,7 +320,7 @@ pub(crate) fn check_shape(width: usize, height: usize, precision: u8) -> Result<
     if width < 2 || height < 2 {
         return Err(ImageError::TooSmall { width, height });
     }
-    if width > MAX_SIDE || height > MAX_SIDE {
+    if width > MAX_SIDE || height > MAX_SIDE || width * height > MAX_POINTS {
         return Err(ImageError::TooLarge { width, height });
     }
     if !(1..=16).contains(&precision) {
@@ -341,6 +360,8 @@ mod tests {
         assert_eq!(check_shape(MAX_SIDE, 2, 16), Ok(()));
         assert_eq!(check_shape(2, MAX_SIDE, 1), Ok(()));
         assert!(check_shape(2, MAX_SIDE + 1, 1).is_err());
+        assert_eq!(check_shape(MAX_SIDE, MAX_POINTS / MAX_SIDE, 8), Ok(()));
+        assert!(check_shape(MAX_SIDE, MAX_POINTS / MAX_SIDE + 1, 8).is_err());
     }
 
     #[test]

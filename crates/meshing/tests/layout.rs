@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 /// The modules of `src`, each before all that may use it.
-const ORDER: [&str; 18] = [
+const ORDER: [&str; 20] = [
     "control",
     "image",
+    "convert",
     "parallel",
     "parameters",
     "error",
@@ -21,6 +22,7 @@ const ORDER: [&str; 18] = [
     "removal",
     "refinement",
     "model",
+    "serialize",
     "search",
     "pipeline",
     "lib",

@@ -8,7 +8,7 @@
 use super::defect::{ModelDefect, ModelError};
 use super::tokens::Tokens;
 use crate::limits::Limits;
-use crate::wanted::{Wanted, always};
+use crate::wanted::{Wanted, While, always};
 use pixmesh_meshing::{Face, ImageError, Mesh, MeshError, Point, Shape};
 
 /// Samples per pixel that the limits allow: those of a picture with red, green, blue and alpha.
@@ -66,7 +66,7 @@ pub fn read_model_while(
     if let Some(token) = tokens.next() {
         return Err(token.error(ModelDefect::Trailing { found: token.quote() }));
     }
-    Mesh::new_while(shape, points, samples, faces, wanted).map_err(|defect| match defect {
+    Mesh::new(shape, points, samples, faces, &While(wanted)).map_err(|defect| match defect {
         MeshError::Cancelled(cancelled) => tokens.error(cancelled.into()),
         defect => {
             let token = token_of(&defect, shape, vertex_count);

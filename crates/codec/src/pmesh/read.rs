@@ -4,7 +4,7 @@ use super::number::{take, unfolded};
 use super::{HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::DecodeError;
 use crate::limits::Limits;
-use crate::wanted::{Wanted, always};
+use crate::wanted::{Wanted, While, always};
 use flate2::read::DeflateDecoder;
 use pixmesh_meshing::{
     Cancelled, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate,
@@ -70,7 +70,7 @@ pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
         }
     }
     let faces = triangulate(&points);
-    Ok(Mesh::new(shape, points, samples, faces)?)
+    Ok(Mesh::new(shape, points, samples, faces, &())?)
 }
 
 /// Reads a progression from pmesh.
@@ -104,7 +104,7 @@ pub fn read_progression_while(
     let ordered = order.iter().map(|&v| points[v]).collect();
     let values = order.iter().flat_map(|&v| &samples[v * count..][..count]).copied().collect();
     wanted()?;
-    match Progression::from_parts_while(shape, ordered, values, squared_errors, wanted) {
+    match Progression::from_parts(shape, ordered, values, squared_errors, &While(wanted)) {
         Err(ProgressionError::Cancelled(cancelled)) => Err(cancelled.into()),
         made => Ok(made?),
     }

@@ -68,7 +68,7 @@ pub(crate) fn crossings(
             });
         }
     }
-    Mesh::new(shape, points, samples, faces).unwrap()
+    Mesh::new(shape, points, samples, faces, &()).unwrap()
 }
 
 /// A mesh of every lattice point.

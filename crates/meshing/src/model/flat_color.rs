@@ -223,7 +223,7 @@ mod tests {
         };
         let samples = points.iter().flat_map(sample).collect();
         let faces: Vec<Face> = triangulate(&points);
-        Mesh::new(image.shape(), points, samples, faces).unwrap()
+        Mesh::new(image.shape(), points, samples, faces, &()).unwrap()
     }
 
     proptest! {

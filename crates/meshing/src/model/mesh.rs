@@ -1,6 +1,6 @@
 //! The mesh model of an image: sample points, their samples and the triangulation.
 
-use crate::control::Cancelled;
+use crate::control::{Cancelled, Control, Stage};
 use crate::image::{Image, ImageError, Point, Shape, check_shape, corner_points, largest_sample};
 use crate::triangulation::Face;
 use crate::triangulation::predicates::{in_circle, orientation};
@@ -12,6 +12,7 @@ use thiserror::Error;
 /// corners, each belongs to a face, and the faces are counter-clockwise, do not overlap and cover
 /// `[0, width - 1] x [0, height - 1]` without a gap.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Mesh {
     shape: Shape,
     points: Vec<Point>,
@@ -49,7 +50,7 @@ pub enum MeshError {
         /// Rows of the image.
         height: usize,
     },
-    /// Two vertices share a place.
+    /// Two vertices have the same position.
     #[error("vertex {vertex} repeats the point ({x}, {y}) of vertex {first}")]
     PointRepeated {
         /// Index of the later vertex.
@@ -137,7 +138,7 @@ pub enum MeshError {
         /// Index of the vertex.
         vertex: usize,
     },
-    /// Nobody wants the mesh any more.
+    /// The control cancelled the checks.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
@@ -146,33 +147,28 @@ impl Mesh {
     /// Makes a mesh of its parts after checking all of its invariants.
     ///
     /// `samples[v * component_count + c]` is component `c` of vertex `v`; faces index `points`
-    /// from 0. Costs one sort of the edges.
+    /// from 0. Costs one sort of the edges. Polls every few thousand vertices and faces.
     ///
     /// # Errors
-    /// The first defect found, see [`MeshError`].
+    /// The first defect found, see [`MeshError`], or [`MeshError::Cancelled`].
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Mesh, Point, Shape};
+    ///
+    /// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
+    /// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
+    /// let faces = vec![[0, 1, 3], [0, 3, 2]];
+    /// assert!(Mesh::new(shape, corners.to_vec(), vec![0, 9, 0, 9], faces, &()).is_ok());
+    /// ```
     pub fn new(
         shape: Shape,
         points: Vec<Point>,
         samples: Vec<u16>,
         faces: Vec<Face>,
-    ) -> Result<Self, MeshError> {
-        Self::new_while(shape, points, samples, faces, &|| Ok(()))
-    }
-
-    /// Makes a mesh as [`new`](Self::new) does, for as long as it is wanted: the question is asked
-    /// every few thousand vertices and faces.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new), and [`MeshError::Cancelled`] when it is no longer wanted.
-    pub fn new_while(
-        shape: Shape,
-        points: Vec<Point>,
-        samples: Vec<u16>,
-        faces: Vec<Face>,
-        wanted: &dyn Fn() -> Result<(), Cancelled>,
+        control: &dyn Control,
     ) -> Result<Self, MeshError> {
         let mesh = Self { shape, points, samples, faces };
-        mesh.validate_while(wanted)?;
+        mesh.check(control)?;
         Ok(mesh)
     }
 
@@ -204,7 +200,7 @@ impl Mesh {
         self.shape
     }
 
-    /// The vertices' places.
+    /// The vertices' positions.
     #[must_use]
     pub fn points(&self) -> &[Point] {
         &self.points
@@ -239,7 +235,7 @@ impl Mesh {
         self.points.len() + self.faces.len() - 1
     }
 
-    /// The three places of a face.
+    /// The positions of a face's vertices.
     ///
     /// # Panics
     /// When the face names a vertex out of range.
@@ -253,15 +249,15 @@ impl Mesh {
     /// # Errors
     /// The first defect found.
     pub fn validate(&self) -> Result<(), MeshError> {
-        self.validate_while(&|| Ok(()))
+        self.check(&())
     }
 
-    fn validate_while(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
-        self.check_samples()?;
-        self.check_points(wanted)?;
-        self.check_faces(wanted)?;
-        self.check_edges(wanted)?;
-        self.check_area(wanted)?;
+    fn check(&self, control: &dyn Control) -> Result<(), MeshError> {
+        check_samples(self.shape, self.points.len(), &self.samples)?;
+        check_points(self.shape, &self.points, control)?;
+        self.check_faces(control)?;
+        self.check_edges(control)?;
+        self.check_area(control)?;
         self.check_vertices_used()
     }
 
@@ -281,63 +277,17 @@ impl Mesh {
         edges.sort_unstable();
         edges.windows(2).all(|pair| {
             let [(from, to, _, left), (same_from, same_to, _, right)] = [pair[0], pair[1]];
-            let place = |v: u32| self.points[v as usize];
+            let point = |v: u32| self.points[v as usize];
             (from, to) != (same_from, same_to)
-                || !in_circle(place(from), place(to), place(left), place(right))
+                || !in_circle(point(from), point(to), point(left), point(right))
         })
     }
 
-    /// Shape and samples.
-    fn check_samples(&self) -> Result<(), MeshError> {
-        let Shape { width, height, component_count, precision } = self.shape;
-        check_shape(width, height, precision)?;
-        if component_count == 0 {
-            return Err(ImageError::NoComponents.into());
-        }
-        let (actual, expected) = (self.samples.len(), self.points.len() * component_count);
-        if actual != expected {
-            return Err(MeshError::SampleCount { actual, expected });
-        }
-        let maximum = largest_sample(precision);
-        match self.samples.iter().position(|&sample| sample > maximum) {
-            Some(i) => {
-                let (vertex, sample) = (i / component_count, self.samples[i]);
-                Err(MeshError::SampleRange { vertex, sample, maximum })
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// Points inside, distinct, corners present.
-    fn check_points(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
-        let Shape { width, height, .. } = self.shape;
-        let inside = |side: usize, at: i32| usize::try_from(at).is_ok_and(|at| at < side);
-        for (vertex, &Point { x, y }) in self.points.iter().enumerate() {
-            if !inside(width, x) || !inside(height, y) {
-                return Err(MeshError::PointOutside { vertex, x, y, width, height });
-            }
-        }
-        let mut order: Vec<(Point, usize)> = self.points.iter().copied().zip(0..).collect();
-        sort_while(&mut order, wanted)?;
-        for pair in order.windows(2) {
-            let [(place, first), (Point { x, y }, vertex)] = [pair[0], pair[1]];
-            if place == Point::new(x, y) {
-                return Err(MeshError::PointRepeated { vertex, first, x, y });
-            }
-        }
-        for corner in corner_points(width, height) {
-            if order.binary_search_by_key(&corner, |&(place, _)| place).is_err() {
-                return Err(MeshError::CornerMissing { x: corner.x, y: corner.y });
-            }
-        }
-        Ok(())
-    }
-
     /// Indices in range, faces counter-clockwise.
-    fn check_faces(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
+    fn check_faces(&self, control: &dyn Control) -> Result<(), MeshError> {
         let count = self.points.len();
         for (face, &corners) in self.faces.iter().enumerate() {
-            ask_at(face, wanted)?;
+            poll_at(face, self.faces.len(), control)?;
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= count) {
                 return Err(MeshError::IndexOutOfRange { face, vertex, count });
             }
@@ -354,17 +304,17 @@ impl Mesh {
     /// Each edge has one face at each side, or lies on the image's border.
     ///
     /// Together with the sum of the areas this shows that the faces neither overlap nor leave a
-    /// gap: the number of faces over a place can change only across an edge without a neighbour.
-    fn check_edges(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
+    /// gap: the number of faces over a position can change only across an edge without a neighbour.
+    fn check_edges(&self, control: &dyn Control) -> Result<(), MeshError> {
         let mut edges = Vec::with_capacity(3 * self.faces.len());
         for (face, &[a, b, c]) in self.faces.iter().enumerate() {
             for (from, to) in [(a, b), (b, c), (c, a)] {
                 edges.push((from.min(to), from.max(to), from > to, face));
             }
         }
-        sort_while(&mut edges, wanted)?;
+        sort(&mut edges, control)?;
         for (number, sides) in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).enumerate() {
-            ask_at(number, wanted)?;
+            poll_at(number, self.faces.len(), control)?;
             let (low, high, reversed, face) = sides[0];
             let (from, to) = if reversed { (high, low) } else { (low, high) };
             let count = sides.len();
@@ -388,10 +338,10 @@ impl Mesh {
     }
 
     /// The areas sum to the rectangle's.
-    fn check_area(&self, wanted: &Wanted<'_>) -> Result<(), MeshError> {
+    fn check_area(&self, control: &dyn Control) -> Result<(), MeshError> {
         let mut actual = 0;
         for (number, &face) in self.faces.iter().enumerate() {
-            ask_at(number, wanted)?;
+            poll_at(number, self.faces.len(), control)?;
             let [a, b, c] = self.corners(face);
             actual += i128::from(orientation(a, b, c));
         }
@@ -412,29 +362,83 @@ impl Mesh {
     }
 }
 
-/// Says whether a mesh is still wanted.
-type Wanted<'a> = dyn Fn() -> Result<(), Cancelled> + 'a;
-
-/// Elements that are gone through from one question to the next, and sorted at a time.
-const ASKED_EVERY: usize = 1 << 14;
-const SORTED_AT_A_TIME: usize = 1 << 19;
-
-/// Asks at some of the numbers.
-fn ask_at(number: usize, wanted: &Wanted<'_>) -> Result<(), Cancelled> {
-    if number.is_multiple_of(ASKED_EVERY) { wanted() } else { Ok(()) }
+/// Checks the shape, and that there is a sample in range for each vertex and component.
+pub(crate) fn check_samples(
+    shape: Shape,
+    vertex_count: usize,
+    samples: &[u16],
+) -> Result<(), MeshError> {
+    let Shape { width, height, component_count, precision } = shape;
+    check_shape(width, height, precision)?;
+    if component_count == 0 {
+        return Err(ImageError::NoComponents.into());
+    }
+    let (actual, expected) = (samples.len(), vertex_count * component_count);
+    if actual != expected {
+        return Err(MeshError::SampleCount { actual, expected });
+    }
+    let maximum = largest_sample(precision);
+    match samples.iter().position(|&sample| sample > maximum) {
+        Some(i) => {
+            let (vertex, sample) = (i / component_count, samples[i]);
+            Err(MeshError::SampleRange { vertex, sample, maximum })
+        }
+        None => Ok(()),
+    }
 }
 
-/// Sorts distinct elements, as long as that is wanted.
-fn sort_while<T: Ord>(elements: &mut [T], wanted: &Wanted<'_>) -> Result<(), Cancelled> {
-    wanted()?;
+/// Checks that points lie inside, differ, and hold the corners.
+pub(crate) fn check_points(
+    shape: Shape,
+    points: &[Point],
+    control: &dyn Control,
+) -> Result<(), MeshError> {
+    let Shape { width, height, .. } = shape;
+    let inside = |side: usize, at: i32| usize::try_from(at).is_ok_and(|at| at < side);
+    for (vertex, &Point { x, y }) in points.iter().enumerate() {
+        if !inside(width, x) || !inside(height, y) {
+            return Err(MeshError::PointOutside { vertex, x, y, width, height });
+        }
+    }
+    let mut order: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
+    sort(&mut order, control)?;
+    for pair in order.windows(2) {
+        let [(point, first), (Point { x, y }, vertex)] = [pair[0], pair[1]];
+        if point == Point::new(x, y) {
+            return Err(MeshError::PointRepeated { vertex, first, x, y });
+        }
+    }
+    for corner in corner_points(width, height) {
+        if order.binary_search_by_key(&corner, |&(point, _)| point).is_err() {
+            return Err(MeshError::CornerMissing { x: corner.x, y: corner.y });
+        }
+    }
+    Ok(())
+}
+
+/// Elements checked between two polls, and sorted at a time.
+const CHECKED_PER_POLL: usize = 1 << 14;
+const SORTED_AT_A_TIME: usize = 1 << 19;
+
+/// Polls once for every [`CHECKED_PER_POLL`] elements.
+fn poll_at(number: usize, total: usize, control: &dyn Control) -> Result<(), Cancelled> {
+    if number.is_multiple_of(CHECKED_PER_POLL) {
+        control.poll(Stage::Check, number, total)?;
+    }
+    Ok(())
+}
+
+/// Sorts distinct elements under a control.
+fn sort<T: Ord>(elements: &mut [T], control: &dyn Control) -> Result<(), Cancelled> {
+    control.poll(Stage::Check, 0, elements.len())?;
     if elements.len() <= SORTED_AT_A_TIME {
         elements.sort_unstable();
         return Ok(());
     }
     let half = elements.len() / 2;
     let (lower, _, upper) = elements.select_nth_unstable(half);
-    sort_while(lower, wanted)?;
-    sort_while(upper, wanted)
+    sort(lower, control)?;
+    sort(upper, control)
 }
 
 #[cfg(test)]

@@ -11,13 +11,13 @@ use crate::error::MeshingError;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
 use crate::image::{Image, ImageError, Point, Shape, ShapeMismatch, check_shape, corner_points};
-use crate::model::mesh::{Mesh, MeshError};
+use crate::model::mesh::{Mesh, MeshError, check_points, check_samples};
 use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
 use crate::quality::fidelity::Fidelity;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::triangulation::{Triangulation, triangulate};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::num::NonZeroUsize;
 use thiserror::Error;
 
@@ -54,7 +54,7 @@ pub enum ProgressionError {
     /// The squared errors are not one for each size.
     #[error("{actual} squared errors are given, but {expected} are needed")]
     ErrorCount {
-        /// So many are given.
+        /// Squared errors given.
         actual: usize,
         /// One for each size.
         expected: usize,
@@ -62,13 +62,10 @@ pub enum ProgressionError {
     /// The points and samples are no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// Nobody wants the progression, or its mesh, any more.
+    /// The control cancelled the work.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
-
-/// Points that are checked from one question to the next.
-const CHECKED_AT_A_TIME: usize = 1 << 12;
 
 impl Progression {
     /// Orders the vertices of a mesh of an image by greedy removal down to the corners, by what the
@@ -113,63 +110,27 @@ impl Progression {
     ///
     /// # Errors
     /// When the shape is not allowed, the corners are not first, the points or samples make no
-    /// mesh, or the errors are not one for each size.
+    /// mesh, the errors are not one for each size, or the control cancels.
     pub fn from_parts(
         shape: Shape,
         points: Vec<Point>,
         samples: Vec<u16>,
         squared_errors: Vec<u64>,
+        control: &dyn Control,
     ) -> Result<Self, ProgressionError> {
-        Self::from_parts_while(shape, points, samples, squared_errors, &|| Ok(()))
-    }
-
-    /// A progression as [`from_parts`](Self::from_parts) makes it, for as long as it is wanted: the
-    /// question is asked every few thousand points.
-    ///
-    /// # Errors
-    /// As [`from_parts`](Self::from_parts), and [`ProgressionError::Cancelled`] when it is no longer
-    /// wanted.
-    pub fn from_parts_while(
-        shape: Shape,
-        points: Vec<Point>,
-        samples: Vec<u16>,
-        squared_errors: Vec<u64>,
-        wanted: &dyn Fn() -> Result<(), Cancelled>,
-    ) -> Result<Self, ProgressionError> {
-        let Shape { width, height, component_count, precision } = shape;
-        check_shape(width, height, precision)?;
-        if points.get(..MIN_SIZE) != Some(&corner_points(width, height)[..]) {
+        check_shape(shape.width, shape.height, shape.precision)?;
+        if points.get(..MIN_SIZE) != Some(&corner_points(shape.width, shape.height)[..]) {
             return Err(ProgressionError::Corners);
         }
-        let (actual, expected) = (samples.len(), points.len() * component_count);
-        if actual != expected {
-            return Err(MeshError::SampleCount { actual, expected }.into());
-        }
+        check_samples(shape, points.len(), &samples)?;
         let (actual, expected) = (squared_errors.len(), points.len() + 1 - MIN_SIZE);
         if actual != expected {
             return Err(ProgressionError::ErrorCount { actual, expected });
         }
-        let mut places = HashSet::with_capacity(points.len());
-        let inside = |p: &Point| {
-            (0..width as i64).contains(&p.x.into()) && (0..height as i64).contains(&p.y.into())
-        };
-        for (vertex, &Point { x, y }) in points.iter().enumerate() {
-            if vertex.is_multiple_of(CHECKED_AT_A_TIME) {
-                wanted()?;
-            }
-            if !inside(&points[vertex]) {
-                return Err(MeshError::PointOutside { vertex, x, y, width, height }.into());
-            }
-            if !places.insert(points[vertex]) {
-                let first = points.iter().position(|p| *p == points[vertex]).unwrap_or(vertex);
-                return Err(MeshError::PointRepeated { vertex, first, x, y }.into());
-            }
-        }
-        let maximum = crate::image::largest_sample(precision);
-        if let Some(i) = samples.iter().position(|&sample| sample > maximum) {
-            let (vertex, sample) = (i / component_count, samples[i]);
-            return Err(MeshError::SampleRange { vertex, sample, maximum }.into());
-        }
+        check_points(shape, &points, control).map_err(|error| match error {
+            MeshError::Cancelled(cancelled) => cancelled.into(),
+            defect => ProgressionError::Mesh(defect),
+        })?;
         Ok(Self { shape, points, samples, squared_errors })
     }
 
@@ -230,23 +191,15 @@ impl Progression {
     /// removal passed through at that size. Costs one triangulation.
     ///
     /// # Errors
-    /// When the size is under 4 or more than there are points.
-    pub fn mesh(&self, size: usize) -> Result<Mesh, ProgressionError> {
-        self.mesh_while(size, &())
-    }
-
-    /// The same under a control.
-    ///
-    /// # Errors
-    /// As [`mesh`](Self::mesh), and [`ProgressionError::Cancelled`] when the control cancels.
-    pub fn mesh_while(&self, size: usize, control: &dyn Control) -> Result<Mesh, ProgressionError> {
+    /// When the size is under 4 or more than there are points, or the control cancels.
+    pub fn mesh(&self, size: usize, control: &dyn Control) -> Result<Mesh, ProgressionError> {
         self.check_size(size)?;
         let mut order: Vec<usize> = (0..size).collect();
-        order.sort_unstable_by_key(|&place| self.points[place]);
+        order.sort_unstable_by_key(|&index| self.points[index]);
         let count = self.shape.component_count;
-        let points: Vec<Point> = order.iter().map(|&place| self.points[place]).collect();
+        let points: Vec<Point> = order.iter().map(|&index| self.points[index]).collect();
         let samples =
-            order.iter().flat_map(|&place| &self.samples[place * count..][..count]).copied();
+            order.iter().flat_map(|&index| &self.samples[index * count..][..count]).copied();
         let samples = samples.collect();
         let faces = Triangulation::new(points.clone(), control)?.faces();
         Ok(Mesh::from_kernel(self.shape, points, samples, faces))
@@ -353,14 +306,14 @@ mod tests {
         let progression = Progression::new(image, &mesh, parameters, &()).unwrap();
         for &size in sizes {
             let model = of_size(size);
-            assert_eq!(progression.mesh(size).unwrap(), model.mesh, "{size}");
+            assert_eq!(progression.mesh(size, &()).unwrap(), model.mesh, "{size}");
             assert_eq!(progression.fidelity(size), Ok(model.fidelity), "{size}");
         }
         let Progression { shape, points, samples, squared_errors } = progression.clone();
-        let again = Progression::from_parts(shape, points, samples, squared_errors);
+        let again = Progression::from_parts(shape, points, samples, squared_errors, &());
         assert_eq!(again.as_ref(), Ok(&progression));
         let short = progression.clone().shortened(MIN_SIZE).unwrap();
-        assert_eq!(short.mesh(MIN_SIZE), progression.mesh(MIN_SIZE));
+        assert_eq!(short.mesh(MIN_SIZE, &()), progression.mesh(MIN_SIZE, &()));
         assert_eq!(short.fidelity(MIN_SIZE), progression.fidelity(MIN_SIZE));
     }
 
@@ -401,7 +354,7 @@ mod tests {
         let of = |extra: &[Point], sample: u16| {
             let points = [&corners, extra].concat();
             let (samples, errors) = (vec![sample; points.len()], vec![0; points.len() - 3]);
-            Progression::from_parts(shape, points, samples, errors)
+            Progression::from_parts(shape, points, samples, errors, &())
         };
         assert!(of(&[Point::new(1, 1)], 15).is_ok());
         for (refused, word) in [
@@ -409,17 +362,23 @@ mod tests {
             (of(&[Point::new(3, 1)], 1), "outside"),
             (of(&[Point::new(1, -1)], 1), "outside"),
             (of(&[Point::new(2, 2)], 1), "repeats"),
-            (Progression::from_parts(shape, corners[..3].to_vec(), vec![0; 3], vec![]), "corners"),
-            (Progression::from_parts(shape, corners.clone(), vec![0; 3], vec![0]), "3 samples"),
             (
-                Progression::from_parts(shape, corners.clone(), vec![0; 4], vec![]),
+                Progression::from_parts(shape, corners[..3].to_vec(), vec![0; 3], vec![], &()),
+                "corners",
+            ),
+            (
+                Progression::from_parts(shape, corners.clone(), vec![0; 3], vec![0], &()),
+                "3 samples",
+            ),
+            (
+                Progression::from_parts(shape, corners.clone(), vec![0; 4], vec![], &()),
                 "0 squared errors",
             ),
         ] {
             assert!(refused.unwrap_err().to_string().contains(word), "{word}");
         }
         let small = of(&[], 0).unwrap();
-        let message = small.mesh(5).unwrap_err().to_string();
+        let message = small.mesh(5, &()).unwrap_err().to_string();
         assert_eq!(message, "size is 5, but must lie in 4 to 4");
     }
 
@@ -429,7 +388,7 @@ mod tests {
         let points = [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat();
         let samples: Vec<u16> = (1..=12).collect();
         let of = |points: &[Point], samples: &[u16], errors: &[u64]| {
-            Progression::from_parts(shape, points.to_vec(), samples.to_vec(), errors.to_vec())
+            Progression::from_parts(shape, points.to_vec(), samples.to_vec(), errors.to_vec(), &())
         };
         let progression = of(&points, &samples, &[7, 5, 3]).unwrap();
         assert_eq!(progression.shape(), shape);
@@ -445,7 +404,7 @@ mod tests {
         let shape = Shape { width: 3, height: 4, component_count: 2, precision: 4 };
         let points = [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat();
         let of = |points: Vec<Point>, samples: Vec<u16>| {
-            Progression::from_parts(shape, points, samples, vec![0; 3])
+            Progression::from_parts(shape, points, samples, vec![0; 3], &())
         };
         let mut repeated = points.clone();
         repeated[5] = points[4];

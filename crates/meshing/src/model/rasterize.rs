@@ -148,7 +148,7 @@ mod tests {
         let faces = triangulate(&points);
         let (count, samples) = (faces.len(), vec![0; points.len()]);
         let shape = Shape { width: 20, height: 15, component_count: 1, precision: 8 };
-        let mesh = Mesh::new(shape, points, samples, faces).unwrap();
+        let mesh = Mesh::new(shape, points, samples, faces, &()).unwrap();
         let recorder = Recorder::default();
         rasterize(&mesh, &recorder).unwrap();
         let multiples: Vec<usize> = (0..count).step_by(64).collect();
@@ -160,7 +160,7 @@ mod tests {
         let shape = Shape { width: 5, height: 3, component_count: 2, precision: 8 };
         let points = [(0, 0), (4, 0), (0, 2), (4, 2)].map(|(x, y)| Point::new(x, y)).to_vec();
         let samples = vec![0, 9, 40, 9, 20, 9, 60, 9];
-        let mesh = Mesh::new(shape, points, samples, vec![[0, 1, 3], [0, 3, 2]]).unwrap();
+        let mesh = Mesh::new(shape, points, samples, vec![[0, 1, 3], [0, 3, 2]], &()).unwrap();
         let image = rasterize(&mesh, &()).unwrap();
         assert_eq!(image.row(0, 0), [0, 10, 20, 30, 40]);
         assert_eq!(image.row(0, 1), [10, 20, 30, 40, 50]);
@@ -186,7 +186,7 @@ mod tests {
             let samples = (0..count).map(|i| (i * 40_503 % (1 << precision)) as u16).collect();
             let shape = Shape { width, height, component_count, precision };
             let faces = triangulate(&points);
-            let mesh = Mesh::new(shape, points, samples, faces).unwrap();
+            let mesh = Mesh::new(shape, points, samples, faces, &()).unwrap();
             let vectors = rasterize(&mesh, &()).unwrap();
             let components = vec![vec![0; width * height]; component_count];
             let mut canvas = Canvas { mesh: &mesh, width, components };

@@ -11,7 +11,7 @@ pub use choices::{
 pub use method::Method;
 pub use weights::Weights;
 
-use crate::image::{ImageError, MAX_SIDE, Shape, check_shape};
+use crate::image::{ImageError, MAX_POINTS, Shape, check_shape};
 use thiserror::Error;
 
 /// The most effort that refinement may take.
@@ -19,9 +19,6 @@ pub const MAX_EFFORT: u8 = 9;
 
 /// The fewest vertices a mesh may have: the image's corners.
 pub const MIN_SIZE: usize = 4;
-
-/// The most lattice points that an image may have.
-const MAX_POINTS: usize = MAX_SIDE * MAX_SIDE;
 
 /// The smallest density, in percent.
 pub const MIN_PERCENT: f64 = 1e-6;
@@ -121,6 +118,7 @@ pub enum ParameterError {
 
 /// How large or how good the mesh is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Target {
     /// Vertices in percent of the lattice points, from [`MIN_PERCENT`] to 100; fewer than the four
     /// corners means the corners.
@@ -140,6 +138,7 @@ pub enum Target {
 
 /// How many points the mesh starts with.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum InitialSize {
     /// As many as it ends with: nothing is simplified away.
     Target,
@@ -166,6 +165,7 @@ macro_rules! parameters {
         /// assert_eq!(own.initial_size, Method::Mgprfs.parameters(own.target).initial_size);
         /// ```
         #[derive(Clone, Debug, PartialEq)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
         #[non_exhaustive]
         pub struct Parameters {
             $($(#[$doc])* pub $field: $type,)+
@@ -251,6 +251,7 @@ parameters! {
 
 /// The numbers that parameters mean for one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Plan {
     /// Vertices to simplify down to: N. With a bound on the error the least, 4.
     pub size: usize,
@@ -262,6 +263,7 @@ pub struct Plan {
 
 /// A quality that removal must keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ErrorBound {
     /// At least this PSNR, in decibels.
     PsnrDb(f64),

@@ -4,6 +4,7 @@ use crate::image::{Image, Shape, ShapeMismatch, largest_sample};
 
 /// The difference between a picture and its approximation, as an exact sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Fidelity {
     /// Sum of squared differences over all lattice points and components.
     pub squared_error: u64,

@@ -14,12 +14,12 @@ fn faces() -> Vec<Face> {
 }
 
 fn defect(points: Vec<Point>, samples: Vec<u16>, faces: Vec<Face>) -> MeshError {
-    Mesh::new(SHAPE, points, samples, faces).unwrap_err()
+    Mesh::new(SHAPE, points, samples, faces, &()).unwrap_err()
 }
 
 #[test]
 fn a_fan_around_the_centre_is_a_mesh() {
-    let mesh = Mesh::new(SHAPE, points(), vec![1, 2, 3, 4, 5], faces()).unwrap();
+    let mesh = Mesh::new(SHAPE, points(), vec![1, 2, 3, 4, 5], faces(), &()).unwrap();
     assert_eq!(mesh.edge_count(), 8);
     assert_eq!(mesh.vertex_samples(4), [5]);
 }
@@ -29,7 +29,7 @@ fn a_square_is_cut_by_its_rising_diagonal() {
     let shape = Shape { width: 2, height: 2, ..SHAPE };
     let points: Vec<Point> =
         [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
-    let mesh = |faces| Mesh::new(shape, points.clone(), vec![0; 4], faces).unwrap();
+    let mesh = |faces| Mesh::new(shape, points.clone(), vec![0; 4], faces, &()).unwrap();
     assert!(mesh(vec![[0, 1, 2], [0, 2, 3]]).is_preferred_delaunay());
     assert!(mesh(vec![[2, 3, 0], [1, 2, 0]]).is_preferred_delaunay());
     assert!(!mesh(vec![[0, 1, 3], [1, 2, 3]]).is_preferred_delaunay());
@@ -78,9 +78,12 @@ fn a_mesh_of_many_faces_is_preferred_delaunay_when_no_edge_could_be_flipped() {
 fn a_sample_out_of_range_is_that_of_its_vertex() {
     let shape = Shape { component_count: 2, ..SHAPE };
     let mut samples = vec![0; 10];
-    assert_eq!(Mesh::new(shape, points(), samples.clone(), faces()).unwrap().samples(), samples);
+    assert_eq!(
+        Mesh::new(shape, points(), samples.clone(), faces(), &()).unwrap().samples(),
+        samples
+    );
     samples[7] = 256;
-    let error = Mesh::new(shape, points(), samples, faces()).unwrap_err();
+    let error = Mesh::new(shape, points(), samples, faces(), &()).unwrap_err();
     assert!(matches!(error, MeshError::SampleRange { vertex: 3, sample: 256, maximum: 255 }));
 }
 
@@ -145,39 +148,19 @@ fn every_defect_is_found_and_named() {
 }
 
 #[test]
-fn whether_a_mesh_is_wanted_is_asked_every_16384_faces_and_edges_and_at_each_part_of_a_sort() {
-    use std::cell::Cell;
-    let shape = Shape { width: 130, height: 140, ..SHAPE };
-    let points: Vec<Point> =
-        (0..140).flat_map(|y| (0..130).map(move |x| Point::new(x, y))).collect();
-    let faces = crate::triangulation::triangulate(&points);
-    let samples = vec![0; points.len()];
-    let mesh = Mesh::from_kernel(shape, points, samples, faces);
-    let asked = Cell::new(0);
-    let wanted = || {
-        asked.set(asked.get() + 1);
-        Ok(())
-    };
-    assert_eq!(mesh.validate_while(&wanted), Ok(()));
-    let times = |count: usize| count.div_ceil(16384);
-    let (faces, edges) = (times(mesh.faces().len()), times(mesh.edge_count()));
-    assert_eq!(((faces, edges), asked.take()), ((3, 4), 2 * faces + edges + 2));
-    for (count, parts) in [(1, 1), (1 << 19, 1), ((1 << 19) + 1, 3), (1 << 20, 3)] {
+fn sorts_in_parts() {
+    for count in [1, 1 << 19, (1 << 19) + 1, 1 << 20] {
         let mut numbers: Vec<u32> = (0..count).map(|i: u32| i.wrapping_mul(0x9E37_79B1)).collect();
-        sort_while(&mut numbers, &wanted).unwrap();
-        assert_eq!((numbers.is_sorted(), asked.take()), (true, parts));
+        sort(&mut numbers, &()).unwrap();
+        assert!(numbers.is_sorted(), "{count}");
     }
 }
 
 #[test]
-fn a_mesh_that_is_not_wanted_is_not_checked_on() {
+fn checks_cancel_at_every_poll() {
     let mesh = Mesh::from_kernel(SHAPE, points(), vec![0; 5], faces());
-    for questions in 0..5 {
-        let left = std::cell::Cell::new(questions);
-        let wanted = || {
-            left.set(left.get() - 1);
-            if left.get() < 0 { Err(Cancelled) } else { Ok(()) }
-        };
-        assert_eq!(mesh.validate_while(&wanted), Err(MeshError::Cancelled(Cancelled)));
+    for polls in 0..5 {
+        let control = crate::control::tests::Recorder::cancelling_at(polls);
+        assert_eq!(mesh.check(&control), Err(MeshError::Cancelled(Cancelled)));
     }
 }

@@ -1,0 +1,116 @@
+//! Conversions from and to the types of the crate `image`.
+
+use crate::image::{Image, ImageError};
+use image::{DynamicImage, ImageBuffer, Luma, LumaA, Rgb, Rgba};
+
+impl TryFrom<&DynamicImage> for Image {
+    type Error = ImageError;
+
+    /// Takes the channels as components, alpha among them, with 8 or 16 bits; floating-point
+    /// samples become 16 bits.
+    ///
+    /// ```
+    /// let decoded = image::DynamicImage::new_rgb8(3, 2);
+    /// let image = pixmesh_meshing::Image::try_from(&decoded)?;
+    /// assert_eq!((image.width(), image.component_count()), (3, 3));
+    /// # Ok::<(), pixmesh_meshing::ImageError>(())
+    /// ```
+    fn try_from(picture: &DynamicImage) -> Result<Self, ImageError> {
+        let channels = usize::from(picture.color().channel_count());
+        let size = (picture.width() as usize, picture.height() as usize);
+        match picture {
+            DynamicImage::ImageLuma8(_)
+            | DynamicImage::ImageLumaA8(_)
+            | DynamicImage::ImageRgb8(_)
+            | DynamicImage::ImageRgba8(_) => of_channels(size, 8, picture.as_bytes(), channels),
+            DynamicImage::ImageLuma16(pixels) => of_channels(size, 16, pixels, channels),
+            DynamicImage::ImageLumaA16(pixels) => of_channels(size, 16, pixels, channels),
+            DynamicImage::ImageRgb16(pixels) => of_channels(size, 16, pixels, channels),
+            DynamicImage::ImageRgba16(pixels) => of_channels(size, 16, pixels, channels),
+            float if channels == 3 => of_channels(size, 16, &float.to_rgb16(), channels),
+            float => of_channels(size, 16, &float.to_rgba16(), 4),
+        }
+    }
+}
+
+impl From<&Image> for DynamicImage {
+    /// Makes a picture of 8 bits, or of 16 where there are more than 8. One component is gray, two
+    /// are gray and alpha, three RGB, four RGBA; of more than four the first three are taken.
+    fn from(image: &Image) -> Self {
+        let (width, height) = (image.width() as u32, image.height() as u32);
+        let channels = match image.component_count() {
+            count @ (1 | 2 | 4) => count,
+            _ => 3,
+        };
+        macro_rules! pixels {
+            ($pixel:ident, $max:expr) => {
+                ImageBuffer::from_fn(width, height, |x, y| $pixel(samples(image, x, y, $max)))
+                    .into()
+            };
+        }
+        match (channels, image.precision() <= 8) {
+            (1, true) => pixels!(Luma, u8::MAX),
+            (2, true) => pixels!(LumaA, u8::MAX),
+            (4, true) => pixels!(Rgba, u8::MAX),
+            (_, true) => pixels!(Rgb, u8::MAX),
+            (1, false) => pixels!(Luma, u16::MAX),
+            (2, false) => pixels!(LumaA, u16::MAX),
+            (4, false) => pixels!(Rgba, u16::MAX),
+            (_, false) => pixels!(Rgb, u16::MAX),
+        }
+    }
+}
+
+/// An image of interleaved channels, its rows from the top.
+fn of_channels<T: Copy + Into<u16>>(
+    (width, height): (usize, usize),
+    precision: u8,
+    pixels: &[T],
+    count: usize,
+) -> Result<Image, ImageError> {
+    let channel = |c| pixels.iter().skip(c).step_by(count).map(|&sample| sample.into()).collect();
+    Image::from_top_down(width, height, precision, (0..count).map(channel).collect())
+}
+
+/// The first samples of a pixel whose row counts from the top, scaled to 0 to `largest`.
+fn samples<T, const N: usize>(image: &Image, x: u32, y: u32, largest: T) -> [T; N]
+where
+    T: Copy + Into<u32> + TryFrom<u32>,
+{
+    let row = image.height() - 1 - y as usize;
+    let of = u32::from(image.max_sample());
+    std::array::from_fn(|c| {
+        let sample = u32::from(image.sample(c, x as usize, row));
+        let scaled =
+            (u64::from(sample) * u64::from(largest.into()) + u64::from(of / 2)) / u64::from(of);
+        T::try_from(scaled as u32).unwrap_or(largest)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_survive_both_conversions() {
+        for (count, precision) in
+            [(1, 8), (2, 8), (3, 8), (4, 8), (1, 16), (2, 16), (3, 16), (4, 16)]
+        {
+            let plane = |c: usize| (0..6).map(|i| (i * 40 + c) as u16).collect();
+            let components = (0..count).map(plane).collect();
+            let image = Image::from_top_down(3, 2, precision, components).unwrap();
+            assert_eq!(Image::try_from(&DynamicImage::from(&image)), Ok(image));
+        }
+    }
+
+    #[test]
+    fn other_precisions_are_scaled() {
+        let image = Image::from_top_down(2, 2, 4, vec![vec![0, 15, 7, 1]]).unwrap();
+        let picture = DynamicImage::from(&image).into_luma8();
+        assert_eq!(picture.as_raw(), &[0, 255, 119, 17]);
+        let five = Image::from_top_down(2, 2, 12, vec![vec![4095; 4]; 5]).unwrap();
+        assert_eq!(DynamicImage::from(&five).into_rgb16().as_raw(), &[u16::MAX; 12]);
+        let float = Image::try_from(&DynamicImage::new_rgb32f(2, 2)).unwrap();
+        assert_eq!((float.component_count(), float.precision()), (3, 16));
+    }
+}
