@@ -21,6 +21,7 @@ use crate::refinement::refine;
 use crate::refinement::unconstrained::liberate;
 use crate::refinement::unconstrained::moves::Freedom;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
+use crate::removal::featureless::remove_featureless;
 use crate::removal::max_error::removals_within;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::search::{SearchProgress, bisect_size};
@@ -149,8 +150,8 @@ fn reduce(
     if effort == 0 { Ok(reduced) } else { refine_reduced(guided, &measure, reduced, control) }
 }
 
-/// Removes the least useful points. A mesh without removal keeps the size that error diffusion
-/// gave it, some points more or fewer.
+/// Removes the points of featureless areas, then the least useful ones. A mesh without removal keeps
+/// the size that error diffusion gave it, some points more or fewer.
 fn remove(
     guided: &Guided<'_>,
     measure: &ErrorEvaluator<'_>,
@@ -159,10 +160,27 @@ fn remove(
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
     let Plan { size, initial_size, bound } = plan;
-    let Parameters { error_metric: metric, bad_point_removal, parallel, .. } = guided.parameters;
-    if initial_size == size && bound.is_none() && !bad_point_removal {
+    if initial_size == size && bound.is_none() && !guided.parameters.bad_point_removal {
         return Ok(Reduced::of_triangulation(triangulation, Vec::new()));
     }
+    let surplus = triangulation.points.len().saturating_sub(size);
+    let (triangulation, featureless) =
+        remove_featureless(&guided.image, triangulation, surplus, control)?;
+    let mut reduced = remove_least_useful(guided, measure, triangulation, plan, control)?;
+    reduced.removals.splice(0..0, featureless);
+    Ok(reduced)
+}
+
+/// Removes the points whose removal raises the error least.
+fn remove_least_useful(
+    guided: &Guided<'_>,
+    measure: &ErrorEvaluator<'_>,
+    triangulation: Triangulation,
+    plan: Plan,
+    control: &dyn Control,
+) -> Result<Reduced, Cancelled> {
+    let Plan { size, bound, .. } = plan;
+    let Parameters { error_metric: metric, bad_point_removal, parallel, .. } = guided.parameters;
     let most = match bound {
         Some(ErrorBound::PsnrDb(least)) => Some(largest_squared_error(least, guided.image.shape())),
         Some(ErrorBound::MeanError(most)) => Some(metric.largest_sum(most, &guided.image)),

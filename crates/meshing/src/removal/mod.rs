@@ -5,8 +5,10 @@
 //! significant one. The change of the error is taken over the faces that change, with rounded
 //! interpolants, in whole numbers; of equal changes the one of the first vertex by row, then column
 //! counts as the least. A removal changes the keys of the vertex's neighbours alone, about six.
+//! Vertices in areas of one color leave before all others (see `featureless`).
 
 pub(crate) mod candidate;
+pub(crate) mod featureless;
 mod fill_cache;
 mod group;
 pub(crate) mod max_error;

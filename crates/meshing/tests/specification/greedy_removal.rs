@@ -159,15 +159,27 @@ proptest! {
 
 #[test]
 fn removes_ties_by_row_then_column() {
-    let flat = gray(6, 5, |_, _| 7);
+    let ramp = gray(6, 5, |x, y| (3 * x + 5 * y) as u16);
     let parameters = Method::Gpr.parameters(Target::Size(20));
-    check(&flat, &parameters);
+    check(&ramp, &parameters);
     // No removal changes the error, so the first ten points in order are removed.
-    let kept: Vec<Point> = model(&flat, &parameters).mesh.points().to_vec();
+    let kept: Vec<Point> = model(&ramp, &parameters).mesh.points().to_vec();
     let order = (0..30).map(|i| Point::new(i % 6, i / 6));
     let is_corner = |p: &Point| (p.x == 0 || p.x == 5) && (p.y == 0 || p.y == 4);
     let removed: Vec<Point> = order.clone().filter(|p| !is_corner(p)).take(10).collect();
     assert_eq!(kept, order.filter(|p| !removed.contains(p)).collect::<Vec<_>>());
+}
+
+#[test]
+fn removes_featureless_points_evenly() {
+    let flat = gray(6, 5, |_, _| 7);
+    let parameters = Method::Gpr.parameters(Target::Size(17));
+    check(&flat, &parameters);
+    // Of the 26 points that are no corners each second one.
+    let made = model(&flat, &parameters);
+    let removed: Vec<i32> =
+        made.removals.iter().map(|gone| gone.point.x + 6 * gone.point.y).collect();
+    assert_eq!(removed, [2, 4, 7, 9, 11, 13, 15, 17, 19, 21, 23, 26, 28]);
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod twin;
 mod control_and_limits;
 mod density_and_points;
 mod equivalences;
+mod few_features;
 mod greedy_removal;
 mod mesh_invariants;
 mod pictures;

@@ -131,7 +131,10 @@ fn page(side: usize) -> Image {
 
 #[test]
 fn meshes_page_with_one_dot_in_time() {
-    meshed_soon("a page of 192x192", &page(192), &Method::Gpr.parameters(Target::Percent(1.0)));
+    for target in [Target::Percent(1.0), Target::Psnr(70.0)] {
+        let made = meshed_soon("a page of 800x800", &page(800), &Method::Gpr.parameters(target));
+        assert!(made.fidelity.psnr_db() >= 70.0);
+    }
 }
 
 #[test]

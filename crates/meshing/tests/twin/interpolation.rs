@@ -68,7 +68,7 @@ fn places([a, b, c]: Triangle, p: Point) -> [i128; 3] {
 }
 
 /// The face that the lattice point `p` belongs to.
-fn owner(triangles: &[Triangle], p: Point) -> usize {
+pub(crate) fn owner(triangles: &[Triangle], p: Point) -> usize {
     let holds = |t: &Triangle| places(*t, p).iter().all(|&place| place >= 0);
     let around: Vec<usize> = (0..triangles.len()).filter(|&t| holds(&triangles[t])).collect();
     let chosen = if around.iter().any(|&t| triangles[t].contains(&p)) {

@@ -1,14 +1,15 @@
 //! Greedy point removal by trying each point: the picture is triangulated afresh without it and
 //! compared as a whole.
 
-use super::interpolation::total_error;
+use super::interpolation::{owner, total_error};
 use super::metric;
-use super::triangulation::triangulate;
+use super::triangulation::{Triangle, triangulate};
 use pixmesh_meshing::parameters::{ErrorBound, ErrorMetric, Plan};
 use pixmesh_meshing::{Image, Parameters, Point};
+use std::collections::HashSet;
 
-/// Removes points, each time the one whose removal raises the error least, then by row
-/// and column, as the plan and the parameters say.
+/// Removes points in areas of one color, then each time the one whose removal raises the error
+/// least, then by row and column, as the plan and the parameters say.
 pub(crate) fn simplify(
     image: &Image,
     mut points: Vec<Point>,
@@ -16,6 +17,7 @@ pub(crate) fn simplify(
     parameters: &Parameters,
 ) -> Vec<Point> {
     let metric = parameters.error_metric;
+    remove_featureless(image, &mut points, plan.size);
     let mut error = total_error(image, &triangulate(&points), metric);
     while let Some((after, p)) = least(image, &points, metric) {
         let good = match plan.bound {
@@ -33,6 +35,43 @@ pub(crate) fn simplify(
         error = after;
     }
     points
+}
+
+/// Removes points that are at least three edges away from every face of several colors, until
+/// `size` points are left. Those that stay are evenly spread along the rows: pictures are so small
+/// that all points lie in one tile.
+fn remove_featureless(image: &Image, points: &mut Vec<Point>, size: usize) {
+    let triangles = triangulate(points);
+    let mut near = corners_of_features(image, &triangles);
+    for _ in 0..2 {
+        let reached = triangles.iter().filter(|t| t.iter().any(|p| near.contains(p)));
+        near = reached.flatten().copied().collect();
+    }
+    let is_featureless = |p: &Point| !near.contains(p) && !is_corner(image, *p);
+    let featureless: Vec<Point> = points.iter().copied().filter(is_featureless).collect();
+    let leaving = featureless.len().min(points.len().saturating_sub(size));
+    let leaves = |i: usize| i * leaving / featureless.len() < (i + 1) * leaving / featureless.len();
+    let left: Vec<usize> = (0..featureless.len()).filter(|&i| leaves(i)).collect();
+    points.retain(|p| left.iter().all(|&i| featureless[i] != *p));
+}
+
+/// The corners of the faces whose corners and own points are of several colors.
+fn corners_of_features(image: &Image, triangles: &[Triangle]) -> HashSet<Point> {
+    let color = |p: Point| {
+        let sample = |c| image.sample(c, p.x as usize, p.y as usize);
+        (0..image.component_count()).map(sample).collect::<Vec<_>>()
+    };
+    let is_one_color = |t: &Triangle| t.iter().all(|&p| color(p) == color(t[0]));
+    let mut features: HashSet<Point> =
+        triangles.iter().filter(|t| !is_one_color(t)).flatten().copied().collect();
+    for (y, x) in (0..image.height()).flat_map(|y| (0..image.width()).map(move |x| (y, x))) {
+        let p = Point::new(x as i32, y as i32);
+        let triangle = triangles[owner(triangles, p)];
+        if color(p) != color(triangle[0]) {
+            features.extend(triangle);
+        }
+    }
+    features
 }
 
 /// The least error that removing one point leaves, and that point. As the error before is
