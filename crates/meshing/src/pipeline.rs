@@ -144,7 +144,6 @@ fn reduce(
         return Ok(Reduced::of_triangulation(triangulation, Vec::new()));
     }
     let evaluator = ErrorEvaluator::new(&guided.image, error_metric, guided.weights());
-    let evaluator = evaluator.with_flat_areas();
     let measure = if effort == 0 { evaluator } else { evaluator.with_model() };
     let reduced = remove(guided, &measure, triangulation, plan, control)?;
     if effort == 0 { Ok(reduced) } else { refine_reduced(guided, &measure, reduced, control) }

@@ -7,14 +7,12 @@
 //! ([`squared`]). The tests `small_faces_have_the_error_of_large_ones` and
 //! `weights_multiply_the_errors_of_pixels` tie all forms to sums pixel by pixel.
 
-mod flat_areas;
 pub(crate) mod interpolant;
 pub(crate) mod metrics;
 pub(crate) mod pixels_of_face;
 pub(crate) mod quadratic_model;
 mod squared;
 
-use crate::face_error::flat_areas::FlatAreas;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::metrics::Run;
 use crate::face_error::pixels_of_face::for_each_row;
@@ -28,7 +26,6 @@ use fearless_simd::{Level, Simd, dispatch};
 pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
     kind: Kind<'a>,
-    flat: Option<FlatAreas>,
     level: Level,
 }
 
@@ -50,13 +47,7 @@ impl<'a> ErrorEvaluator<'a> {
         } else {
             Pixels::new(image).map_or(Kind::SquaredWide { model: None }, Kind::Squared)
         };
-        Self { image, kind, flat: None, level: Level::new() }
-    }
-
-    /// The same with a table of the areas of one color, for many more faces than cover the image.
-    pub(crate) fn with_flat_areas(self) -> Self {
-        let is_weighted = matches!(self.kind, Kind::ByPixel { weights: Some(_), .. });
-        Self { flat: if is_weighted { None } else { FlatAreas::new(self.image) }, ..self }
+        Self { image, kind, level: Level::new() }
     }
 
     /// The same with the pixels of the quadratic model where it has others than the errors: for
@@ -127,17 +118,9 @@ impl<'e> FaceErrors<'e> {
         while sum < limit
             && let Some(&face) = faces.get(errors.len())
         {
-            let mut rest = &faces[errors.len()..];
-            if let Some(flat) = &evaluator.flat {
-                if flat.is_flat(face) {
-                    errors.push(0);
-                    continue;
-                }
-                rest = &rest[..1];
-            }
             if let Kind::Squared(pixels) = &evaluator.kind {
                 let count = errors.len();
-                sum += pixels.errors(rest, limit - sum, errors);
+                sum += pixels.errors(&faces[count..], limit - sum, errors);
                 if errors.len() > count {
                     continue;
                 }
@@ -303,17 +286,16 @@ mod tests {
         #[test]
         fn errors_are_exact_until_their_sum_reaches_the_limit(
             corners in prop::collection::vec(prop::array::uniform3((0i32..90, 0i32..90)), 1..8),
-            (component_count, precision, has_flat_areas) in (1usize..6, 7u8..10, any::<bool>()),
+            (component_count, precision, is_flat) in (1usize..6, 7u8..10, any::<bool>()),
             percent in 0u64..150,
         ) {
             let mut image = scattered(90, component_count, precision);
-            if has_flat_areas {
+            if is_flat {
                 let samples = (0..90 * 90).map(|i| if i % 90 < 70 { 5 } else { i as u16 % 64 });
                 image = image.with_components(vec![samples.collect(); component_count]);
             }
             let evaluator =
-                ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None).with_flat_areas();
-            prop_assert_eq!(evaluator.flat.is_some(), has_flat_areas);
+                ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
             let mut of_faces = FaceErrors::new(&evaluator);
             let faces: Vec<[Point; 3]> = corners.into_iter().filter_map(face).collect();
             let exact: Vec<u64> = faces.iter().map(|&face| of_faces.error(face)).collect();

@@ -224,7 +224,7 @@ fn remove_all(
     let (image, metric) = (&guided.image, guided.parameters.error_metric);
     let triangulation = Triangulation::new(points, control)?;
     let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
-    let measure = ErrorEvaluator::new(image, metric, guided.weights()).with_flat_areas();
+    let measure = ErrorEvaluator::new(image, metric, guided.weights());
     let Simplified { removals, error, .. } =
         simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;
     Ok(Removed { removals, squared_error: guided.has_squared_errors().then_some(error) })

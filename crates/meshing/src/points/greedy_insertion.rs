@@ -42,7 +42,7 @@ pub(crate) fn inserted_points(
 ) -> Result<Vec<Point>, Cancelled> {
     let corners = corner_points(image.width(), image.height()).to_vec();
     let faces = triangulate(&corners);
-    let measure = ErrorEvaluator::new(image, metric, weights).with_flat_areas();
+    let measure = ErrorEvaluator::new(image, metric, weights);
     let sides = (image.width(), image.height());
     let mesh = MeasuredMesh::new(corners, &faces, sides, FaceErrors::new(&measure));
     let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new() };

@@ -57,7 +57,7 @@ pub(crate) fn simplify(
     parallel: Parallel,
     control: &dyn Control,
 ) -> Result<Simplified, Cancelled> {
-    let measure = ErrorEvaluator::new(image, rule.metric, None).with_flat_areas();
+    let measure = ErrorEvaluator::new(image, rule.metric, None);
     simplify_by(image, &measure, triangulation, rule, parallel, control)
 }
 
