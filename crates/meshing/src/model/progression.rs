@@ -85,7 +85,8 @@ impl Progression {
         control: &dyn Control,
     ) -> Result<Self, MeshingError> {
         ShapeMismatch::check(image.shape(), mesh.shape())?;
-        parameters.plan(image.shape())?;
+        parameters.check_components(image.component_count())?;
+        parameters.check_weights((image.width(), image.height()))?;
         let (control, shape) = (&Ordering(control), mesh.shape());
         let mut sorted = mesh.points().to_vec();
         sorted.sort_unstable();
