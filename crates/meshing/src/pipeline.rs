@@ -18,9 +18,9 @@ use crate::points::initial_points;
 use crate::quality::fidelity::{Fidelity, largest_squared_error};
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
-use crate::refinement::unconstrained::liberate;
 use crate::refinement::unconstrained::moves::Freedom;
-use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
+use crate::refinement::unconstrained::refine_unconstrained;
+use crate::refinement::unconstrained::valued_mesh::{ValuedMesh, WeightedPixels};
 use crate::removal::featureless::remove_featureless;
 use crate::removal::max_error::removals_within;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
@@ -92,7 +92,7 @@ fn mesh_by_plan(
     let Reduced { points, faces, removals, squared_error } = reduced;
     let removals = if parameters.lists_removals { removals } else { Vec::new() };
     let Valued { mesh, squared_error } = if parameters.is_unconstrained() {
-        unconstrain(image, points, &faces, parameters, control)?
+        unconstrain(image, &guided, points, control)?
     } else {
         Valued { mesh: Mesh::of_samples(image, points, faces), squared_error }
     };
@@ -187,10 +187,10 @@ fn remove_least_useful(
     };
     let rule = StopRule { size, bound: most, metric, bad_point_removal };
     if let Some(ErrorBound::MaxError(most)) = bound {
-        let (points, faces) = (triangulation.points.clone(), triangulation.faces());
+        let points = triangulation.points.clone();
         let exact = Parallel::Exact;
         let made = simplify_by(&guided.image, measure, triangulation, rule, exact, control)?;
-        return keep_within(&guided.image, points, &faces, made.removals, most, control);
+        return keep_within(&guided.image, points, made.removals, most, control);
     }
     let Simplified { points, faces, removals, error } =
         simplify_by(&guided.image, measure, triangulation, rule, parallel, control)?;
@@ -202,12 +202,11 @@ fn remove_least_useful(
 fn keep_within(
     image: &Image,
     initial: Vec<Point>,
-    faces: &[Face],
     mut removals: Vec<Removal>,
     most: u16,
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
-    let count = removals_within(image, initial.clone(), faces, &removals, most, control)?;
+    let count = removals_within(image, initial.clone(), &removals, most, control)?;
     removals.truncate(count);
     let removed: HashSet<Point> = removals.iter().map(|removal| removal.point).collect();
     let kept = initial.into_iter().filter(|point| !removed.contains(point)).collect();
@@ -221,12 +220,12 @@ fn refine_reduced(
     reduced: Reduced,
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
-    let Reduced { points, faces, removals, .. } = reduced;
+    let Reduced { points, removals, .. } = reduced;
     let (errors, sides) = (FaceErrors::new(measure), guided.image.sides());
-    let mesh = MeasuredMesh::new_on_all_threads(points, &faces, sides, errors, control)?;
+    let mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
     let refined = refine(mesh, guided.parameters.effort, control)?;
     let squared_error = guided.has_squared_errors().then_some(refined.total_error());
-    let (points, faces, _) = refined.triangulation.mesh();
+    let (points, faces, _) = refined.triangulation().mesh();
     Ok(Reduced { points, faces, removals, squared_error })
 }
 
@@ -237,33 +236,35 @@ fn reduce_for_flat_faces(
     plan: Plan,
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
-    let (faces, sides) = (triangulation.faces(), guided.image.sides());
+    let (points, sides) = (triangulation.points, guided.image.sides());
     let sums = RowSums::new(&guided.image, guided.weights());
-    let mut mesh = MeasuredMesh::new(triangulation.points, &faces, sides, FlatFaces::new(&sums));
+    let errors = FlatFaces::new(&sums);
+    let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
     let surplus = mesh.vertex_count().saturating_sub(plan.size);
     let count = if plan.initial_size == plan.size { 0 } else { surplus };
     let removals = remove_in_batches(&mut mesh, count, |_| {}, control)?;
     let refined = refine(mesh, guided.parameters.effort, control)?;
-    let (points, faces, _) = refined.triangulation.mesh();
+    let (points, faces, _) = refined.triangulation().mesh();
     Ok(Reduced { points, faces, removals, squared_error: None })
 }
 
 /// Flips edges and fits values as the parameters say.
 fn unconstrain(
     image: &Image,
+    guided: &Guided<'_>,
     points: Vec<Point>,
-    faces: &[Face],
-    parameters: &Parameters,
     control: &dyn Control,
 ) -> Result<Valued, Cancelled> {
+    let parameters = &guided.parameters;
     let freedom = Freedom {
         connectivity: parameters.connectivity == Connectivity::Free,
         values: parameters.values == Values::Fitted,
     };
-    let mut mesh = ValuedMesh::new(image, points, faces);
-    liberate(&mut mesh, freedom, parameters.effort, control)?;
-    let squared_error = Some(mesh.total_error);
-    let (points, faces, order) = mesh.triangulation.mesh();
+    let pixels = WeightedPixels { image, weights: guided.weights() };
+    let mut mesh = ValuedMesh::new(pixels, points, control)?;
+    refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
+    let squared_error = Some(mesh.squared_error(control)?);
+    let (points, faces, order) = mesh.triangulation().mesh();
     let samples = order.iter().flat_map(|&v| mesh.values_of(v).iter().copied()).collect();
     Ok(Valued { mesh: Mesh::from_kernel(image.shape(), points, samples, faces), squared_error })
 }

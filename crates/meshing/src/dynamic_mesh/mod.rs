@@ -1,303 +1,165 @@
-//! A triangulation that knows the error of each of its faces, and what a change would do to their
-//! sum.
+//! A triangulation whose vertices move, enter and leave, with the error of each face and their sum.
+//!
+//! [`half_edges`] holds the triangulation and [`measured`] the errors of its faces; this module
+//! changes both, and [`moves`] tries positions of one vertex. [`patches`] cuts a mesh into parts
+//! that threads change on their own.
 
 pub(crate) mod half_edges;
+pub(crate) mod measured;
 pub(crate) mod moves;
-pub(crate) mod occupancy;
 pub(crate) mod partition;
-pub(crate) mod patches;
-pub(crate) mod probe;
+mod patches;
 
-use crate::control::{Cancelled, Control};
+use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::half_edges::DynamicTriangulation;
-use crate::dynamic_mesh::occupancy::Occupancy;
-use crate::face_error::quadratic_model::ModelPixels;
+use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, MeasuredTriangulation, evaluate_all};
+use crate::dynamic_mesh::moves::TentativeMove;
 use crate::image::Point;
-use crate::triangulation::{Face, NONE};
-use moves::Trial;
-use probe::{Probe, Surface, find_all};
-
-/// The error of a face, a whole number that depends on the places of its vertices alone.
-pub(crate) trait FaceMeasure: Send + Sync {
-    /// Sum of the errors of the lattice points of a counter-clockwise face.
-    fn error(&mut self, corners: [Point; 3]) -> u64;
-
-    /// The errors of faces in order as long as their sum is less than `limit`, and the sum; where it
-    /// reaches the limit, that or more.
-    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
-        let mut sum = 0;
-        errors.clear();
-        for &face in faces {
-            let error = self.error(face);
-            errors.push(error);
-            sum += error;
-            if sum >= limit {
-                break;
-            }
-        }
-        sum
-    }
-
-    /// Another one of the same errors, for another thread.
-    fn another(&self) -> Self
-    where
-        Self: Sized;
-
-    /// The pixels of the quadratic model, where the error is the squared one of these.
-    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
-        None
-    }
-
-    /// The error without weights, whose changes the quadratic model predicts, of a face of some
-    /// error.
-    fn unweighted_error(&mut self, _corners: [Point; 3], error: u64) -> u64 {
-        error
-    }
-}
-
-impl FaceMeasure for crate::face_error::FaceErrors<'_> {
-    fn error(&mut self, corners: [Point; 3]) -> u64 {
-        Self::error(self, corners)
-    }
-
-    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
-        Self::errors_below(self, faces, limit, errors)
-    }
-
-    fn another(&self) -> Self {
-        Self::another(self)
-    }
-
-    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
-        Self::model_pixels(self)
-    }
-
-    fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
-        Self::unweighted_error(self, corners, error)
-    }
-}
+use crate::triangulation::{NONE, Triangulation};
+use std::num::NonZeroUsize;
 
 /// A preferred-directions Delaunay triangulation of lattice points of an image, with the errors of
-/// its faces.
+/// its faces and what measures them.
 pub(crate) struct MeasuredMesh<M> {
-    pub(crate) triangulation: DynamicTriangulation,
-    /// Error of each slot's triangle, 0 of a free one.
-    face_errors: Vec<u64>,
-    /// Sum of the above.
-    total_error: u64,
-    occupancy: Occupancy,
-    probe: Probe<M>,
-    /// Slots of the fan put there.
+    measured: MeasuredTriangulation,
+    evaluator: Evaluator<M>,
+    /// Slots of the faces of the last insertion.
     fan: Vec<u32>,
-    trial: Trial,
-}
-
-/// What a mesh was at one time.
-pub(crate) struct Snapshot {
-    triangulation: DynamicTriangulation,
-    face_errors: Vec<u64>,
-    total_error: u64,
-    occupancy: Occupancy,
+    tentative: TentativeMove,
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
-    /// Measures every face of the triangulation of points of an image of `width` columns and
-    /// `height` rows.
-    pub(crate) fn new(
-        points: Vec<Point>,
-        faces: &[Face],
-        (width, height): (usize, usize),
-        measure: M,
-    ) -> Self {
-        let occupancy = Occupancy::of_image(width, height, &points);
-        let triangulation = DynamicTriangulation::new(points, faces, width, height);
-        let mut mesh = Self::unmeasured(triangulation, measure, occupancy);
-        for slot in 0..mesh.triangulation.slot_count() as u32 {
-            let error = mesh.probe.measure.error(mesh.triangulation.corners(slot));
-            mesh.face_errors.push(error);
-            mesh.total_error += error;
-        }
-        mesh
-    }
-
-    /// The same on all threads.
+    /// Triangulates and measures points, given by row, then column, of an image of `width` columns
+    /// and `height` rows, its corners among them. Polls report the beginning of `stage`.
     ///
     /// # Errors
     /// When the control cancels.
-    pub(crate) fn new_on_all_threads(
+    pub(crate) fn new(
         points: Vec<Point>,
-        faces: &[Face],
         (width, height): (usize, usize),
         measure: M,
+        stage: Stage,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let occupancy = Occupancy::of_image(width, height, &points);
-        let triangulation = DynamicTriangulation::new(points, faces, width, height);
-        let mut mesh = Self::unmeasured(triangulation, measure, occupancy);
-        let slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
-        let corners = |slot| mesh.triangulation.corners(slot);
-        let find = |slot, probe: &mut Probe<M>| probe.measure.error(corners(slot));
-        let face_errors = find_all(&slots, || mesh.another_probe(), find, control)?;
-        mesh.total_error = face_errors.iter().sum();
-        mesh.face_errors = face_errors;
-        Ok(mesh)
+        let control = BeginningOf { control, stage };
+        let triangulation = Triangulation::new(points, &control)?;
+        let triangulation = DynamicTriangulation::new(triangulation, width, height, &control)?;
+        let slots: Vec<u32> = (0..triangulation.slot_count() as u32).collect();
+        let new = || Evaluator::new(measure.another());
+        let error = |slot, own: &mut Evaluator<M>| own.measure.error(triangulation.corners(slot));
+        let errors = evaluate_all(&slots, new, error, &control)?;
+        let measured = MeasuredTriangulation::new(triangulation, errors);
+        Ok(Self::with_errors(measured, measure))
     }
 
-    /// A mesh without the errors of its faces.
-    fn unmeasured(triangulation: DynamicTriangulation, measure: M, occupancy: Occupancy) -> Self {
-        Self {
-            triangulation,
-            face_errors: Vec::new(),
-            total_error: 0,
-            occupancy,
-            probe: Probe::new(measure),
-            fan: Vec::new(),
-            trial: Trial::default(),
-        }
+    /// A mesh whose faces are measured already.
+    fn with_errors(measured: MeasuredTriangulation, measure: M) -> Self {
+        let evaluator = Evaluator::new(measure);
+        Self { measured, evaluator, fan: Vec::new(), tentative: TentativeMove::default() }
     }
 
-    /// The mesh as it is now.
-    pub(crate) fn snapshot(&self) -> Snapshot {
-        Snapshot {
-            triangulation: self.triangulation.clone(),
-            face_errors: self.face_errors.clone(),
-            total_error: self.total_error,
-            occupancy: self.occupancy.clone(),
-        }
+    /// The triangulation with its errors, to evaluate changes on several threads.
+    pub(crate) fn measured(&self) -> &MeasuredTriangulation {
+        &self.measured
     }
 
-    /// The mesh as it was.
-    pub(crate) fn restore(&mut self, snapshot: Snapshot) {
-        let Snapshot { triangulation, face_errors, total_error, occupancy } = snapshot;
-        self.triangulation = triangulation;
-        self.face_errors = face_errors;
-        self.total_error = total_error;
-        self.occupancy = occupancy;
+    /// The triangulation.
+    pub(crate) fn triangulation(&self) -> &DynamicTriangulation {
+        &self.measured.triangulation
+    }
+
+    /// Another evaluator of the same errors.
+    pub(crate) fn another_evaluator(&self) -> Evaluator<M> {
+        Evaluator::new(self.evaluator.measure.another())
+    }
+
+    /// Replaces the mesh by an earlier copy of its triangulation.
+    pub(crate) fn restore(&mut self, measured: MeasuredTriangulation) {
+        self.measured = measured;
     }
 
     /// The sum of the errors of all faces.
     pub(crate) fn total_error(&self) -> u64 {
-        self.total_error
+        self.measured.total_error()
     }
 
-    /// Columns and rows of the image.
-    pub(crate) fn size(&self) -> (usize, usize) {
-        self.occupancy.size()
+    /// The error of a slot's face, 0 of a free slot.
+    pub(crate) fn face_error(&self, slot: u32) -> u64 {
+        self.measured.face_error(slot)
     }
 
     /// Number of vertices in the mesh.
     pub(crate) fn vertex_count(&self) -> usize {
-        self.triangulation.outgoing.iter().filter(|&&h| h != NONE).count()
+        self.triangulation().outgoing.iter().filter(|&&h| h != NONE).count()
     }
 
-    /// The error of a slot's triangle.
-    pub(crate) fn face_error(&self, slot: u32) -> u64 {
-        self.face_errors[slot as usize]
-    }
-
-    /// Tells whether a vertex may be moved or removed: it is in the mesh and no corner.
+    /// Whether a vertex may be moved or removed: it is in the mesh and no corner of the image.
     pub(crate) fn is_movable(&self, vertex: u32) -> bool {
-        let triangulation = &self.triangulation;
+        let triangulation = self.triangulation();
         triangulation.outgoing[vertex as usize] != NONE
             && !triangulation.is_corner(triangulation.points[vertex as usize])
     }
 
     /// Whether a model predicts the change of the error when a vertex moves.
     pub(crate) fn has_model(&self) -> bool {
-        self.probe.measure.model_pixels().is_some()
+        self.evaluator.measure.model_pixels().is_some()
     }
 
-    /// Tells whether a point may become a vertex: it lies in the image and is none.
-    #[inline]
-    pub(crate) fn is_vacant(&self, p: Point) -> bool {
-        self.surface().is_vacant(p)
+    /// By how much the error would change with a vertex at a vacant position, if by less than
+    /// `limit`; `hint` is a slot near it. `None` too where another vertex is.
+    pub(crate) fn insertion_change(&mut self, at: Point, hint: u32, limit: i64) -> Option<i64> {
+        self.evaluator.insertion_change(&self.measured, at, hint, limit)
     }
 
-    /// The mesh as it is, for probes on several threads.
-    pub(crate) fn surface(&self) -> Surface<'_> {
-        let Self { triangulation, face_errors, occupancy, .. } = self;
-        Surface { triangulation, face_errors, occupancy }
-    }
-
-    /// One more probe of the same errors.
-    pub(crate) fn another_probe(&self) -> Probe<M> {
-        Probe::new(self.probe.measure.another())
-    }
-
-    /// The mesh and its own probe.
-    pub(crate) fn probed(&mut self) -> (Surface<'_>, &mut Probe<M>) {
-        let Self { triangulation, face_errors, occupancy, probe, .. } = self;
-        (Surface { triangulation, face_errors, occupancy }, probe)
-    }
-
-    /// By how much the error changes when a movable vertex goes.
-    pub(crate) fn removal_change(&mut self, vertex: u32) -> i64 {
-        let (surface, probe) = self.probed();
-        surface.removal_change(vertex, probe)
-    }
-
-    /// Takes a movable vertex out, and tells by how much the error changed and a slot where it was.
+    /// Removes a movable vertex, and returns by how much the error changed.
     ///
-    /// The vertices around it are those it has [`left`](Self::left).
-    pub(crate) fn remove(&mut self, vertex: u32) -> (i64, u32) {
-        let change = self.removal_change(vertex);
-        let place = self.triangulation.points[vertex as usize];
-        let Probe { star, filler, fill_errors, .. } = &mut self.probe;
-        self.triangulation.remove(vertex, star, filler.triangles());
-        for (i, &slot) in star.triangles.iter().enumerate() {
-            self.face_errors[slot as usize] = fill_errors.get(i).copied().unwrap_or(0);
-        }
-        self.occupancy.leave(place);
-        self.total_error = self.total_error.wrapping_add_signed(change);
-        (change, self.probe.star.triangles[0])
+    /// Its neighbours were those that [`link`](Self::link) returns.
+    pub(crate) fn remove(&mut self, vertex: u32) -> i64 {
+        let change = self.evaluator.removal_change(&self.measured, vertex);
+        let Evaluator { star, filler, errors, .. } = &mut self.evaluator;
+        self.measured.remove(vertex, star, filler.triangles(), errors);
+        change
     }
 
-    /// By how much the error would change with a vertex at a vacant place, if by less than `limit`;
-    /// `hint` is a slot near it.
-    pub(crate) fn insertion_change(&mut self, place: Point, hint: u32, limit: i64) -> Option<i64> {
-        let (surface, probe) = self.probed();
-        surface.insertion_change(place, hint, limit, probe)
-    }
-
-    /// Puts a vertex that is out of the mesh at a vacant place; `hint` is a slot near it.
+    /// Adds a vertex, unless there is one at this position already; `hint` is a slot near it.
     ///
-    /// The vertices around it are those it has [`reached`](Self::reached).
-    pub(crate) fn insert(&mut self, vertex: u32, place: Point, hint: u32) {
-        let slot = self.triangulation.locate(place, hint);
-        let Probe { cavity, measure, .. } = &mut self.probe;
-        self.triangulation.cavity(place, slot, cavity);
-        for &slot in &cavity.triangles {
-            self.total_error -= self.face_errors[slot as usize];
-        }
-        self.triangulation.insert(vertex, place, cavity, &mut self.fan);
-        self.face_errors.resize(self.triangulation.slot_count(), 0);
-        for &slot in &self.fan {
-            let error = measure.error(self.triangulation.corners(slot));
-            self.face_errors[slot as usize] = error;
-            self.total_error += error;
-        }
-        self.occupancy.take(place);
+    /// Its neighbours are those that [`new_link`](Self::new_link) returns.
+    pub(crate) fn add_vertex(&mut self, at: Point, hint: u32) -> Option<u32> {
+        self.evaluator.insertion_change(&self.measured, at, hint, i64::MAX)?;
+        let vertex = self.measured.triangulation.add_vertex(at);
+        let Evaluator { cavity, errors, .. } = &self.evaluator;
+        self.measured.insert(vertex, at, cavity, errors, &mut self.fan);
+        Some(vertex)
     }
 
-    /// Adds a vertex at a vacant place; `hint` is a slot near it.
-    pub(crate) fn add_vertex(&mut self, place: Point, hint: u32) -> u32 {
-        let vertex = self.triangulation.add_vertex(place);
-        self.insert(vertex, place, hint);
-        vertex
+    /// The neighbours that the last vertex removed or moved had before.
+    pub(crate) fn link(&self) -> &[u32] {
+        &self.evaluator.star.vertices
     }
 
-    /// The vertices around the last removal, or the last look at one.
-    pub(crate) fn left(&self) -> &[u32] {
-        &self.probe.star.vertices
+    /// The neighbours of the last vertex inserted or moved.
+    pub(crate) fn new_link(&self) -> &[u32] {
+        &self.evaluator.cavity.vertices
     }
 
-    /// The vertices around the last insertion, or the last look at one.
-    pub(crate) fn reached(&self) -> &[u32] {
-        &self.probe.cavity.vertices
-    }
-
-    /// The slots of the triangles that the last insertion made.
+    /// The slots of the faces of the last insertion.
     pub(crate) fn fan(&self) -> &[u32] {
         &self.fan
+    }
+}
+
+/// Reports everything as the beginning of one stage.
+struct BeginningOf<'a> {
+    control: &'a dyn Control,
+    stage: Stage,
+}
+
+impl Control for BeginningOf<'_> {
+    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
+        self.control.poll(self.stage, 0, 1)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.control.threads()
     }
 }

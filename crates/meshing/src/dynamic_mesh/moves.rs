@@ -1,73 +1,65 @@
-//! Moves of one vertex, tried at several places.
+//! Tentative moves of one vertex.
 //!
-//! While a vertex is tried at places it is out of the triangulation. The triangles that fill its hole
-//! are replaced again wherever it is put down nearby, so their errors are measured only where one of
-//! them would stay; and wherever it ends up, the errors of its faces are known already. Where no place
-//! is better, it gets its old faces back as they were.
+//! While positions are tried, the vertex is detached: a triangulation of its link fills its star. A
+//! face of the fill is measured only where it would stay, and at most once. The vertex then commits
+//! to the best position, where the errors of its faces are known already, or rolls back.
 
-use crate::dynamic_mesh::half_edges::Ring;
-use crate::dynamic_mesh::probe::Probe;
-use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::half_edges::Link;
+use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure};
 use crate::image::Point;
 
-/// The error of a triangle of a fill that has not been measured.
+/// The error of a face of a fill that has not been measured.
 const UNMEASURED: u64 = u64::MAX;
 
-/// Which of the places that lower the error a vertex takes.
+/// Which of the positions that lower the error a vertex moves to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Choice {
+pub(crate) enum Acceptance {
     /// The first one.
     First,
-    /// The best one; of equal ones the first.
+    /// The best one; of equally good ones the first.
     Best,
 }
 
-/// Faces beyond the fence of a patch would change.
-struct Fenced;
-
-/// What came of a try to move a vertex.
+/// What came of an attempt to move a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Moved {
-    Yes,
-    /// No place is better.
-    No,
-    /// It stays for now, because a place would change faces beyond the fence of a patch.
-    Fenced,
+pub(crate) enum Outcome {
+    Moved,
+    /// No position is better.
+    Stayed,
+    /// The vertex stays because a position would change faces outside of its patch.
+    LeavesPatch,
 }
 
-/// What is remembered while a vertex is moved.
+/// A position would change faces outside of the patch.
+struct LeavesPatch;
+
+/// The state of a move.
 #[derive(Default)]
-pub(crate) struct Trial {
-    /// The vertex.
+pub(super) struct TentativeMove {
     vertex: u32,
-    /// Errors of the faces that the vertex had, around it.
-    before: Vec<u64>,
-    /// Sum of these.
+    /// Errors of the faces that the vertex had, and their sum.
+    errors_before: Vec<u64>,
     error_before: u64,
-    /// Triangles that fill its hole, which have the first slots of its star.
+    /// Number of triangles of the fill, which have the first slots of the star.
     fill_count: usize,
-    /// Errors of the faces that it would have at the place tried last, and at the one chosen.
-    tried: Vec<u64>,
-    chosen: Vec<u64>,
-    /// The ring of the place chosen.
-    cavity: Ring,
+    /// The cavity of the best position so far, and the errors of its fan.
+    best_cavity: Link,
+    best_errors: Vec<u64>,
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
-    /// Gathers the star of a movable vertex, which is then the one looked at; `false` when it lies at
-    /// the fence of a patch, where the vertex can't be moved.
-    pub(crate) fn look_at(&mut self, vertex: u32) -> bool {
-        let Self { triangulation, probe: Probe { star, boundary, .. }, trial, .. } = self;
-        trial.vertex = vertex;
-        triangulation.star(vertex, star);
-        boundary.clear();
-        boundary.extend(star.vertices.iter().map(|&v| triangulation.points[v as usize]));
-        !star.is_fenced()
+    /// Selects a movable vertex to be moved; `false` when it is on the boundary of a patch, where it
+    /// can't be moved.
+    pub(crate) fn begin_move(&mut self, vertex: u32) -> bool {
+        self.tentative.vertex = vertex;
+        self.evaluator.gather_star(&self.measured.triangulation, vertex);
+        !self.evaluator.star.touches_patch_boundary()
     }
 
-    /// Ranks the vacant positions at some offsets from the vertex by the predicted change of the
+    /// Ranks positions at some offsets from the selected vertex by the predicted change of the
     /// error: the `count` lowest, in ascending order, among those below `tolerance` times the error
-    /// of the faces around the vertex. `false` when there is no prediction.
+    /// of its faces. `false` when there is no prediction.
     pub(crate) fn find_candidates(
         &mut self,
         offsets: &[(i32, i32)],
@@ -76,21 +68,20 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         candidates: &mut Vec<(f32, Point)>,
     ) -> bool {
         candidates.clear();
-        let Self { triangulation, probe: Probe { star, measure, .. }, face_errors, .. } = self;
-        let error_of = |&slot: &u32| {
-            measure.unweighted_error(triangulation.corners(slot), face_errors[slot as usize])
+        let Self { measured, evaluator, tentative, .. } = self;
+        let Evaluator { measure, star, boundary, .. } = evaluator;
+        let triangulation = &measured.triangulation;
+        let unweighted = |&slot: &u32| {
+            measure.unweighted_error(triangulation.corners(slot), measured.face_error(slot))
         };
-        let error: u64 = star.triangles.iter().map(error_of).sum();
-        let Some(pixels) = self.probe.measure.model_pixels() else { return false };
-        let from = self.triangulation.points[self.trial.vertex as usize];
-        let face_count = self.probe.star.beyond.len();
-        let Some(model) = pixels.model(from, &self.probe.boundary, face_count) else {
-            return false;
-        };
+        let error: u64 = star.triangles.iter().map(unweighted).sum();
+        let Some(pixels) = measure.model_pixels() else { return false };
+        let from = triangulation.points[tentative.vertex as usize];
+        let Some(model) = pixels.model(from, boundary, star.outer.len()) else { return false };
         let mut limit = tolerance * error as f32;
         for &(dx, dy) in offsets {
             let to = Point::new(from.x + dx, from.y + dy);
-            if !self.is_vacant(to) {
+            if !triangulation.holds(to) || boundary.contains(&to) {
                 continue;
             }
             let change = pixels.predicted_change(&model, to);
@@ -106,116 +97,109 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         true
     }
 
-    /// Moves the vertex looked at to one of some places, where vacant, if that lowers the error.
+    /// Moves the selected vertex to one of some positions if that lowers the error. Positions of
+    /// other vertices and positions outside of the image are skipped.
     ///
-    /// The vertices around it before are then those it has [`left`](Self::left), those around it now
-    /// those it has [`reached`](Self::reached).
+    /// The neighbours before are then those of [`link`](Self::link), the new ones those of
+    /// [`new_link`](Self::new_link).
     pub(crate) fn move_vertex(
         &mut self,
-        places: impl Iterator<Item = Point>,
-        choice: Choice,
-    ) -> Moved {
-        let from = self.triangulation.points[self.trial.vertex as usize];
-        self.lift();
-        let (mut best, mut chosen) = (0, None);
-        for candidate in places {
-            if candidate == from || !self.is_vacant(candidate) {
+        positions: impl Iterator<Item = Point>,
+        acceptance: Acceptance,
+    ) -> Outcome {
+        self.detach();
+        let (mut limit, mut best) = (0, None);
+        for position in positions {
+            if !self.measured.triangulation.holds(position) {
                 continue;
             }
-            let Ok(change) = self.change_at(candidate, best) else {
-                self.put_back();
-                return Moved::Fenced;
-            };
-            let Some(change) = change else { continue };
-            (best, chosen) = (change, Some(candidate));
-            std::mem::swap(&mut self.trial.tried, &mut self.trial.chosen);
-            std::mem::swap(&mut self.probe.cavity, &mut self.trial.cavity);
-            if choice == Choice::First {
+            match self.change_at(position, limit) {
+                Err(LeavesPatch) => {
+                    self.roll_back();
+                    return Outcome::LeavesPatch;
+                }
+                Ok(None) => continue,
+                Ok(Some(change)) => (limit, best) = (change, Some(position)),
+            }
+            std::mem::swap(&mut self.evaluator.errors, &mut self.tentative.best_errors);
+            std::mem::swap(&mut self.evaluator.cavity, &mut self.tentative.best_cavity);
+            if acceptance == Acceptance::First {
                 break;
             }
         }
-        let Some(place) = chosen else {
-            self.put_back();
-            return Moved::No;
+        let Some(position) = best else {
+            self.roll_back();
+            return Outcome::Stayed;
         };
-        self.put_down(place);
-        self.total_error = self.total_error.wrapping_add_signed(best);
-        Moved::Yes
+        self.commit(position);
+        Outcome::Moved
     }
 
-    /// Takes the vertex looked at out for a while; the sum of the errors stays what it was.
-    fn lift(&mut self) {
-        let Self { triangulation, probe, face_errors, trial, .. } = self;
-        let Probe { star, boundary, filler, .. } = probe;
-        trial.before.clear();
-        trial.before.extend(star.triangles.iter().map(|&t| face_errors[t as usize]));
-        trial.error_before = trial.before.iter().sum();
-        trial.fill_count = filler.fill(boundary).len();
-        triangulation.remove(trial.vertex, star, filler.triangles());
-        for (i, &slot) in star.triangles.iter().enumerate() {
-            face_errors[slot as usize] = if i < trial.fill_count { UNMEASURED } else { 0 };
-        }
+    /// Removes the selected vertex from the triangulation for a while.
+    fn detach(&mut self) {
+        let Self {
+            measured, evaluator: Evaluator { star, boundary, filler, .. }, tentative, ..
+        } = self;
+        tentative.errors_before.clear();
+        let errors = star.triangles.iter().map(|&slot| measured.face_error(slot));
+        tentative.errors_before.extend(errors);
+        tentative.error_before = tentative.errors_before.iter().sum();
+        let fill = filler.fill(boundary);
+        tentative.fill_count = fill.len();
+        tentative.best_errors.clear();
+        tentative.best_errors.resize(fill.len(), UNMEASURED);
+        measured.remove(tentative.vertex, star, fill, &tentative.best_errors);
     }
 
-    /// By how much the error will have changed when the vertex that is lifted is put down at a
-    /// vacant place, if by less than `limit`.
-    fn change_at(&mut self, place: Point, limit: i64) -> Result<Option<i64>, Fenced> {
-        let Self { triangulation, probe, face_errors, trial, .. } = self;
-        let Probe { cavity, measure, star, faces, .. } = probe;
-        let slot = triangulation.locate_in_patch(place, star.triangles[0]).ok_or(Fenced)?;
-        triangulation.cavity(place, slot, cavity);
-        if cavity.is_fenced() {
-            return Err(Fenced);
+    /// By how much the error will have changed when the detached vertex is inserted at a position,
+    /// if by less than `limit`; `None` too where another vertex is.
+    fn change_at(&mut self, at: Point, limit: i64) -> Result<Option<i64>, LeavesPatch> {
+        let Self { measured, evaluator, tentative, .. } = self;
+        let Evaluator { cavity, measure, star, faces, errors, .. } = evaluator;
+        let triangulation = &measured.triangulation;
+        let slot = triangulation.locate(at, star.triangles[0]).ok_or(LeavesPatch)?;
+        if triangulation.corners(slot).contains(&at) {
+            return Ok(None);
         }
-        let fill = &star.triangles[..trial.fill_count];
-        let (mut change, mut replaced) = (-(trial.error_before as i64), 0);
-        for triangle in &cavity.triangles {
-            if fill.contains(triangle) {
-                replaced += 1;
-            } else {
-                change -= face_errors[*triangle as usize] as i64;
-            }
+        triangulation.cavity(at, slot, cavity);
+        if cavity.touches_patch_boundary() {
+            return Err(LeavesPatch);
         }
+        let fill = &star.triangles[..tentative.fill_count];
+        let kept = cavity.triangles.iter().filter(|slot| !fill.contains(slot));
+        let replaced = kept.map(|&slot| measured.face_error(slot)).sum::<u64>();
+        let before = tentative.error_before + replaced;
         faces.clear();
-        faces.extend(triangulation.fan_around(place, cavity));
-        let left = limit.saturating_sub(change).max(0) as u64;
-        change += measure.errors_below(faces, left, &mut trial.tried) as i64;
+        faces.extend(triangulation.fan_around(at, cavity));
+        let most = limit.saturating_add_unsigned(before).max(0) as u64;
+        let mut change = measure.errors_below(faces, most, errors) as i64 - before as i64;
         if change >= limit {
             return Ok(None);
         }
-        if replaced < fill.len() {
-            for &triangle in fill.iter().filter(|triangle| !cavity.triangles.contains(triangle)) {
-                let error = &mut face_errors[triangle as usize];
-                if *error == UNMEASURED {
-                    *error = measure.error(triangulation.corners(triangle));
-                }
-                change += *error as i64;
+        for &slot in fill.iter().filter(|slot| !cavity.triangles.contains(slot)) {
+            if measured.face_error(slot) == UNMEASURED {
+                let error = measure.error(measured.triangulation.corners(slot));
+                measured.set_face_error(slot, error);
             }
+            change += measured.face_error(slot) as i64;
         }
         Ok((change < limit).then_some(change))
     }
 
-    /// Puts the vertex that is lifted down at the place chosen.
-    fn put_down(&mut self, place: Point) {
-        let Self { triangulation, probe, fan, face_errors, trial, occupancy, .. } = self;
-        let cavity = &mut probe.cavity;
-        occupancy.leave(triangulation.points[trial.vertex as usize]);
-        occupancy.take(place);
-        std::mem::swap(cavity, &mut trial.cavity);
-        triangulation.insert(trial.vertex, place, cavity, fan);
-        face_errors.resize(triangulation.slot_count(), 0);
-        for (&slot, &error) in fan.iter().zip(&trial.chosen) {
-            face_errors[slot as usize] = error;
-        }
+    /// Inserts the detached vertex at the best position.
+    fn commit(&mut self, at: Point) {
+        let Self { measured, evaluator, fan, tentative, .. } = self;
+        std::mem::swap(&mut evaluator.cavity, &mut tentative.best_cavity);
+        let errors = &tentative.best_errors;
+        measured.insert(tentative.vertex, at, &evaluator.cavity, errors, fan);
     }
 
-    /// Puts the vertex that is lifted back, where its faces are what they were.
-    fn put_back(&mut self) {
-        let Self { triangulation, probe, fan, face_errors, trial, .. } = self;
-        let star = &probe.star;
-        triangulation.put_back(trial.vertex, star, trial.fill_count, fan);
-        for (&slot, &error) in star.triangles.iter().zip(&trial.before) {
-            face_errors[slot as usize] = error;
+    /// Gives the detached vertex its old faces again.
+    fn roll_back(&mut self) {
+        let Self { measured, evaluator: Evaluator { star, .. }, fan, tentative, .. } = self;
+        measured.triangulation.undo_removal(tentative.vertex, star, tentative.fill_count, fan);
+        for (&slot, &error) in star.triangles.iter().zip(&tentative.errors_before) {
+            measured.set_face_error(slot, error);
         }
     }
 }

@@ -5,7 +5,7 @@
 //! face is measured in a time proportional to its rows, whatever its columns.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::FaceMeasure;
+use crate::dynamic_mesh::measured::FaceMeasure;
 use crate::error::MeshingError;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point, ShapeMismatch};

@@ -16,7 +16,7 @@ use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
 use crate::quality::fidelity::Fidelity;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
-use crate::triangulation::{Triangulation, triangulate};
+use crate::triangulation::Triangulation;
 use std::collections::HashMap;
 use std::num::NonZeroUsize;
 use thiserror::Error;
@@ -250,12 +250,12 @@ fn measured_errors(
     let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
     let numbers: Vec<usize> =
         removals.iter().filter_map(|removal| points.binary_search(&removal.point).ok()).collect();
-    let (faces, sides) = (triangulate(&points), (image.width(), image.height()));
-    let mut mesh = MeasuredMesh::new(points, &faces, sides, FaceErrors::new(&measure));
+    let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
+    let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Measure, control)?;
     let mut changes = Vec::with_capacity(numbers.len());
     for (made, &vertex) in numbers.iter().enumerate() {
         control.poll(Stage::Measure, made, numbers.len())?;
-        changes.push(mesh.remove(vertex as u32).0);
+        changes.push(mesh.remove(vertex as u32));
     }
     Ok(squared_errors(mesh.total_error(), changes.into_iter()))
 }

@@ -14,7 +14,6 @@ use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point, corner_points};
 use crate::parameters::choices::ErrorMetric;
 use crate::triangulation::predicates::orientation;
-use crate::triangulation::triangulate;
 use std::collections::BinaryHeap;
 
 /// Insertions between two polls of the control.
@@ -41,12 +40,11 @@ pub(crate) fn inserted_points(
     control: &dyn Control,
 ) -> Result<Vec<Point>, Cancelled> {
     let corners = corner_points(image.width(), image.height()).to_vec();
-    let faces = triangulate(&corners);
     let measure = ErrorEvaluator::new(image, metric, weights);
-    let sides = (image.width(), image.height());
-    let mesh = MeasuredMesh::new(corners, &faces, sides, FaceErrors::new(&measure));
+    let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
+    let mesh = MeasuredMesh::new(corners, sides, errors, Stage::Insert, control)?;
     let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new() };
-    for slot in 0..faces.len() as u32 {
+    for slot in 0..insertion.mesh.triangulation().slot_count() as u32 {
         insertion.demand(slot);
     }
     control.poll(Stage::Insert, 0, size)?;
@@ -58,7 +56,7 @@ pub(crate) fn inserted_points(
             break;
         }
     }
-    let (points, _, _) = insertion.mesh.triangulation.mesh();
+    let (points, _, _) = insertion.mesh.triangulation().mesh();
     Ok(points)
 }
 
@@ -76,7 +74,7 @@ impl Insertion<'_> {
     fn demand(&mut self, slot: u32) {
         let error = self.mesh.face_error(slot);
         if error > 0 {
-            let corners = self.mesh.triangulation.corners(slot);
+            let corners = self.mesh.triangulation().corners(slot);
             self.demands.push(Demand { error, corners, slot });
         }
     }
@@ -85,7 +83,7 @@ impl Insertion<'_> {
     /// to give it to.
     fn insert_one(&mut self) -> bool {
         while let Some(Demand { corners, slot, .. }) = self.demands.pop() {
-            if self.mesh.triangulation.corners(slot) != corners {
+            if self.mesh.triangulation().corners(slot) != corners {
                 continue;
             }
             let (mut best, mut limit) = (None, i64::MAX);
@@ -158,7 +156,7 @@ fn places(image: &Image, weights: Option<&[u8]>, corners: [Point; 3]) -> [Option
 mod tests {
     use super::*;
     use crate::control::tests::Recorder;
-    use crate::triangulation::Face;
+    use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
 
     proptest! {
@@ -246,13 +244,17 @@ mod tests {
     }
 
     #[test]
-    fn the_control_is_asked_before_the_first_insertion_and_every_64_points() {
+    fn polls_every_64_points() {
         let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 8, vec![samples]).unwrap();
         let recorder = Recorder::default();
         let points =
             inserted_points(&image, ErrorMetric::MeanCompSe, None, 200, &recorder).unwrap();
-        assert_eq!((points.len(), recorder.done(Stage::Insert, 200)), (200, vec![0, 64, 128, 192]));
+        let reports = recorder.reports();
+        let insertions = reports.iter().filter(|(_, _, total)| *total == 200);
+        let done: Vec<usize> = insertions.map(|(_, done, _)| *done).collect();
+        assert_eq!((points.len(), done), (200, vec![0, 64, 128, 192]));
+        assert!(reports.iter().all(|report| report.0 == Stage::Insert));
     }
 
     #[test]

@@ -6,8 +6,8 @@
 //! evaluate them one after the other, several times each; its order is a little different.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::probe::find_all;
-use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, evaluate_all};
 use crate::removal::Removal;
 
 /// A batch takes at most one in this many of the vertices that are left.
@@ -27,7 +27,7 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
     mut on_change: impl FnMut(&[u32]),
     control: &dyn Control,
 ) -> Result<Vec<Removal>, Cancelled> {
-    let mut is_outdated = vec![false; mesh.triangulation.points.len()];
+    let mut is_outdated = vec![false; mesh.triangulation().points.len()];
     let mut outdated: Vec<u32> = (0..is_outdated.len() as u32).collect();
     let mut costs = Vec::<Cost>::new();
     let mut removals = Vec::new();
@@ -44,11 +44,11 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
                 continue;
             }
             control.poll(Stage::Refine, 0, 1)?;
-            removals.push(Removal { point: mesh.triangulation.points[vertex as usize], change });
+            removals.push(Removal { point: mesh.triangulation().points[vertex as usize], change });
             mesh.remove(vertex);
-            on_change(mesh.left());
-            outdated.extend(mesh.left().iter().filter(|&&v| !is_outdated[v as usize]));
-            mesh.left().iter().for_each(|&v| is_outdated[v as usize] = true);
+            on_change(mesh.link());
+            outdated.extend(mesh.link().iter().filter(|&&v| !is_outdated[v as usize]));
+            mesh.link().iter().for_each(|&v| is_outdated[v as usize] = true);
         }
         costs.retain(|&(_, v)| mesh.is_movable(v) && !is_outdated[v as usize]);
         outdated.iter().for_each(|&v| is_outdated[v as usize] = false);
@@ -62,9 +62,9 @@ fn evaluate<M: FaceMeasure>(
     vertices: &[u32],
     control: &dyn Control,
 ) -> Result<impl Iterator<Item = Cost>, Cancelled> {
-    let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
-    let find = |vertex, probe: &mut _| surface.removal_change(vertex, probe);
-    let changes = find_all(vertices, new_probe, find, control)?;
+    let (measured, new) = (mesh.measured(), || mesh.another_evaluator());
+    let change = |vertex, own: &mut _| Evaluator::removal_change(own, measured, vertex);
+    let changes = evaluate_all(vertices, new, change, control)?;
     Ok(changes.into_iter().zip(vertices.iter().copied()))
 }
 
@@ -142,7 +142,7 @@ mod tests {
             prop_assert_eq!((removals.len(), changes), (count, count));
             let corners = corner_points(width, height);
             let expected = left_by_brute_force(&image, &points, &corners, count);
-            let (kept, faces, _) = mesh.triangulation.mesh();
+            let (kept, faces, _) = mesh.triangulation().mesh();
             prop_assert_eq!(&kept, &expected);
             prop_assert_eq!(&faces, &triangulate(&expected));
             let before = sum_of_errors(&image, &points, &triangulate(&points)) as i64;

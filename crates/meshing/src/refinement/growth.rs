@@ -4,10 +4,11 @@
 //! hill. It may also raise the error, and is undone then.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::measured::FaceMeasure;
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::insertion_candidates::find_candidates;
-use crate::refinement::relocation::{Look, Relocation, Scope};
+use crate::refinement::relocation::{Relocation, Scope, Search};
 
 /// Faces searched for insertion candidates, for each vertex to be inserted.
 const FACES_PER_VERTEX: usize = 3;
@@ -20,23 +21,23 @@ const FACES_PER_VERTEX: usize = 3;
 pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     percent: usize,
-    look: Look,
+    search: Search,
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
-    let (before, relocation_before) = (mesh.snapshot(), relocation.clone());
+    let (before, relocation_before) = (mesh.measured().copy(control)?, relocation.clone());
     let error_before = mesh.total_error();
     // What patches leave out while the mesh is large is relocated afterwards.
-    let (scope, last_scope, last_passes) = match look {
-        Look::Foresighted => (Scope::Inner, Scope::Most, 1),
-        Look::Thorough => (Scope::All, Scope::All, 2),
+    let (scope, last_scope, last_passes) = match search {
+        Search::Predicted => (Scope::OnePartition, Scope::TwoPartitions, 1),
+        Search::Exhaustive => (Scope::All, Scope::All, 2),
     };
     let count = (mesh.vertex_count() * percent).div_ceil(100);
     let inserted = insert_best(mesh, count, relocation, control)?;
-    relocation.pass(mesh, (look, scope), control)?;
-    remove_in_batches(mesh, inserted, |neighbours| relocation.note(neighbours), control)?;
+    relocation.pass(mesh, search, scope, control)?;
+    remove_in_batches(mesh, inserted, |neighbours| relocation.mark_outdated(neighbours), control)?;
     for _ in 0..last_passes {
-        relocation.pass(mesh, (look, last_scope), control)?;
+        relocation.pass(mesh, search, last_scope, control)?;
     }
     if mesh.total_error() >= error_before {
         mesh.restore(before);
@@ -59,10 +60,9 @@ fn insert_best<M: FaceMeasure>(
         if inserted == count {
             break;
         }
-        if candidate.is_current(mesh) {
-            let vertex = mesh.add_vertex(candidate.position, candidate.slot);
+        if let Some(vertex) = candidate.insert(mesh) {
             relocation.add(vertex);
-            relocation.note(mesh.reached());
+            relocation.mark_outdated(mesh.new_link());
             inserted += 1;
         }
     }

@@ -1,8 +1,8 @@
 //! Insertion candidates: positions where one more vertex would lower the error most.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::probe::{Probe, Surface, find_all};
-use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, MeasuredTriangulation, evaluate_all};
 use crate::image::Point;
 use std::cmp::Reverse;
 
@@ -23,9 +23,10 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// Whether the face is still there and the position vacant.
-    pub(crate) fn is_current<M: FaceMeasure>(&self, mesh: &MeasuredMesh<M>) -> bool {
-        mesh.triangulation.corners(self.slot) == self.corners && mesh.is_vacant(self.position)
+    /// Inserts a vertex if the face is still there and the position vacant.
+    pub(crate) fn insert<M: FaceMeasure>(&self, mesh: &mut MeasuredMesh<M>) -> Option<u32> {
+        let is_current = mesh.triangulation().corners(self.slot) == self.corners;
+        if is_current { mesh.add_vertex(self.position, self.slot) } else { None }
     }
 }
 
@@ -41,9 +42,9 @@ pub(crate) fn find_candidates<M: FaceMeasure>(
 ) -> Result<Vec<Candidate>, Cancelled> {
     let faces = worst_faces(mesh, face_count);
     control.poll(Stage::Refine, 0, 1)?;
-    let (surface, new_probe) = (mesh.surface(), || mesh.another_probe());
-    let find = |slot, probe: &mut _| best_in_face(surface, probe, slot);
-    let found = find_all(&faces, new_probe, find, control)?;
+    let (measured, new) = (mesh.measured(), || mesh.another_evaluator());
+    let best = |slot, own: &mut _| best_in_face(measured, own, slot);
+    let found = evaluate_all(&faces, new, best, control)?;
     let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
     candidates.sort_unstable_by_key(|&candidate| Reverse(candidate));
     Ok(candidates)
@@ -51,18 +52,15 @@ pub(crate) fn find_candidates<M: FaceMeasure>(
 
 /// The best position of a face that lowers the error.
 fn best_in_face<M: FaceMeasure>(
-    surface: Surface<'_>,
-    probe: &mut Probe<M>,
+    mesh: &MeasuredTriangulation,
+    evaluator: &mut Evaluator<M>,
     slot: u32,
 ) -> Option<Candidate> {
-    let corners = surface.corners(slot);
+    let corners = mesh.triangulation.corners(slot);
     let (mut limit, mut best) = (0, None);
     for weights in WEIGHTS {
         let position = weighted_mean(corners, weights);
-        if !surface.is_vacant(position) {
-            continue;
-        }
-        if let Some(change) = surface.insertion_change(position, slot, limit, probe) {
+        if let Some(change) = evaluator.insertion_change(mesh, position, slot, limit) {
             (limit, best) = (change, Some(position));
         }
     }
@@ -71,7 +69,7 @@ fn best_in_face<M: FaceMeasure>(
 
 /// Slots of the faces of largest error, not of faces without error.
 fn worst_faces<M: FaceMeasure>(mesh: &MeasuredMesh<M>, count: usize) -> Vec<u32> {
-    let slots = 0..mesh.triangulation.slot_count() as u32;
+    let slots = 0..mesh.triangulation().slot_count() as u32;
     let mut errors: Vec<u64> = slots.clone().map(|slot| mesh.face_error(slot)).collect();
     let mut least = 1;
     if count < errors.len() {
@@ -117,10 +115,10 @@ mod tests {
                 before as i64 - error(&more) as i64
             };
             // The best gain of every face that has one, faces of largest error first.
-            let mut slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
+            let mut slots: Vec<u32> = (0..mesh.triangulation().slot_count() as u32).collect();
             slots.sort_by_key(|&slot| Reverse(mesh.face_error(slot)));
             let best = |&slot: &u32| {
-                let corners = mesh.triangulation.corners(slot);
+                let corners = mesh.triangulation().corners(slot);
                 let tried = WEIGHTS.iter().map(|&weights| weighted_mean(corners, weights));
                 let vacant = tried.filter(|position| !points.contains(position));
                 vacant.map(gain).filter(|&gain| gain > 0).max()
@@ -132,7 +130,9 @@ mod tests {
             let found = find_candidates(&mesh, face_count, &()).unwrap();
             for candidate in &found {
                 prop_assert_eq!(candidate.gain, gain(candidate.position));
-                prop_assert!(candidate.is_current(&mesh));
+                let mut mesh = measured(&measure, &image, points.clone());
+                prop_assert!(candidate.insert(&mut mesh).is_some());
+                prop_assert_eq!(mesh.total_error() as i64, before as i64 - candidate.gain);
             }
             let gains: Vec<i64> = found.iter().map(|candidate| candidate.gain).collect();
             prop_assert_eq!(gains, expected);
@@ -146,7 +146,7 @@ mod tests {
         let measure = measure_of(&image);
         let mut mesh = measured(&measure, &image, points);
         let found = find_candidates(&mesh, usize::MAX, &()).unwrap();
-        mesh.add_vertex(found[0].position, found[0].slot);
-        assert!(!found[0].is_current(&mesh));
+        assert!(found[0].insert(&mut mesh).is_some());
+        assert_eq!(found[0].insert(&mut mesh), None);
     }
 }

@@ -1,30 +1,28 @@
 //! Refinement: better meshes of the same size, beyond the thesis.
 //!
-//! Greedy removal looks at one vertex at a time and never puts one back. Here the mesh it leaves is
-//! improved by descent: vertices move (`relocation`), change places with better ones (`swaps`), and
-//! the mesh grows and shrinks again (`growth`, quickly by `batch_removal`), each step scored by the true change of the error
-//! over the faces that change (`measured_mesh`, on a `dynamic_triangulation`). The model stays
-//! what it is, a preferred-directions Delaunay triangulation of points that carry the image's own
-//! samples. Beyond that model `liberation` flips edges, fits values (`fitted_values`) and moves
-//! vertices with their values (`vertex_moves`, on a `valued_mesh`). The steps and their order are in `schedule`. Figures are in `docs/quality.md`.
+//! Greedy removal evaluates one vertex at a time and never puts one back. Refinement improves the
+//! mesh that it leaves by descent: vertices move ([`relocation`]), and the mesh grows and shrinks
+//! again ([`growth`]). The true change of the error decides on each change. The mesh stays a
+//! preferred-directions Delaunay triangulation whose vertices carry the image's samples;
+//! [`unconstrained`] refinement gives that up. [`schedule`] has the steps of each effort.
 
 pub(crate) mod batch_removal;
 mod growth;
 mod insertion_candidates;
+mod progress;
 mod relocation;
 mod schedule;
 pub(crate) mod unconstrained;
 
-use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::control::{Cancelled, Control};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::measured::FaceMeasure;
 use growth::grow_and_shrink;
-use relocation::{Look, Relocation, Scope};
+use progress::StepProgress;
+use relocation::{Relocation, Scope, Search};
 use schedule::{Step, steps};
-use std::num::NonZeroUsize;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Moves the vertices of a mesh so that its error falls, with an effort of 0 (nothing) to 9; their
-/// number stays.
+/// Lowers the error of a mesh with an effort of 0 (nothing) to 9. The number of vertices stays.
 ///
 /// # Errors
 /// When the control cancels.
@@ -36,9 +34,8 @@ pub(crate) fn refine<M: FaceMeasure>(
     let mut relocation = Relocation::new(&mesh);
     let count = steps(effort).count();
     for (done, step) in steps(effort).enumerate() {
-        let control = Part { control, done, count, reached: AtomicUsize::new(0) };
-        control.poll(Stage::Refine, 0, 1)?;
-        take_step(step, &mut mesh, &mut relocation, &control)?;
+        let progress = StepProgress::begin(control, done, count)?;
+        take_step(step, &mut mesh, &mut relocation, &progress)?;
     }
     Ok(mesh)
 }
@@ -49,44 +46,24 @@ fn take_step<M: FaceMeasure>(
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
-    let scope = |look| if look == Look::Foresighted { Scope::Most } else { Scope::All };
+    let scope = |search| match search {
+        Search::Predicted => Scope::TwoPartitions,
+        Search::Exhaustive => Scope::All,
+    };
     match step {
-        Step::Relocate(look) => relocation.pass(mesh, (look, scope(look)), control).map(|_| ()),
-        Step::RelocateAll(look) => {
+        Step::Relocate(search) => relocation.pass(mesh, search, scope(search), control),
+        Step::RelocateAll(search) => {
             relocation.restart();
-            relocation.pass(mesh, (look, scope(look)), control).map(|_| ())
+            relocation.pass(mesh, search, scope(search), control)
         }
-        Step::Grow(look, percent) => grow_and_shrink(mesh, percent, look, relocation, control),
-    }
-}
-
-/// Parts of a step that progress is told in.
-const PARTS: usize = 1000;
-
-/// Tells of the progress of one step as part of all; never of less than before.
-struct Part<'a> {
-    control: &'a dyn Control,
-    done: usize,
-    count: usize,
-    /// Parts of this step that have been told of.
-    reached: AtomicUsize,
-}
-
-impl Control for Part<'_> {
-    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-        let part = done.min(total) * PARTS / total.max(1);
-        let reached = self.reached.fetch_max(part, Ordering::Relaxed).max(part);
-        self.control.poll(stage, self.done * PARTS + reached, self.count * PARTS)
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        self.control.threads()
+        Step::Grow(search, percent) => grow_and_shrink(mesh, percent, search, relocation, control),
     }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::control::Stage;
     use crate::face_error::{ErrorEvaluator, FaceErrors};
     use crate::image::{Image, Point, corner_points};
     use crate::model::flat_color::{FlatFaces, RowSums};
@@ -114,40 +91,14 @@ pub(crate) mod tests {
         let seeds = (0..60).map(|i| Point::new(i * 37 % 40, i * 23 % 39));
         let points: BTreeSet<Point> = seeds.chain(corner_points(40, 40)).collect();
         let points: Vec<Point> = points.into_iter().collect();
-        let faces = triangulate(&points);
-        let mesh = MeasuredMesh::new(points, &faces, (40, 40), FlatFaces::new(&sums));
+        let errors = FlatFaces::new(&sums);
+        let mesh = MeasuredMesh::new(points, (40, 40), errors, Stage::Refine, &()).unwrap();
         let before = mesh.total_error();
         let refined = refine(mesh, 5, &()).unwrap();
-        let (points, faces, _) = refined.triangulation.mesh();
+        let (points, faces, _) = refined.triangulation().mesh();
         let error = |face: &Face| FlatFaces::new(&sums).error(face.map(|v| points[v as usize]));
         assert_eq!(refined.total_error(), faces.iter().map(error).sum::<u64>());
         assert!(refined.total_error() < before);
-    }
-
-    #[test]
-    fn progress_of_steps_never_goes_back() {
-        #[derive(Default)]
-        struct Told(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
-        impl Control for Told {
-            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-                self.0.lock().unwrap().push((stage, done, total));
-                if done == 3 * PARTS { Err(Cancelled) } else { Ok(()) }
-            }
-            fn threads(&self) -> NonZeroUsize {
-                NonZeroUsize::new(7).unwrap()
-            }
-        }
-        let told = Told::default();
-        let part = Part { control: &told, done: 2, count: 5, reached: AtomicUsize::new(0) };
-        for (done, total) in [(0, 0), (0, 10), (5, 10), (3, 10), (60, 100)] {
-            part.poll(Stage::Refine, done, total).unwrap();
-        }
-        assert_eq!(part.poll(Stage::Refine, 12, 10), Err(Cancelled));
-        assert_eq!(part.threads(), told.threads());
-        let told = told.0.into_inner().unwrap();
-        assert!(told.iter().all(|&(stage, _, total)| stage == Stage::Refine && total == 5000));
-        let told: Vec<usize> = told.iter().map(|&(_, done, _)| done).collect();
-        assert_eq!(told, [2000, 2000, 2500, 2500, 2600, 3000]);
     }
 
     /// A picture of few levels in two components, and points of it, the corners among them.
@@ -175,9 +126,8 @@ pub(crate) mod tests {
         image: &Image,
         points: Vec<Point>,
     ) -> MeasuredMesh<FaceErrors<'m>> {
-        let faces = triangulate(&points);
-        let size = (image.width(), image.height());
-        MeasuredMesh::new(points, &faces, size, FaceErrors::new(measure))
+        let (size, errors) = ((image.width(), image.height()), FaceErrors::new(measure));
+        MeasuredMesh::new(points, size, errors, Stage::Refine, &()).unwrap()
     }
 
     /// The squared error of faces that carry the image's samples.
@@ -200,7 +150,7 @@ pub(crate) mod tests {
             let mut last = measured(&measure, &image, points.clone()).total_error();
             for effort in [0, 1, 3, 5, 9] {
                 let mesh = refine(measured(&measure, &image, points.clone()), effort, &()).unwrap();
-                let (points, faces, _) = mesh.triangulation.mesh();
+                let (points, faces, _) = mesh.triangulation().mesh();
                 prop_assert_eq!(points.len(), count);
                 prop_assert_eq!(&faces, &triangulate(&points));
                 let error = sum_of_errors(&image, &points, &faces);
@@ -221,12 +171,12 @@ pub(crate) mod tests {
             let mut mesh = measured(&measure, &image, points);
             let mut relocation = Relocation::new(&mesh);
             for _ in 0..4 {
-                let (error, before) = (mesh.total_error(), mesh.triangulation.mesh());
-                let step = Step::Grow(Look::Thorough, 30);
+                let (error, before) = (mesh.total_error(), mesh.triangulation().mesh());
+                let step = Step::Grow(Search::Exhaustive, 30);
                 take_step(step, &mut mesh, &mut relocation, &()).unwrap();
                 prop_assert!(mesh.total_error() <= error);
                 if mesh.total_error() == error {
-                    prop_assert_eq!(mesh.triangulation.mesh(), before);
+                    prop_assert_eq!(mesh.triangulation().mesh(), before);
                 }
             }
         }

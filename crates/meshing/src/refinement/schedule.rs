@@ -1,43 +1,43 @@
 //! The steps of each effort.
 
-use crate::refinement::relocation::Look;
+use crate::refinement::relocation::Search;
 
 /// A step of refinement. None raises the error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Step {
     /// One pass over the vertices whose surroundings have changed.
-    Relocate(Look),
+    Relocate(Search),
     /// One pass over all vertices.
-    RelocateAll(Look),
+    RelocateAll(Search),
     /// Growth by this percentage of the vertices, and removal of as many.
-    Grow(Look, usize),
+    Grow(Search, usize),
 }
 
 /// Each step with the lowest effort that includes it.
 ///
 /// An effort takes the steps of the efforts below it first, so that more effort is never worse.
 const STEPS: &[(u8, Step)] = {
-    use Look::{Foresighted, Thorough};
+    use Search::{Exhaustive, Predicted};
     use Step::{Grow, Relocate, RelocateAll};
     &[
-        (1, Relocate(Foresighted)),
-        (1, Grow(Foresighted, 20)),
-        (1, Relocate(Foresighted)),
-        (2, Grow(Foresighted, 20)),
-        (3, Grow(Foresighted, 20)),
-        (4, RelocateAll(Thorough)),
-        (4, Relocate(Thorough)),
-        (5, Grow(Thorough, 20)),
-        (6, Grow(Thorough, 20)),
-        (7, Grow(Thorough, 20)),
-        (7, Grow(Thorough, 10)),
-        (8, Grow(Thorough, 20)),
-        (8, Grow(Thorough, 10)),
-        (9, Grow(Thorough, 20)),
-        (9, Grow(Thorough, 20)),
-        (9, Grow(Thorough, 10)),
-        (9, Grow(Thorough, 10)),
-        (9, Grow(Thorough, 5)),
+        (1, Relocate(Predicted)),
+        (1, Grow(Predicted, 20)),
+        (1, Relocate(Predicted)),
+        (2, Grow(Predicted, 20)),
+        (3, Grow(Predicted, 20)),
+        (4, RelocateAll(Exhaustive)),
+        (4, Relocate(Exhaustive)),
+        (5, Grow(Exhaustive, 20)),
+        (6, Grow(Exhaustive, 20)),
+        (7, Grow(Exhaustive, 20)),
+        (7, Grow(Exhaustive, 10)),
+        (8, Grow(Exhaustive, 20)),
+        (8, Grow(Exhaustive, 10)),
+        (9, Grow(Exhaustive, 20)),
+        (9, Grow(Exhaustive, 20)),
+        (9, Grow(Exhaustive, 10)),
+        (9, Grow(Exhaustive, 10)),
+        (9, Grow(Exhaustive, 5)),
     ]
 };
 

@@ -5,12 +5,12 @@
 //! removal that makes one is the first that is not made.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::{FaceMeasure, MeasuredMesh};
+use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::measured::FaceMeasure;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};
 use crate::removal::Removal;
-use crate::triangulation::Face;
 
 /// How many of `removals`, in order, can be made on the mesh of an image before a sample of the
 /// approximation differs from the image's by more than `most`.
@@ -20,7 +20,6 @@ use crate::triangulation::Face;
 pub(crate) fn removals_within(
     image: &Image,
     points: Vec<Point>,
-    faces: &[Face],
     removals: &[Removal],
     most: u16,
     control: &dyn Control,
@@ -29,14 +28,14 @@ pub(crate) fn removals_within(
     let places: Vec<Point> = removals.iter().map(|removal| removal.point).collect();
     let numbers: Vec<usize> =
         places.iter().filter_map(|place| points.binary_search(place).ok()).collect();
-    let mut mesh = MeasuredMesh::new(points, faces, size, Breaches { image, most });
+    let breaches = Breaches { image, most };
+    let mut mesh = MeasuredMesh::new(points, size, breaches, Stage::Measure, control)?;
     for (made, &vertex) in numbers.iter().enumerate() {
         control.poll(Stage::Measure, made, numbers.len())?;
         if mesh.total_error() > 0 {
             return Ok(made);
         }
-        let (change, _) = mesh.remove(vertex as u32);
-        if change > 0 {
+        if mesh.remove(vertex as u32) > 0 {
             return Ok(made);
         }
     }
@@ -86,8 +85,7 @@ mod tests {
     /// The largest difference of a sample in the mesh of some points.
     fn largest(image: &Image, points: &[Point]) -> u16 {
         let triangulation = Triangulation::new(points.to_vec(), &()).unwrap();
-        let faces = triangulation.faces();
-        let mesh = Mesh::of_samples(image, points.to_vec(), faces);
+        let mesh = Mesh::of_samples(image, points.to_vec(), triangulation.faces());
         let rebuilt = rasterize(&mesh, &()).unwrap();
         let samples = image.components().concat().into_iter().zip(rebuilt.components().concat());
         samples.map(|(a, b)| a.abs_diff(b)).max().unwrap()
@@ -102,7 +100,6 @@ mod tests {
             .flat_map(|y| (0..side as i32).map(move |x| Point::new(x, y)))
             .collect();
         let triangulation = Triangulation::new(lattice.clone(), &()).unwrap();
-        let faces = triangulation.faces();
         let metric = ErrorMetric::MeanCompSe;
         let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
         let removals =
@@ -117,12 +114,11 @@ mod tests {
         for most in 0..45 {
             let expected = differences.iter().position(|&difference| difference > most);
             let expected = expected.map_or(removals.len(), |first| first - 1);
-            let within = removals_within(&image, lattice.clone(), &faces, &removals, most, &());
+            let within = removals_within(&image, lattice.clone(), &removals, most, &());
             assert_eq!(within, Ok(expected), "{most}");
         }
         // Meshes that break the bound before any removal, one of them more than after it.
         let corners = [(0, 0), (8, 0), (4, 4), (0, 8), (8, 8)].map(|(x, y)| Point::new(x, y));
-        let faces = Triangulation::new(corners.to_vec(), &()).unwrap().faces();
         let removal = Removal { point: Point::new(4, 4), change: 0 };
         let sample = |i| if i == 4 * side + 4 { 40 } else { 0 };
         let peak =
@@ -130,7 +126,7 @@ mod tests {
                 .unwrap();
         for image in [&image, &peak] {
             let points = corners.to_vec();
-            let within = removals_within(image, points, &faces, &[removal], 1, &());
+            let within = removals_within(image, points, &[removal], 1, &());
             assert_eq!(within, Ok(0));
         }
     }

@@ -195,7 +195,7 @@ impl Selection for BelowLimit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::OnThreads;
+    use crate::control::{OnThreads, Stage};
     use crate::dynamic_mesh::MeasuredMesh;
     use crate::face_error::FaceErrors;
     use crate::image::Image;
@@ -221,12 +221,11 @@ mod tests {
         let (width, height) = (image.width(), image.height());
         let points = lattice(width, height);
         let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
-        let faces = triangulate(&points);
-        let errors = FaceErrors::new(&measure);
-        let mut mesh = MeasuredMesh::new(points, &faces, (width, height), errors);
+        let (size, errors) = ((width, height), FaceErrors::new(&measure));
+        let mut mesh = MeasuredMesh::new(points, size, errors, Stage::Measure, &()).unwrap();
         for removal in &made.removals {
             let number = removal.point.y as usize * width + removal.point.x as usize;
-            assert_eq!(mesh.remove(number as u32).0, removal.change);
+            assert_eq!(mesh.remove(number as u32), removal.change);
         }
         assert_eq!(mesh.total_error(), made.error);
     }

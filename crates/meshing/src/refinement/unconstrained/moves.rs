@@ -1,18 +1,19 @@
-//! Moves of vertices with their values, the faces around them staying.
+//! Moves of vertices with their values; the faces around them keep their vertices.
 //!
-//! For a vertex at a place the interpolants of the faces around it are linear in its value, so
-//! their squared error, but for rounding, is a parabola of it: one walk over the points of the faces gives
-//! the best value and its error, for each component. The most promising place of a few is
-//! then measured exactly, with the rounded value, and taken if the error falls.
+//! The interpolants of the faces around a vertex are linear in its value, so their squared error,
+//! but for rounding, is a parabola of it. One scan of the pixels of the faces gives the best value
+//! and its error, for each component. Of the vertex's position and its 8 neighbours the one of least
+//! estimated error is then measured exactly, with the rounded value, and taken if the error falls.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::half_edges::Ring;
+use crate::dynamic_mesh::half_edges::Link;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::Point;
-use crate::refinement::unconstrained::valued_mesh::{ValuedMesh, squared_error};
+use crate::refinement::relocation::window;
+use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::triangulation::predicates::orientation;
 
-/// What vertices may do.
+/// What a mesh is free of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Freedom {
     /// Whether the faces need not be Delaunay.
@@ -35,37 +36,36 @@ impl Parabola {
         self.constant - 2.0 * self.linear * z + self.square * z * z
     }
 
-    /// The whole number from 0 to `largest` nearest to where it is least.
-    fn best(self, largest: u16) -> u16 {
-        // The vertex is a point of which it alone counts, so that the square is 1 at least.
+    /// The whole number from 0 to `largest` nearest to the minimum, if there is one: where all
+    /// weights are 0 there is none.
+    fn best(self, largest: u16) -> Option<u16> {
         let best = self.linear / self.square;
-        (best + 0.5).floor().clamp(0.0, largest.into()) as u16
+        (self.square > 0.0).then(|| (best + 0.5).floor().clamp(0.0, largest.into()) as u16)
     }
 }
 
-/// Moves vertices, each looked at when its surroundings have changed.
+/// The state of passes over the vertices.
 pub(crate) struct VertexMoves {
     freedom: Freedom,
-    changed: Vec<bool>,
-    ring: Ring,
+    /// Offsets of the positions tried, the vertex's own first.
+    offsets: Vec<(i32, i32)>,
+    /// Whether the faces of each vertex have changed since its last visit.
+    is_outdated: Vec<bool>,
+    star: Link,
     parabolas: Vec<Parabola>,
-    /// Values for the place looked at.
+    /// Values at the position estimated last, and at the best one so far.
     values: Vec<u16>,
-    /// Values for the best place so far.
     best_values: Vec<u16>,
     errors: Vec<u64>,
 }
-
-/// The place itself and those around it.
-const PLACES: [(i32, i32); 9] =
-    [(0, 0), (0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
 impl VertexMoves {
     pub(crate) fn new(vertex_count: usize, freedom: Freedom) -> Self {
         Self {
             freedom,
-            changed: vec![true; vertex_count],
-            ring: Ring::default(),
+            offsets: [vec![(0, 0)], window(1)].concat(),
+            is_outdated: vec![true; vertex_count],
+            star: Link::default(),
             parabolas: Vec::new(),
             values: Vec::new(),
             best_values: Vec::new(),
@@ -73,131 +73,118 @@ impl VertexMoves {
         }
     }
 
-    /// Has every vertex looked at again.
+    /// Visits every vertex in the next pass.
     pub(crate) fn restart(&mut self) {
-        self.changed.fill(true);
+        self.is_outdated.fill(true);
     }
 
-    /// Looks once at each vertex whose surroundings have changed.
+    /// Visits once each vertex whose faces have changed.
     pub(crate) fn pass(
         &mut self,
         mesh: &mut ValuedMesh<'_>,
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
-        let count = self.changed.len();
+        let count = self.is_outdated.len();
         for vertex in 0..count {
-            if std::mem::take(&mut self.changed[vertex]) {
+            if std::mem::take(&mut self.is_outdated[vertex]) {
                 control.poll(Stage::Refine, vertex, count)?;
-                self.look_at(mesh, vertex as u32);
+                self.visit(mesh, vertex as u32);
             }
         }
         Ok(())
     }
 
-    /// Moves a vertex to the most promising place, with the most promising value, if the error
+    /// Moves a vertex to the position of least estimated error, with its best values, if the error
     /// falls.
-    fn look_at(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32) {
-        mesh.triangulation.star(vertex, &mut self.ring);
-        let from = mesh.triangulation.points[vertex as usize];
+    fn visit(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32) {
+        mesh.triangulation().star(vertex, &mut self.star);
+        let from = mesh.triangulation().points[vertex as usize];
         let mut best: Option<(f64, Point)> = None;
-        for (dx, dy) in PLACES {
-            let place = Point::new(from.x + dx, from.y + dy);
-            if place == from || self.may_move(mesh, from, place) {
-                let estimate = self.estimate(mesh, place);
+        for i in 0..self.offsets.len() {
+            let (dx, dy) = self.offsets[i];
+            let at = Point::new(from.x + dx, from.y + dy);
+            if at == from || self.may_move(mesh, from, at) {
+                let estimate = self.estimate(mesh, at);
                 if best.is_none_or(|(least, _)| estimate < least) {
-                    best = Some((estimate, place));
+                    best = Some((estimate, at));
                     std::mem::swap(&mut self.values, &mut self.best_values);
                 }
             }
         }
-        let Some((_, place)) = best else { return };
-        if place == from && self.best_values == mesh.values_of(vertex) {
-            return;
+        let Some((_, at)) = best else { return };
+        if at != from || self.best_values != mesh.values_of(vertex) {
+            self.move_if_better(mesh, vertex, at);
         }
-        self.take_if_better(mesh, vertex, place);
     }
 
-    /// Tells whether a vertex may go from one place to another: faces stay counter-clockwise,
-    /// the border and its corners stay where they are.
-    fn may_move(&self, mesh: &ValuedMesh<'_>, from: Point, place: Point) -> bool {
-        let triangulation = &mesh.triangulation;
-        if !triangulation.holds(place) || triangulation.is_corner(from) {
+    /// Whether a vertex may move: its faces stay counter-clockwise, the border of the image and its
+    /// corners keep their vertices.
+    fn may_move(&self, mesh: &ValuedMesh<'_>, from: Point, at: Point) -> bool {
+        let triangulation = mesh.triangulation();
+        if !triangulation.holds(at) || triangulation.is_corner(from) {
             return false;
         }
-        let at = |v: u32| triangulation.points[v as usize];
-        if triangulation.is_on_border(from) {
-            let [Some(first), Some(last)] = [self.ring.vertices.first(), self.ring.vertices.last()]
-            else {
-                return false;
-            };
-            if orientation(at(*first), at(*last), place) != 0 {
-                return false;
-            }
+        let point = |v: u32| triangulation.points[v as usize];
+        let neighbours = &self.star.vertices;
+        if triangulation.is_on_border(from)
+            && orientation(point(neighbours[0]), point(neighbours[neighbours.len() - 1]), at) != 0
+        {
+            return false;
         }
-        self.ring.edges().all(|(a, b)| orientation(at(a), at(b), place) > 0)
-            && (self.freedom.connectivity || mesh.stays_delaunay(&self.ring, place))
+        self.star.edges().all(|(a, b)| orientation(point(a), point(b), at) > 0)
+            && (self.freedom.connectivity || mesh.stays_delaunay(&self.star, at))
     }
 
-    /// Sets the values for a place, and estimates the squared error of the faces around it.
-    fn estimate(&mut self, mesh: &ValuedMesh<'_>, place: Point) -> f64 {
-        let count = mesh.image.component_count();
+    /// Sets the values at a position, and estimates the error of the vertex's faces.
+    fn estimate(&mut self, mesh: &ValuedMesh<'_>, at: Point) -> f64 {
+        let image = mesh.pixels.image;
         self.parabolas.clear();
-        self.parabolas.resize(count, Parabola::default());
-        for (a, b) in self.ring.edges() {
-            let corners = [a, b].map(|v| mesh.triangulation.points[v as usize]);
+        self.parabolas.resize(image.component_count(), Parabola::default());
+        for (a, b) in self.star.edges() {
+            let [from, to] = [a, b].map(|v| mesh.triangulation().points[v as usize]);
             let values = [a, b].map(|v| mesh.values_of(v));
-            add_face(mesh, [corners[0], corners[1], place], values, &mut self.parabolas);
+            add_face(mesh, [from, to, at], values, &mut self.parabolas);
         }
         self.values.clear();
-        let largest = mesh.image.max_sample();
         let mut sum = 0.0;
         for (c, parabola) in self.parabolas.iter().enumerate() {
-            let value = if self.freedom.values {
-                parabola.best(largest)
-            } else {
-                mesh.image.sample(c, place.x as usize, place.y as usize)
-            };
+            let fitted = parabola.best(image.max_sample()).filter(|_| self.freedom.values);
+            let value = fitted.unwrap_or_else(|| image.sample(c, at.x as usize, at.y as usize));
             self.values.push(value);
             sum += parabola.at(value.into());
         }
         sum
     }
 
-    /// Moves a vertex, whose star `ring` is, to a place with the best values if the error falls.
-    fn take_if_better(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32, place: Point) {
-        let slots = &self.ring.triangles;
-        let before: u64 = slots.iter().map(|&slot| mesh.face_errors[slot as usize]).sum();
+    /// Moves a vertex to a position with the best values if the error falls.
+    fn move_if_better(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32, at: Point) {
+        let before = mesh.measured.error_of(&self.star.triangles);
         self.errors.clear();
         let mut after = 0;
-        for (a, b) in self.ring.edges() {
-            let corners = [a, b].map(|v| mesh.triangulation.points[v as usize]);
-            let [za, zb] = [a, b].map(|v| mesh.values_of(v));
-            let error = squared_error(
-                mesh.image,
-                [corners[0], corners[1], place],
-                [za, zb, &self.best_values],
-            );
+        for (a, b) in self.star.edges() {
+            let [from, to] = [a, b].map(|v| mesh.triangulation().points[v as usize]);
+            let [first, second] = [a, b].map(|v| mesh.values_of(v));
+            let values = [first, second, &self.best_values];
+            let error = mesh.pixels.squared_error([from, to, at], values);
             self.errors.push(error);
             after += error;
             if after >= before {
                 return;
             }
         }
-        for (&slot, &error) in slots.iter().zip(&self.errors) {
-            mesh.face_errors[slot as usize] = error;
+        for (&slot, &error) in self.star.triangles.iter().zip(&self.errors) {
+            mesh.measured.set_face_error(slot, error);
         }
-        mesh.total_error = mesh.total_error + after - before;
-        mesh.triangulation.points[vertex as usize] = place;
+        mesh.measured.triangulation.points[vertex as usize] = at;
         let count = self.best_values.len();
         mesh.values[vertex as usize * count..][..count].copy_from_slice(&self.best_values);
-        for &v in &self.ring.vertices {
-            self.changed[v as usize] = true;
+        for &v in self.star.vertices.iter().chain(&[vertex]) {
+            self.is_outdated[v as usize] = true;
         }
-        self.changed[vertex as usize] = true;
     }
 }
 
-/// Adds the points of a face to the parabolas of its third vertex.
+/// Adds the pixels of a face to the parabolas of its third vertex.
 fn add_face(
     mesh: &ValuedMesh<'_>,
     corners: [Point; 3],
@@ -214,17 +201,19 @@ fn add_face(
         let weight = orientation(a, b, start) as f64 * reciprocal;
         let first_weight = orientation(b, apex, start) as f64 * reciprocal;
         let second_weight = orientation(apex, a, start) as f64 * reciprocal;
+        let pixel_weights = mesh.pixels.weights_of_row(y, left, end);
         for (c, parabola) in parabolas.iter_mut().enumerate() {
-            let samples = &mesh.image.row(c, y as usize)[left as usize..end as usize];
+            let samples = &mesh.pixels.image.row(c, y as usize)[left as usize..end as usize];
             let (za, zb) = (f64::from(first[c]), f64::from(second[c]));
             let rest = za * first_weight + zb * second_weight;
             let rest_step = za * first_step + zb * second_step;
             for (i, &sample) in samples.iter().enumerate() {
+                let count = pixel_weights.map_or(1.0, |weights| f64::from(weights[i]));
                 let i = i as f64;
                 let (w, r) = (weight + weight_step * i, f64::from(sample) - (rest + rest_step * i));
-                parabola.constant += r * r;
-                parabola.linear += w * r;
-                parabola.square += w * w;
+                parabola.constant += count * r * r;
+                parabola.linear += count * w * r;
+                parabola.square += count * w * w;
             }
         }
     });
@@ -237,7 +226,9 @@ mod tests {
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
     use crate::refinement::tests::picture;
-    use crate::refinement::unconstrained::valued_mesh::tests::{error_of_rebuilt, faces_of};
+    use crate::refinement::unconstrained::valued_mesh::tests::{
+        error_of_rebuilt, faces_of, valued,
+    };
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
 
@@ -252,7 +243,7 @@ mod tests {
     ) -> f64 {
         let mut sum = 0.0;
         for &(u, v) in around {
-            let [a, b] = [u, v].map(|v| mesh.triangulation.points[v as usize]);
+            let [a, b] = [u, v].map(|v| mesh.triangulation().points[v as usize]);
             let [za, zb] = [u, v].map(|v| f64::from(mesh.values_of(v)[c]));
             let area = orientation(a, b, place) as f64;
             for_each_row([a, b, place], |y, first, end| {
@@ -260,7 +251,7 @@ mod tests {
                     let p = Point::new(x, y);
                     let weight = |from, to| orientation(from, to, p) as f64 / area;
                     let value = za * weight(b, place) + zb * weight(place, a) + z * weight(a, b);
-                    let sample = f64::from(mesh.image.sample(c, x as usize, y as usize));
+                    let sample = f64::from(mesh.pixels.image.sample(c, x as usize, y as usize));
                     sum += (sample - value).powi(2);
                 }
             });
@@ -271,25 +262,25 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn the_value_estimated_best_is_the_best_of_all_values_and_its_error_is_the_sum_over_points(
+        fn estimates_are_the_least_sums_over_pixels(
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let mesh = valued(&image, points.clone());
             let freedom = Freedom { connectivity: true, values: true };
             let mut moves = VertexMoves::new(points.len(), freedom);
             for vertex in 0..points.len() as u32 {
-                mesh.triangulation.star(vertex, &mut moves.ring);
+                mesh.triangulation().star(vertex, &mut moves.star);
                 let from = points[vertex as usize];
-                for (dx, dy) in PLACES {
+                for (dx, dy) in moves.offsets.clone() {
                     let place = Point::new(from.x + dx, from.y + dy);
                     if place != from && !moves.may_move(&mesh, from, place) {
                         continue;
                     }
                     let estimate = moves.estimate(&mesh, place);
-                    let around: Vec<(u32, u32)> = moves.ring.edges().collect();
+                    let around: Vec<(u32, u32)> = moves.star.edges().collect();
                     let error = |c: usize, z: u16| {
                         unrounded_error(&mesh, &around, place, c, z.into())
                     };
@@ -306,53 +297,51 @@ mod tests {
         }
 
         #[test]
-        fn passes_keep_account_of_the_rebuilt_picture_and_never_make_it_worse(
+        fn passes_never_raise_the_error(
             (width, height) in (2usize..12, 2usize..12),
             samples in prop::collection::vec(0u16..64, 144),
             seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
             (connectivity, values) in (any::<bool>(), any::<bool>()),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let mut mesh = ValuedMesh::new(&image, points.clone(), &triangulate(&points));
+            let mut mesh = valued(&image, points.clone());
             let mut moves = VertexMoves::new(points.len(), Freedom { connectivity, values });
-            let mut last = mesh.total_error;
+            let mut last = mesh.total_error();
             for _ in 0..3 {
-                let before = (mesh.triangulation.points.clone(), mesh.values.clone());
+                let before = (mesh.triangulation().points.clone(), mesh.values.clone());
                 moves.pass(&mut mesh, &()).unwrap();
-                if mesh.total_error == last {
-                    prop_assert_eq!((&mesh.triangulation.points, &mesh.values), (&before.0, &before.1));
+                if mesh.total_error() == last {
+                    prop_assert_eq!((&mesh.triangulation().points, &mesh.values), (&before.0, &before.1));
                 }
-                let places = &mesh.triangulation.points;
+                let places = &mesh.triangulation().points;
                 let error = error_of_rebuilt(&image, places, &mesh.values, &faces_of(&mesh));
-                prop_assert_eq!(mesh.total_error, error);
+                prop_assert_eq!(mesh.total_error(), error);
                 prop_assert!(error <= last);
                 last = error;
             }
             let is_sample = |v: usize| {
-                let Point { x, y } = mesh.triangulation.points[v];
+                let Point { x, y } = mesh.triangulation().points[v];
                 (0..2).all(|c| mesh.values_of(v as u32)[c] == image.sample(c, x as usize, y as usize))
             };
             prop_assert!(values || (0..points.len()).all(is_sample));
             if !connectivity {
-                let (points, faces, _): (Vec<Point>, Vec<Face>, _) = mesh.triangulation.mesh();
+                let (points, faces, _): (Vec<Point>, Vec<Face>, _) = mesh.triangulation().mesh();
                 prop_assert_eq!(faces, triangulate(&points));
             }
         }
     }
 
-    /// A picture of one component, and the mesh of its corners and other vertices, which may be
-    /// anything.
-    fn free_mesh(image: &Image, inner: &[(i32, i32)]) -> (Vec<Point>, Vec<Face>) {
+    /// The corners of a picture and other points.
+    fn points_with_corners(image: &Image, inner: &[(i32, i32)]) -> Vec<Point> {
         let corners = corner_points(image.width(), image.height());
         let inner = inner.iter().map(|&(x, y)| Point::new(x, y));
         let mut points: Vec<Point> = inner.chain(corners).collect();
         points.sort_unstable();
-        let faces = triangulate(&points);
-        (points, faces)
+        points
     }
 
     #[test]
-    fn of_places_that_promise_as_much_the_first_is_taken() {
+    fn ties_take_the_first_offset() {
         let sample = |i| if i == 5 * 11 + 5 { 63 } else { 0 };
         let image =
             Image::from_bottom_up(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
@@ -363,47 +352,47 @@ mod tests {
             (&[(5, 4), (4, 5)], (6, 5)),
             (&[(5, 4), (4, 5), (6, 5)], (5, 6)),
         ] {
-            let (points, faces) = free_mesh(&image, &[&[(5, 5)], taken].concat());
+            let points = points_with_corners(&image, &[&[(5, 5)], taken].concat());
             let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
-            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            let mut mesh = valued(&image, points.clone());
             let freedom = Freedom { connectivity: true, values: false };
-            VertexMoves::new(points.len(), freedom).look_at(&mut mesh, vertex as u32);
-            let place = mesh.triangulation.points[vertex];
+            VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
+            let place = mesh.triangulation().points[vertex];
             assert_eq!((place.x, place.y), expected);
-            assert_eq!(mesh.total_error, 63 * 63);
+            assert_eq!(mesh.total_error(), 63 * 63);
         }
     }
 
     #[test]
-    fn a_vertex_goes_where_the_value_is_what_it_was() {
+    fn a_vertex_moves_along_its_value() {
         let sample = |i: usize| (i % 11).saturating_sub(5) as u16 * 10;
         let image =
             Image::from_bottom_up(11, 11, 8, vec![(0..11 * 11).map(sample).collect()]).unwrap();
-        let (points, faces) = free_mesh(&image, &[(5, 0), (4, 5), (5, 10)]);
+        let points = points_with_corners(&image, &[(5, 0), (4, 5), (5, 10)]);
         let vertex = points.iter().position(|p| (p.x, p.y) == (4, 5)).unwrap();
         for values in [false, true] {
-            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
-            assert!(mesh.total_error > 0);
+            let mut mesh = valued(&image, points.clone());
+            assert!(mesh.total_error() > 0);
             let freedom = Freedom { connectivity: true, values };
-            VertexMoves::new(points.len(), freedom).look_at(&mut mesh, vertex as u32);
-            assert_eq!(mesh.triangulation.points[vertex], Point::new(5, 5));
-            assert_eq!((mesh.values[vertex], mesh.total_error), (0, 0));
+            VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
+            assert_eq!(mesh.triangulation().points[vertex], Point::new(5, 5));
+            assert_eq!((mesh.values[vertex], mesh.total_error()), (0, 0));
         }
     }
 
     #[test]
-    fn a_value_that_is_wrong_is_put_right_where_the_vertex_stays() {
-        let (points, faces, image) = modelled();
-        let right = ValuedMesh::new(&image, points.clone(), &faces);
+    fn a_wrong_value_is_corrected() {
+        let (points, _, image) = modelled();
+        let right = valued(&image, points.clone());
         for vertex in 0..points.len() {
-            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            let mut mesh = valued(&image, points.clone());
             mesh.values[2 * vertex + vertex % 2] += 2;
-            mesh.measure();
-            assert!(mesh.total_error > 0);
+            mesh.measure(&()).unwrap();
+            assert!(mesh.total_error() > 0);
             let freedom = Freedom { connectivity: true, values: true };
-            VertexMoves::new(points.len(), freedom).look_at(&mut mesh, vertex as u32);
-            assert_eq!((&mesh.values, mesh.total_error), (&right.values, 0));
-            assert_eq!(mesh.triangulation.points, points);
+            VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
+            assert_eq!((&mesh.values, mesh.total_error()), (&right.values, 0));
+            assert_eq!(mesh.triangulation().points, points);
         }
     }
 
@@ -434,13 +423,23 @@ mod tests {
         (points, faces, image)
     }
 
+    /// Puts a vertex elsewhere with the samples there; its faces keep their vertices.
+    fn displace(mesh: &mut ValuedMesh<'_>, vertex: usize, to: Point) {
+        mesh.measured.triangulation.points[vertex] = to;
+        for c in 0..2 {
+            let sample = mesh.pixels.image.sample(c, to.x as usize, to.y as usize);
+            mesh.values[2 * vertex + c] = sample;
+        }
+        mesh.measure(&()).unwrap();
+    }
+
     #[test]
-    fn a_vertex_beside_its_place_is_moved_there_and_others_stay() {
+    fn a_displaced_vertex_returns() {
         let (points, faces, image) = modelled();
         let last = 24;
         let mut tried = [0; 2];
         for (vertex, &from) in points.iter().enumerate() {
-            for (dx, dy) in PLACES {
+            for (dx, dy) in window(1) {
                 let beside = Point::new(from.x + dx, from.y + dy);
                 let on_side = |from: i32, to: i32| from % last != 0 || from == to;
                 let inside = (0..=last).contains(&beside.x) && (0..=last).contains(&beside.y);
@@ -458,29 +457,30 @@ mod tests {
                         continue;
                     }
                     for values in [true, false] {
-                        let mut mesh = ValuedMesh::new(&image, moved.clone(), &faces);
+                        let mut mesh = valued(&image, points.clone());
+                        displace(&mut mesh, vertex, beside);
                         let freedom = Freedom { connectivity, values };
                         let mut moves = VertexMoves::new(points.len(), freedom);
                         // All but this one are said to be as they were.
-                        moves.changed.fill(false);
+                        moves.is_outdated.fill(false);
                         moves.pass(&mut mesh, &()).unwrap();
-                        assert_eq!(mesh.triangulation.points, moved);
-                        moves.changed[vertex] = true;
+                        assert_eq!(mesh.triangulation().points, moved);
+                        moves.is_outdated[vertex] = true;
                         moves.pass(&mut mesh, &()).unwrap();
-                        assert_eq!(mesh.triangulation.points, points, "{vertex} from {beside:?}");
-                        assert_eq!(mesh.total_error, 0);
+                        assert_eq!(mesh.triangulation().points, points, "{vertex} from {beside:?}");
+                        assert_eq!(mesh.total_error(), 0);
                         tried[usize::from(connectivity)] += 1;
                         // Its neighbours are looked at next, and nothing is left to gain.
-                        assert_eq!(moves.changed.contains(&true), beside != from);
+                        assert_eq!(moves.is_outdated.contains(&true), beside != from);
                         moves.restart();
-                        assert!(moves.changed.iter().all(|&changed| changed));
+                        assert!(moves.is_outdated.iter().all(|&changed| changed));
                         moves.pass(&mut mesh, &()).unwrap();
-                        assert_eq!(mesh.triangulation.points, points);
-                        assert!(!moves.changed.contains(&true));
+                        assert_eq!(mesh.triangulation().points, points);
+                        assert!(!moves.is_outdated.contains(&true));
                     }
                 }
             }
         }
-        assert!(tried.iter().all(|&count| count > 50), "{tried:?}");
+        assert!(tried.iter().all(|&count| count > 40), "{tried:?}");
     }
 }

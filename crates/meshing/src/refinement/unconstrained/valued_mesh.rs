@@ -1,132 +1,204 @@
-//! A mesh whose vertices carry values of their own, and whose faces need not be Delaunay.
+//! A mesh whose vertices have values of their own, and whose faces need not be Delaunay.
 
-use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Ring};
+use crate::control::{Cancelled, Control, Stage};
+use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
+use crate::dynamic_mesh::measured::MeasuredTriangulation;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};
 use crate::triangulation::predicates::{in_circle, orientation};
-use crate::triangulation::{Face, NONE, next, previous};
+use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 
 /// A triangulation with values at its vertices and the squared errors of its faces.
 pub(crate) struct ValuedMesh<'a> {
-    pub(crate) image: &'a Image,
-    pub(crate) triangulation: DynamicTriangulation,
-    /// Vertex by vertex: component `c` of vertex `v` is at `v * components + c`.
+    pub(crate) pixels: WeightedPixels<'a>,
+    pub(crate) measured: MeasuredTriangulation,
+    /// Component `c` of vertex `v` is at `v * components + c`.
     pub(crate) values: Vec<u16>,
-    /// Squared error of each slot's triangle.
-    pub(crate) face_errors: Vec<u64>,
-    /// Sum of the above.
-    pub(crate) total_error: u64,
+}
+
+/// An image, and how often the squared error of each lattice point counts: once without weights.
+#[derive(Clone, Copy)]
+pub(crate) struct WeightedPixels<'a> {
+    pub(crate) image: &'a Image,
+    pub(crate) weights: Option<&'a [u8]>,
 }
 
 impl<'a> ValuedMesh<'a> {
-    /// The mesh of these points and faces, which carry the samples of `image`.
-    pub(crate) fn new(image: &'a Image, points: Vec<Point>, faces: &[Face]) -> Self {
+    /// The Delaunay mesh of points given by row, then column, with the samples of the image.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn new(
+        pixels: WeightedPixels<'a>,
+        points: Vec<Point>,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let image = pixels.image;
         let sample = |&Point { x, y }: &Point| {
             (0..image.component_count()).map(move |c| image.sample(c, x as usize, y as usize))
         };
         let values = points.iter().flat_map(sample).collect();
-        let triangulation = DynamicTriangulation::new(points, faces, image.width(), image.height());
-        let mut mesh =
-            Self { image, triangulation, values, face_errors: Vec::new(), total_error: 0 };
-        mesh.measure();
-        mesh
+        let triangulation = Triangulation::new(points, control)?;
+        let (width, height) = (image.width(), image.height());
+        let triangulation = DynamicTriangulation::new(triangulation, width, height, control)?;
+        let errors = vec![0; triangulation.slot_count()];
+        let measured = MeasuredTriangulation::new(triangulation, errors);
+        let mut mesh = Self { pixels, measured, values };
+        mesh.measure(control)?;
+        Ok(mesh)
     }
 
     /// Measures every face.
-    pub(crate) fn measure(&mut self) {
-        let slots = 0..self.triangulation.slot_count() as u32;
-        self.face_errors =
-            slots.map(|slot| self.error_of(self.triangulation.vertices_of(slot))).collect();
-        self.total_error = self.face_errors.iter().sum();
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn measure(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
+        for slot in 0..self.triangulation().slot_count() as u32 {
+            control.poll(Stage::Refine, 0, 1)?;
+            let error = self.error_of(self.triangulation().vertices_of(slot));
+            self.measured.set_face_error(slot, error);
+        }
+        Ok(())
+    }
+
+    /// The squared error without weights.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn squared_error(&self, control: &dyn Control) -> Result<u64, Cancelled> {
+        if self.pixels.weights.is_none() {
+            return Ok(self.total_error());
+        }
+        let unweighted = WeightedPixels { weights: None, ..self.pixels };
+        let mut sum = 0;
+        for slot in 0..self.triangulation().slot_count() as u32 {
+            control.poll(Stage::Measure, 0, 1)?;
+            let values = self.triangulation().vertices_of(slot).map(|v| self.values_of(v));
+            sum += unweighted.squared_error(self.triangulation().corners(slot), values);
+        }
+        Ok(sum)
+    }
+
+    /// The sum of the errors of all faces.
+    pub(crate) fn total_error(&self) -> u64 {
+        self.measured.total_error()
+    }
+
+    /// The triangulation.
+    pub(crate) fn triangulation(&self) -> &DynamicTriangulation {
+        &self.measured.triangulation
     }
 
     /// The values of a vertex.
     pub(crate) fn values_of(&self, vertex: u32) -> &[u16] {
-        let count = self.image.component_count();
+        let count = self.pixels.image.component_count();
         &self.values[vertex as usize * count..][..count]
     }
 
-    /// The squared error of the face of three vertices.
+    /// The error of the face of three vertices.
     pub(crate) fn error_of(&self, face: Face) -> u64 {
-        let corners = face.map(|v| self.triangulation.points[v as usize]);
-        squared_error(self.image, corners, face.map(|v| self.values_of(v)))
+        let corners = face.map(|v| self.triangulation().points[v as usize]);
+        self.pixels.squared_error(corners, face.map(|v| self.values_of(v)))
     }
 
-    /// Flips edges while that lowers the error, those around a flipped one again.
-    pub(crate) fn flip_edges(&mut self) {
-        let mut suspects: Vec<u32> = (0..self.triangulation.twins.len() as u32).rev().collect();
-        while let Some(h) = suspects.pop() {
-            let twin = self.triangulation.twins[h as usize];
-            if twin == NONE || !self.flip_if_better(h, twin) {
-                continue;
+    /// Flips edges while that lowers the error; tries the edges around a flipped one again.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn flip_edges(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
+        let mut untried: Vec<u32> = (0..self.triangulation().twins.len() as u32).rev().collect();
+        while let Some(h) = untried.pop() {
+            control.poll(Stage::Refine, 0, 1)?;
+            let twin = self.triangulation().twins[h as usize];
+            if twin != NONE && self.flip_if_better(h, twin) {
+                untried.extend([h, next(h), twin, next(twin)]);
             }
-            suspects.extend([h, next(h), twin, next(twin)]);
         }
+        Ok(())
     }
 
     /// Flips the edge `h` with its twin if the quadrilateral is convex and the error falls.
     fn flip_if_better(&mut self, h: u32, twin: u32) -> bool {
-        let [a, b, c, d] = [h, next(h), previous(h), previous(twin)]
-            .map(|h| self.triangulation.origins[h as usize]);
-        let place = |v: u32| self.triangulation.points[v as usize];
-        let is_face = |[a, b, c]: Face| orientation(place(a), place(b), place(c)) > 0;
+        let triangulation = self.triangulation();
+        let [a, b, c, d] =
+            [h, next(h), previous(h), previous(twin)].map(|h| triangulation.origins[h as usize]);
+        let point = |v: u32| triangulation.points[v as usize];
+        let is_face = |[a, b, c]: Face| orientation(point(a), point(b), point(c)) > 0;
         let (first, second) = ([d, b, c], [c, a, d]);
         if !is_face(first) || !is_face(second) {
             return false;
         }
         let slots = [h / 3, twin / 3];
-        let before: u64 = slots.iter().map(|&slot| self.face_errors[slot as usize]).sum();
-        let after_first = self.error_of(first);
-        if after_first >= before {
+        let before = self.measured.error_of(&slots);
+        let first_error = self.error_of(first);
+        if first_error >= before {
             return false;
         }
-        let after = [after_first, self.error_of(second)];
-        if after[0] + after[1] >= before {
+        let errors = [first_error, self.error_of(second)];
+        if errors[0] + errors[1] >= before {
             return false;
         }
-        self.triangulation.flip(h);
-        for (slot, error) in slots.into_iter().zip(after) {
-            self.face_errors[slot as usize] = error;
+        self.measured.triangulation.flip(h);
+        for (slot, error) in slots.into_iter().zip(errors) {
+            self.measured.set_face_error(slot, error);
         }
-        self.total_error = self.total_error + after[0] + after[1] - before;
         true
     }
 
-    /// Tells whether the faces around a vertex stay those of the preferred-directions Delaunay
-    /// triangulation when it goes to `place`, where they turn counter-clockwise; `ring` is its star.
-    pub(crate) fn stays_delaunay(&self, ring: &Ring, place: Point) -> bool {
-        let at = |v: u32| self.triangulation.points[v as usize];
-        let outside = |(from, to): (u32, u32), beyond: u32| {
-            beyond == NONE || {
-                let apex = at(self.triangulation.origins[previous(beyond) as usize]);
-                !in_circle(at(from), at(to), place, apex)
+    /// Whether the faces around a vertex are still those of the preferred-directions Delaunay
+    /// triangulation with the vertex at `at`, where they turn counter-clockwise; `star` is its star.
+    pub(crate) fn stays_delaunay(&self, star: &Link, at: Point) -> bool {
+        let triangulation = self.triangulation();
+        let point = |v: u32| triangulation.points[v as usize];
+        let is_delaunay = |((from, to), &outer): ((u32, u32), &u32)| {
+            outer == NONE || {
+                let apex = point(triangulation.origins[previous(outer) as usize]);
+                !in_circle(point(from), point(to), at, apex)
             }
         };
-        let closed = ring.vertices.len() == ring.beyond.len();
-        let count = ring.vertices.len();
-        let spokes = if closed { 0..count } else { 1..count - 1 };
-        ring.edges().zip(&ring.beyond).all(|(edge, &beyond)| outside(edge, beyond))
+        let count = star.vertices.len();
+        let spokes = if star.is_closed() { 0..count } else { 1..count - 1 };
+        star.edges().zip(&star.outer).all(is_delaunay)
             && spokes.into_iter().all(|i| {
-                let [before, spoke, after] =
-                    [i + count - 1, i, i + 1].map(|i| at(ring.vertices[i % count]));
-                !in_circle(before, spoke, place, after)
+                let [before, end, after] =
+                    [i + count - 1, i, i + 1].map(|i| point(star.vertices[i % count]));
+                !in_circle(before, end, at, after)
             })
     }
 }
 
-/// The squared error of a face with any values at its vertices.
-pub(crate) fn squared_error(image: &Image, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
-    let mut sum = 0;
-    for (c, samples) in image.components().iter().enumerate() {
-        let interpolant = Interpolant::new(corners, values.map(|values| values[c]));
-        for_each_row(corners, |y, first, end| {
-            let row = y as usize * image.width();
-            let samples = &samples[row + first as usize..row + end as usize];
-            sum += interpolant.squared_error(first, y, samples);
-        });
+impl WeightedPixels<'_> {
+    /// The weighted squared error of a face with any values at its corners. With weights, samples
+    /// of more than 8 bits count in units of 8 bits, so that no sum overflows.
+    pub(crate) fn squared_error(self, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
+        let image = self.image;
+        let shift = 2 * image.precision().saturating_sub(8);
+        let (mut sum, mut approximation) = (0, Vec::new());
+        for c in 0..image.component_count() {
+            let interpolant = Interpolant::new(corners, values.map(|values| values[c]));
+            for_each_row(corners, |y, first, end| {
+                let samples = &image.row(c, y as usize)[first as usize..end as usize];
+                let Some(weights) = self.weights_of_row(y, first, end) else {
+                    sum += interpolant.squared_error(first, y, samples);
+                    return;
+                };
+                approximation.resize(samples.len(), 0);
+                interpolant.fill(first, y, &mut approximation);
+                let pairs = samples.iter().zip(&approximation).zip(weights);
+                let error = pairs
+                    .map(|((a, b), &weight)| u64::from(a.abs_diff(*b)).pow(2) * u64::from(weight));
+                sum += error.sum::<u64>() >> shift;
+            });
+        }
+        sum
     }
-    sum
+
+    /// The weights of the columns from `first` to before `end` of a row.
+    pub(crate) fn weights_of_row(&self, y: i32, first: i32, end: i32) -> Option<&[u8]> {
+        let row = y as usize * self.image.width();
+        self.weights.map(|weights| &weights[row + first as usize..row + end as usize])
+    }
 }
 
 #[cfg(test)]
@@ -139,6 +211,11 @@ pub(crate) mod tests {
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
     use std::collections::HashMap;
+
+    /// The mesh of points with the samples of an image without weights.
+    pub(in crate::refinement) fn valued(image: &Image, points: Vec<Point>) -> ValuedMesh<'_> {
+        ValuedMesh::new(WeightedPixels { image, weights: None }, points, &()).unwrap()
+    }
 
     /// The squared error of a picture rebuilt from faces and values, sample by sample.
     pub(in crate::refinement) fn error_of_rebuilt(
@@ -155,8 +232,8 @@ pub(crate) mod tests {
 
     /// The faces, each by its vertices as the mesh numbers them.
     pub(in crate::refinement) fn faces_of(mesh: &ValuedMesh<'_>) -> Vec<Face> {
-        let slots = 0..mesh.triangulation.slot_count() as u32;
-        slots.map(|slot| mesh.triangulation.vertices_of(slot)).collect()
+        let slots = 0..mesh.triangulation().slot_count() as u32;
+        slots.map(|slot| mesh.triangulation().vertices_of(slot)).collect()
     }
 
     /// All faces with one edge flipped, for each edge between two faces whose quadrilateral is
@@ -191,25 +268,25 @@ pub(crate) mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn edges_are_flipped_until_no_flip_of_one_lowers_the_error_of_the_rebuilt_picture(
+        fn no_single_flip_is_left_that_lowers_the_error(
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let faces = triangulate(&points);
-            let mut mesh = ValuedMesh::new(&image, points.clone(), &faces);
+            let mut mesh = valued(&image, points.clone());
             let error = |mesh: &ValuedMesh<'_>, faces: &[Face]| {
                 error_of_rebuilt(&image, &points, &mesh.values, faces)
             };
-            prop_assert_eq!(mesh.total_error, error(&mesh, &faces));
-            mesh.flip_edges();
+            prop_assert_eq!(mesh.total_error(), error(&mesh, &faces));
+            mesh.flip_edges(&()).unwrap();
             let after = faces_of(&mesh);
-            prop_assert_eq!(mesh.total_error, error(&mesh, &after));
-            prop_assert!(mesh.total_error <= error(&mesh, &faces));
+            prop_assert_eq!(mesh.total_error(), error(&mesh, &after));
+            prop_assert!(mesh.total_error() <= error(&mesh, &faces));
             prop_assert_eq!(after.len(), faces.len());
             for other in flipped(&points, &after) {
-                prop_assert!(error(&mesh, &other) >= mesh.total_error);
+                prop_assert!(error(&mesh, &other) >= mesh.total_error());
             }
         }
     }
