@@ -11,9 +11,8 @@ pub(crate) mod partition;
 mod patches;
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::half_edges::DynamicTriangulation;
+use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, MeasuredTriangulation, evaluate_all};
-use crate::dynamic_mesh::moves::TentativeMove;
 use crate::image::Point;
 use crate::triangulation::{NONE, Triangulation};
 use std::num::NonZeroUsize;
@@ -26,6 +25,20 @@ pub(crate) struct MeasuredMesh<M> {
     /// Slots of the faces of the last insertion.
     fan: Vec<u32>,
     tentative: TentativeMove,
+}
+
+/// The state of a move by [`moves`].
+#[derive(Default)]
+struct TentativeMove {
+    vertex: u32,
+    /// Errors of the faces that the vertex had, and their sum.
+    errors_before: Vec<u64>,
+    error_before: u64,
+    /// Number of triangles of the fill, which have the first slots of the star.
+    fill_count: usize,
+    /// The cavity of the best position so far, and the errors of its fan.
+    best_cavity: Link,
+    best_errors: Vec<u64>,
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {

@@ -5,7 +5,6 @@
 //! to the best position, where the errors of its faces are known already, or rolls back.
 
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::half_edges::Link;
 use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure};
 use crate::image::Point;
 
@@ -33,20 +32,6 @@ pub(crate) enum Outcome {
 
 /// A position would change faces outside of the patch.
 struct LeavesPatch;
-
-/// The state of a move.
-#[derive(Default)]
-pub(super) struct TentativeMove {
-    vertex: u32,
-    /// Errors of the faces that the vertex had, and their sum.
-    errors_before: Vec<u64>,
-    error_before: u64,
-    /// Number of triangles of the fill, which have the first slots of the star.
-    fill_count: usize,
-    /// The cavity of the best position so far, and the errors of its fan.
-    best_cavity: Link,
-    best_errors: Vec<u64>,
-}
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
     /// Selects a movable vertex to be moved; `false` when it is on the boundary of a patch, where it

@@ -199,7 +199,7 @@ mod tests {
                 }
                 prop_assert_eq!(&whole.put_patch(part, &patch), &part.slots);
             }
-            let places = |part: &PatchIndices| {
+            let positions = |part: &PatchIndices| {
                 let across = |v: &u32| {
                     let Point { x, y } = points[*v as usize];
                     match cuts {
@@ -209,7 +209,7 @@ mod tests {
                 };
                 part.vertices.iter().map(across).collect()
             };
-            let blocks: Vec<Vec<Point>> = partition.patches.iter().map(places).collect();
+            let blocks: Vec<Vec<Point>> = partition.patches.iter().map(positions).collect();
             if halvings > 0 {
                 assert_cut_across_the_longer_side(&blocks);
             }

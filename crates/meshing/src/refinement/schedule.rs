@@ -1,4 +1,4 @@
-//! The steps of each effort.
+//! The steps of each effort. `NOTES.md` has the gains and times.
 
 use crate::refinement::relocation::Search;
 

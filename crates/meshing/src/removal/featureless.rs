@@ -211,16 +211,17 @@ mod tests {
             let count = initial.points.len();
             let measure = ErrorEvaluator::new(&image, metric, weighted.then_some(&weights));
             let errors = FaceErrors::new(&measure);
-            let (points, faces) = (initial.points.clone(), initial.faces());
-            let mut mesh = MeasuredMesh::new(points.clone(), &faces, image.sides(), errors);
+            let points = initial.points.clone();
+            let mut mesh =
+                MeasuredMesh::new(points.clone(), image.sides(), errors, Stage::Measure, &()).unwrap();
             let (left, removals) = remove_featureless(&image, initial, surplus, &()).unwrap();
             prop_assert!(removals.len() <= surplus);
             prop_assert_eq!(left.points.len() + removals.len(), count);
             for Removal { point, change } in removals {
                 let vertex = points.binary_search(&point).unwrap();
-                prop_assert_eq!((mesh.remove(vertex as u32).0, change), (0, 0));
+                prop_assert_eq!((mesh.remove(vertex as u32), change), (0, 0));
             }
-            let (points, faces, _) = mesh.triangulation.mesh();
+            let (points, faces, _) = mesh.triangulation().mesh();
             prop_assert_eq!((&points, faces), (&left.points, left.faces()));
         }
     }

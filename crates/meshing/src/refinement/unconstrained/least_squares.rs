@@ -235,8 +235,7 @@ mod tests {
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
 
-    /// The interpolation weights of every lattice point: its place among the points, and what each
-    /// vertex of the face that owns it counts there.
+    /// Every lattice point with the interpolation weights of the vertices of its face.
     fn weights_of_points(mesh: &ValuedMesh<'_>) -> Vec<(Point, [(u32, f64); 3])> {
         let mut rows = Vec::new();
         for face in faces_of(mesh) {

@@ -232,12 +232,12 @@ mod tests {
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
 
-    /// The squared error, without rounding, of one component over the faces around a vertex whose
-    /// place and value are given.
+    /// The squared error, without rounding, of one component over the faces around a vertex at a
+    /// position with a value.
     fn unrounded_error(
         mesh: &ValuedMesh<'_>,
         around: &[(u32, u32)],
-        place: Point,
+        at: Point,
         c: usize,
         z: f64,
     ) -> f64 {
@@ -245,12 +245,12 @@ mod tests {
         for &(u, v) in around {
             let [a, b] = [u, v].map(|v| mesh.triangulation().points[v as usize]);
             let [za, zb] = [u, v].map(|v| f64::from(mesh.values_of(v)[c]));
-            let area = orientation(a, b, place) as f64;
-            for_each_row([a, b, place], |y, first, end| {
+            let area = orientation(a, b, at) as f64;
+            for_each_row([a, b, at], |y, first, end| {
                 for x in first..end {
                     let p = Point::new(x, y);
                     let weight = |from, to| orientation(from, to, p) as f64 / area;
-                    let value = za * weight(b, place) + zb * weight(place, a) + z * weight(a, b);
+                    let value = za * weight(b, at) + zb * weight(at, a) + z * weight(a, b);
                     let sample = f64::from(mesh.pixels.image.sample(c, x as usize, y as usize));
                     sum += (sample - value).powi(2);
                 }
@@ -275,14 +275,14 @@ mod tests {
                 mesh.triangulation().star(vertex, &mut moves.star);
                 let from = points[vertex as usize];
                 for (dx, dy) in moves.offsets.clone() {
-                    let place = Point::new(from.x + dx, from.y + dy);
-                    if place != from && !moves.may_move(&mesh, from, place) {
+                    let at = Point::new(from.x + dx, from.y + dy);
+                    if at != from && !moves.may_move(&mesh, from, at) {
                         continue;
                     }
-                    let estimate = moves.estimate(&mesh, place);
+                    let estimate = moves.estimate(&mesh, at);
                     let around: Vec<(u32, u32)> = moves.star.edges().collect();
                     let error = |c: usize, z: u16| {
-                        unrounded_error(&mesh, &around, place, c, z.into())
+                        unrounded_error(&mesh, &around, at, c, z.into())
                     };
                     let at_best: f64 = (0..2).map(|c| error(c, moves.values[c])).sum();
                     prop_assert!((estimate - at_best).abs() < 1e-6 * (1.0 + at_best));
@@ -313,8 +313,8 @@ mod tests {
                 if mesh.total_error() == last {
                     prop_assert_eq!((&mesh.triangulation().points, &mesh.values), (&before.0, &before.1));
                 }
-                let places = &mesh.triangulation().points;
-                let error = error_of_rebuilt(&image, places, &mesh.values, &faces_of(&mesh));
+                let positions = &mesh.triangulation().points;
+                let error = error_of_rebuilt(&image, positions, &mesh.values, &faces_of(&mesh));
                 prop_assert_eq!(mesh.total_error(), error);
                 prop_assert!(error <= last);
                 last = error;
@@ -357,8 +357,8 @@ mod tests {
             let mut mesh = valued(&image, points.clone());
             let freedom = Freedom { connectivity: true, values: false };
             VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
-            let place = mesh.triangulation().points[vertex];
-            assert_eq!((place.x, place.y), expected);
+            let at = mesh.triangulation().points[vertex];
+            assert_eq!((at.x, at.y), expected);
             assert_eq!(mesh.total_error(), 63 * 63);
         }
     }
@@ -470,7 +470,7 @@ mod tests {
                         assert_eq!(mesh.triangulation().points, points, "{vertex} from {beside:?}");
                         assert_eq!(mesh.total_error(), 0);
                         tried[usize::from(connectivity)] += 1;
-                        // Its neighbours are looked at next, and nothing is left to gain.
+                        // The next pass visits its neighbours, and nothing is left to gain.
                         assert_eq!(moves.is_outdated.contains(&true), beside != from);
                         moves.restart();
                         assert!(moves.is_outdated.iter().all(|&changed| changed));
