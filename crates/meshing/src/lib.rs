@@ -49,6 +49,8 @@
 //! - `quality`: [`Fidelity`] and structural similarity.
 //! - `guide`, `search`, `pipeline`: all of it in order; `error`; `serialize`: serde.
 //!
+//! The [`glossary`] explains the terms.
+//!
 //! # Literature
 //!
 //! "Effective Techniques for Generating Delaunay Mesh Models of Single- and Multi-Component
@@ -97,6 +99,10 @@ pub use quality::ssim::structural_similarity;
 pub use removal::Removal;
 pub use triangulation::predicates::{in_circle, orientation};
 pub use triangulation::{Face, triangulate};
+
+#[cfg(doc)]
+#[doc = include_str!("glossary.md")]
+pub mod glossary {}
 
 /// Runs the example of the README.
 #[cfg(doctest)]

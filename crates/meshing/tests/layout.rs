@@ -1,6 +1,6 @@
-//! The order of the crate's modules: each one uses only those before it.
+//! The order of the crate's modules: each one uses only those before it, without cycles.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -28,29 +28,56 @@ const ORDER: [&str; 20] = [
     "lib",
 ];
 
+/// For each module, named by its path from the crate's root, the modules that it uses.
+type Uses = BTreeMap<String, BTreeSet<String>>;
+
 #[test]
 fn modules_use_only_those_before_them() {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut found = BTreeSet::new();
+    let position = |module: &str| {
+        let top = module.split("::").next().unwrap_or_default();
+        ORDER.iter().position(|&name| name == top)
+    };
     let mut upward = Vec::new();
-    for file in sources(&src).unwrap() {
-        let path = file.strip_prefix(&src).unwrap();
-        let module = path.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
-        let position = position(module).unwrap_or_else(|| panic!("{module} has no place in ORDER"));
-        found.insert(module.to_owned());
-        for used in used_modules(&fs::read_to_string(&file).unwrap()) {
-            if position < self::position(&used).unwrap_or(usize::MAX) {
-                upward.push(format!("{} uses {used}", path.display()));
-            }
-        }
+    for (module, used) in uses().unwrap() {
+        assert!(position(&module).is_some(), "{module} is missing in ORDER");
+        upward.extend(
+            used.into_iter()
+                .filter(|used| position(used) > position(&module))
+                .map(|used| format!("{module} uses {used}")),
+        );
     }
     assert!(upward.is_empty(), "{upward:#?}");
-    assert_eq!(found.len(), ORDER.len(), "ORDER names a module that does not exist");
 }
 
-/// Index of a module in [`ORDER`].
-fn position(module: &str) -> Option<usize> {
-    ORDER.iter().position(|&name| name == module)
+#[test]
+fn modules_use_each_other_without_cycles() {
+    let mut uses = uses().unwrap();
+    // A module that uses none of those left is on no cycle.
+    while let Some(module) = uses.iter().find(|(_, used)| used.is_empty()).map(|(m, _)| m.clone()) {
+        uses.remove(&module);
+        uses.values_mut().for_each(|used| _ = used.remove(&module));
+    }
+    assert!(uses.is_empty(), "cycles among {uses:#?}");
+}
+
+/// What the modules of the crate use, tests aside.
+fn uses() -> io::Result<Uses> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut texts = BTreeMap::new();
+    for file in sources(&src)? {
+        let path = file.strip_prefix(&src).unwrap_or(&file).with_extension("");
+        let path = if path.ends_with("mod") { path.parent().unwrap_or(&path) } else { &path };
+        let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy()).collect();
+        texts.insert(parts.join("::"), fs::read_to_string(&file)?);
+    }
+    let modules: BTreeSet<String> = texts.keys().cloned().collect();
+    let used = |(module, text): (&String, &String)| {
+        let mut used: BTreeSet<String> =
+            paths(module, text).iter().filter_map(|path| module_of(path, &modules)).collect();
+        used.remove(module);
+        (module.clone(), used)
+    };
+    Ok(texts.iter().map(used).collect())
 }
 
 /// The Rust files below a folder, without those of tests.
@@ -60,20 +87,35 @@ fn sources(folder: &Path) -> io::Result<Vec<PathBuf>> {
         let path = entry?.path();
         if path.is_dir() {
             found.extend(sources(&path)?);
-        } else if path.file_name().is_some_and(|name| name != "tests.rs" && name != "tuning.rs") {
+        } else if path.extension().is_some_and(|ending| ending == "rs")
+            && !path.ends_with("tests.rs")
+            && !path.ends_with("tuning.rs")
+        {
             found.push(path);
         }
     }
     Ok(found)
 }
 
-/// The modules that the part of a file before its tests names by `crate::`, in `use` or elsewhere.
-fn used_modules(text: &str) -> BTreeSet<String> {
+/// What the code of a module, up to its tests, names by `crate::`, by `super::` or by a `use` of a
+/// module inside it, as paths from the crate's root. What it only exports does not count.
+fn paths(module: &str, text: &str) -> Vec<String> {
     let code = text.split_once("#[cfg(test)]").map_or(text, |(code, _)| code);
-    let code = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-    let is_of_name = |c: char| c.is_ascii_lowercase() || c == '_';
-    let name = |rest: &str| rest.chars().take_while(|&c| is_of_name(c)).collect::<String>();
-    code.flat_map(|line| line.split("crate::").skip(1).map(name).collect::<Vec<_>>())
-        .filter(|name| !name.is_empty())
-        .collect()
+    let is_of_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let path = |rest: &str| rest.chars().take_while(|&c| is_of_path(c)).collect::<String>();
+    let parent = module.rsplit_once("::").map_or("", |(parent, _)| parent);
+    let mut found = Vec::new();
+    let is_ignored = |line: &str| line.starts_with("//") || line.starts_with("pub use ");
+    for line in code.lines().filter(|line| !is_ignored(line.trim_start())) {
+        found.extend(line.split("crate::").skip(1).map(path));
+        found.extend(line.split("super::").skip(1).map(|rest| format!("{parent}::{}", path(rest))));
+        found.extend(line.split_once("use ").map(|(_, rest)| format!("{module}::{}", path(rest))));
+    }
+    found
+}
+
+/// The innermost module that a path goes through.
+fn module_of(path: &str, modules: &BTreeSet<String>) -> Option<String> {
+    let parts: Vec<&str> = path.split("::").collect();
+    (1..=parts.len()).rev().map(|n| parts[..n].join("::")).find(|m| modules.contains(m))
 }

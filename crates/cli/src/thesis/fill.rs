@@ -33,7 +33,10 @@ impl Table {
         let part = |components| Part { table: self.id(components), components, source };
         let mut grids = match (self.content)() {
             Content::Ranking { ranked, beside } => part(3).ranking(&ranked, &beside),
-            Content::Duel(one, other) => part(one.components).duel(&one, &other),
+            Content::Duel(pair) => {
+                let [one, other] = &*pair;
+                part(one.components).duel(one, other)
+            }
             Content::AverageRanks(lists) => {
                 lists.iter().map(|list| part(list[0].components).average_ranks(list)).collect()
             }

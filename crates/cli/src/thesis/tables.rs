@@ -23,7 +23,7 @@ pub(super) enum Content {
     /// PSNR and ranks of methods, and PSNR of others beside them.
     Ranking { ranked: Vec<Series>, beside: Vec<Series> },
     /// PSNR of two methods and their difference.
-    Duel(Series, Series),
+    Duel(Box<[Series; 2]>),
     /// Average ranks of methods, for each number of components.
     AverageRanks(Vec<Vec<Series>>),
     /// PSNR or seconds of methods, for each number of components.
@@ -106,12 +106,14 @@ pub const TABLES: [Table; 12] = [
 
 /// Mirroring against classic start-up.
 fn startups(like: fn(Policy, Startup) -> Series, policy: Policy) -> Content {
-    Content::Duel(like(policy, Startup::Mirroring), like(policy, Startup::Classic))
+    Content::Duel(
+        [Startup::Mirroring, Startup::Classic].map(|startup| like(policy, startup)).into(),
+    )
 }
 
 /// PSA(D) against PSA(L).
 fn gray_policies(like: fn(Policy, Startup) -> Series, startup: Startup) -> Content {
-    Content::Duel(like(Policy::PsaD, startup), like(Policy::PsaL, startup))
+    Content::Duel([Policy::PsaD, Policy::PsaL].map(|policy| like(policy, startup)).into())
 }
 
 /// The methods of Chapter 4, for colour and for gray.
@@ -143,7 +145,7 @@ impl Content {
     fn series(self) -> Vec<Series> {
         match self {
             Self::Ranking { ranked, beside } => [ranked, beside].concat(),
-            Self::Duel(one, other) => vec![one, other],
+            Self::Duel(pair) => pair.to_vec(),
             Self::AverageRanks(lists) | Self::Figures(lists, _) => lists.concat(),
             Self::Differences(lists) => {
                 lists.concat().into_iter().flat_map(|(one, other)| [one, other]).collect()

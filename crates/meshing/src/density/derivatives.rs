@@ -11,7 +11,7 @@
 //! [`BinomialRow`] is the fast path for the second derivatives of the default filter, binomial
 //! smoothing of order 3 in both directions. The test `fast_path_equals_specification` ties the two.
 
-use crate::density::significance::{Significance, laplacian, mmsodd};
+use crate::density::significance::{DerivativeRow, Significance, laplacian, mmsodd};
 use crate::parameters::Parameters;
 use crate::parameters::choices::{Boundary, Smoothing, SmoothingDirection};
 use fearless_simd::{Level, Simd, dispatch};
@@ -47,17 +47,6 @@ pub(crate) enum Order {
     First,
     /// Second derivatives in x and y and the mixed one.
     Second,
-}
-
-/// Filtered values of one row, `width` each, in units of `1 / divisor`.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct DerivativeRow {
-    /// Second derivative in x; for [`Order::First`] twice the first derivative in x.
-    pub(crate) xx: Vec<f64>,
-    /// Second derivative in y; for [`Order::First`] twice the first derivative in y.
-    pub(crate) yy: Vec<f64>,
-    /// Four times the mixed derivative; empty for [`Order::First`].
-    pub(crate) xy: Vec<f64>,
 }
 
 /// No smoothing and no difference.

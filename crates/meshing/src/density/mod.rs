@@ -5,9 +5,11 @@ pub(crate) mod luma;
 pub(crate) mod significance;
 
 use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, rows_per_poll};
-use crate::density::derivatives::{BinomialRow, DerivativeRow, Derivatives, Filter, Order};
+use crate::density::derivatives::{BinomialRow, Derivatives, Filter, Order};
 use crate::density::luma::luma;
-use crate::density::significance::{GradientTensor, Significance, add_gradients, vector_gradient};
+use crate::density::significance::{
+    DerivativeRow, GradientTensor, Significance, add_gradients, vector_gradient,
+};
 use crate::error::MeshingError;
 use crate::image::Image;
 use crate::parallel::in_row_bands;

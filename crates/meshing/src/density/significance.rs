@@ -1,7 +1,17 @@
 //! The significance of lattice points: differential operators of the smoothed image.
 
-use crate::density::derivatives::DerivativeRow;
 use crate::parameters::choices::PscTie;
+
+/// Filtered values of one row, `width` each, in units of `1 / divisor`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DerivativeRow {
+    /// Second derivative in x, or twice the first derivative in x.
+    pub(crate) xx: Vec<f64>,
+    /// Second derivative in y, or twice the first derivative in y.
+    pub(crate) yy: Vec<f64>,
+    /// Four times the mixed derivative; empty beside first derivatives.
+    pub(crate) xy: Vec<f64>,
+}
 
 /// A second-order operator on one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
