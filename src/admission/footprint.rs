@@ -27,10 +27,10 @@ const MAX_COPIED_COMPONENTS: u64 = 4;
 /// Bytes per pixel of the table by which areas of one colour are found.
 const AREAS: u64 = 4;
 /// Bytes per initial point: while they are triangulated, and later with what removal knows of each.
-const POINT: u64 = 240;
+const POINT: u64 = 290;
 /// Bytes per initial point more where they are removed tile by tile: their order in each tile, and what
 /// goes in each round.
-const TILED: u64 = 80;
+const TILED: u64 = 120;
 /// Bytes per final vertex while it is refined: twice what is known of it and its faces.
 const REFINED: u64 = 640;
 /// Bytes that the allocator keeps apart for the threads that refine, eight at most, whatever the mesh.

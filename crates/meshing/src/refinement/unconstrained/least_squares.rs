@@ -163,7 +163,7 @@ fn edges(
     let product = |h: u32| products[h as usize / 3][h as usize % 3];
     let mut edges = Vec::new();
     for (h, &twin) in (0..).zip(&triangulation.twins) {
-        if h as usize % EDGES_PER_POLL == 0 {
+        if (h as usize).is_multiple_of(EDGES_PER_POLL) {
             control.poll(Stage::Refine, 0, 1)?;
         }
         if twin == NONE || h < twin {
@@ -375,7 +375,7 @@ mod tests {
         let values = [[20_u16, 90, 200, 60, 130], [180, 40, 10, 90, 70]];
         let vertex_values = (0..5).flat_map(|v| values.map(|component| component[v])).collect();
         let shape = Shape { width: 25, height: 25, component_count: 2, precision: 8 };
-        let model = Mesh::from_kernel(shape, points.clone(), vertex_values, faces.clone());
+        let model = Mesh::from_kernel(shape, points.clone(), vertex_values, faces);
         let mut components = rasterize(&model, &()).unwrap().components().to_vec();
         for component in &mut components {
             for p in &points {
