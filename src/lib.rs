@@ -29,7 +29,6 @@
 pub mod access;
 pub mod admission;
 pub mod config;
-pub mod decoding;
 pub mod digest;
 pub mod doctor;
 pub mod extract;

@@ -1,13 +1,12 @@
 //! The program `pixmesh`: `serve`, `worker`, `health`, `doctor`, `config`, `key`, `openapi` and
-//! `monitoring`; and `decode`, which the first two start.
+//! `monitoring`.
 
 use clap::{Parser, Subcommand};
 use pixmesh::access::{NewKey, issue};
 use pixmesh::config::{self, HealthSettings, Settings};
-use pixmesh::decoding::process::DecodeSettings;
 use pixmesh::monitoring::Monitor;
 use pixmesh::server::Role;
-use pixmesh::{decoding, doctor, health, routes, server};
+use pixmesh::{doctor, health, routes, server};
 use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -45,9 +44,6 @@ enum Command {
     /// Prints what watches the service.
     #[command(subcommand)]
     Monitoring(Monitor),
-    /// Decodes one picture for a service that has started it.
-    #[command(hide = true)]
-    Decode(DecodeSettings),
 }
 
 #[derive(Subcommand)]
@@ -67,16 +63,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(settings: &Settings, role: Role) -> Result<(), Box<dyn Error>> {
-    decoding::allow_processes();
-    server::run(settings, role)
-}
-
 fn run(command: Command) -> Result<(), Box<dyn Error>> {
     match command {
-        Command::Serve(settings) => serve(&settings.checked()?, Role::Serve)?,
-        Command::Worker(settings) => serve(&settings.checked_for_work()?, Role::Work)?,
-        Command::Decode(settings) => decoding::process::run(settings)?,
+        Command::Serve(settings) => server::run(&settings.checked()?, Role::Serve)?,
+        Command::Worker(settings) => server::run(&settings.checked_for_work()?, Role::Work)?,
         Command::Health(settings) => health::ask(&settings)?,
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
         Command::Doctor(settings) => doctor::examine(&settings)?,

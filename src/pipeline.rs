@@ -12,7 +12,6 @@ pub use compare::{Comparison, Pair, compare};
 pub use convert::convert;
 pub use resize::{Resized, resize};
 
-use crate::decoding::{Failure, decode};
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::Order;
@@ -21,9 +20,7 @@ use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
 use encode::{Writing, encode, encoded};
-use pixmesh_codec::{
-    Limits, Texture, WeightsError, model_comments, weights_of, weights_reading, write_progression,
-};
+use pixmesh_codec::{Limits, Texture, model_comments, read_weights_while, write_progression};
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Image, Progression, mesh_image};
 use std::time::Duration;
@@ -93,7 +90,8 @@ fn make(
     watch.check()?;
     watch.begin("decode");
     let Weighed { image: file, weights } = source;
-    let image = decode(&order.output.reading(limits), file.as_ref(), watch)?;
+    let reading = order.output.reading(limits);
+    let image = reading.decode_while(file.as_ref(), &|| watch.check())?;
     let shown = order.output.shows_image(format);
     let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| watch.check()));
     let texture = texture.transpose()?;
@@ -139,16 +137,7 @@ fn read_weights(
 ) -> Result<Option<Weights>, Problem> {
     let Some(file) = weights else { return Ok(None) };
     let size = (image.width(), image.height());
-    let picture = decode(&weights_reading(limits), file.as_ref(), watch).map_err(of_weights)?;
-    drop(file);
-    Ok(Some(weights_of(&picture, size, &|| watch.check())?))
-}
-
-fn of_weights(failure: Failure) -> Problem {
-    match failure {
-        Failure::Picture(error) => WeightsError::from(error).into(),
-        Failure::Process(problem) => problem.param("weights"),
-    }
+    Ok(Some(read_weights_while(file.as_ref(), size, limits, &|| watch.check())?))
 }
 
 impl Answer {

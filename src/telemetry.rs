@@ -44,9 +44,6 @@ pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
         .install_recorder()?;
     describe();
     counter!(PANICS).absolute(0);
-    for outcome in DecodeProcess::ALL {
-        counter!(DECODE_PROCESSES, "outcome" => outcome.name()).absolute(0);
-    }
     gauge!(WORKERS).set(workers as f64);
     let commit = option_env!("PIXMESH_COMMIT").unwrap_or("unknown");
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION"), "commit" => commit).set(1.0);
@@ -101,43 +98,6 @@ pub fn answered(route: &str, method: &'static str, code: u16, duration: Duration
 /// Counts the time that a stage took.
 pub fn stage(name: &'static str, duration: Duration) {
     histogram!(STAGE_DURATION, "stage" => name).record(duration);
-}
-
-/// What became of a process that was to decode a picture.
-#[derive(Clone, Copy, Debug)]
-pub enum DecodeProcess {
-    /// It has answered.
-    Done,
-    /// Nobody wanted the picture any more.
-    Stopped,
-    /// It ended before it was done.
-    Failed,
-    /// The system did not start it.
-    NotStarted,
-}
-
-impl DecodeProcess {
-    const ALL: [Self; 4] = [Self::Done, Self::Stopped, Self::Failed, Self::NotStarted];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Done => "done",
-            Self::Stopped => "stopped",
-            Self::Failed => "failed",
-            Self::NotStarted => "not_started",
-        }
-    }
-}
-
-/// Counts a process that was to decode a picture.
-pub fn decode_process(outcome: DecodeProcess) {
-    counter!(DECODE_PROCESSES, "outcome" => outcome.name()).increment(1);
-}
-
-/// Counts and logs a panic in a process that decodes a picture, by what that said.
-pub fn panicked_apart(words: &str) {
-    counter!(PANICS).increment(1);
-    tracing::error!(message = words.trim_end(), "panicked in a process that decodes a picture");
 }
 
 /// Counts the time that work waited.

@@ -10,7 +10,6 @@ use super::blobs::Hold;
 use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::admission::{Admission, Cost, Slot};
-use crate::decoding::copied_bytes;
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::params::{Order, ParameterSet};
@@ -20,7 +19,7 @@ use crate::pool::{self, Watch};
 use crate::problem::{Kind, Problem};
 use crate::telemetry;
 use bytes::Bytes;
-use pixmesh_codec::{Limits, probe_weights, weights_reading};
+use pixmesh_codec::{Limits, probe_weights};
 use pixmesh_meshing::Cancelled;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -205,14 +204,12 @@ impl Worker {
         let plan = order.plan(&header)?;
         let keeps_progression = order.keeps_progression(&plan);
         let format = if keeps_progression { Format::Progression } else { Format::Model };
-        let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
-            .with_file(file.len() as u64)
-            .with_file(copied_bytes(&reading, &source.image));
+        let cost =
+            Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(file.len() as u64);
         let cost = match &source.weights {
             Some(weights) => {
                 let size = (header.width, header.height);
                 cost.with_weights(&probe_weights(weights, size, &self.pictures)?)
-                    .with_file(copied_bytes(&weights_reading(&self.pictures), weights))
             }
             None => cost,
         };

@@ -132,14 +132,6 @@ fn panels() -> Vec<Panel> {
             vec![(format!("increase({}[$__rate_interval])", gauge(PANICS)), "{{instance}}")],
         ),
         Panel::new(
-            "Processes that decode pictures",
-            "short",
-            vec![(
-                format!("increase({}[$__rate_interval])", gauge(DECODE_PROCESSES)),
-                "{{outcome}}, {{instance}}",
-            )],
-        ),
-        Panel::new(
             "Versions",
             "short",
             vec![(

@@ -1,6 +1,5 @@
 //! How close two pictures are, one of which may be a mesh.
 
-use crate::decoding::decode;
 use crate::pool::Watch;
 use crate::problem::{Kind, Problem};
 use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
@@ -42,14 +41,14 @@ pub fn compare<B: AsRef<[u8]>>(
     watch.check()?;
     watch.begin("decode");
     let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
-    let first = decode(&reading, picture.as_ref(), watch)?;
+    let first = reading.decode_while(picture.as_ref(), &|| watch.check())?;
     drop(picture);
     let second = if is_model {
         let mesh = read_model_while(approximation.as_ref(), limits, &|| watch.check())?;
         drop(approximation);
         rasterize(&mesh, watch)?
     } else {
-        decode(&reading, approximation.as_ref(), watch)?
+        reading.decode_while(approximation.as_ref(), &|| watch.check())?
     };
     measure(&first, &second, watch)
 }

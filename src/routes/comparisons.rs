@@ -3,7 +3,6 @@
 
 use super::Service;
 use crate::admission::{Compared, Cost};
-use crate::decoding::copied_bytes;
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
 use crate::extract::upload::{COMPARED, Upload};
@@ -12,7 +11,7 @@ use crate::pool;
 use crate::problem::{Kind, Problem};
 use axum::Json;
 use axum::extract::{Request, State};
-use pixmesh_codec::{DecodeError, DecodeOptions, Header, Limits};
+use pixmesh_codec::{DecodeError, Header, Limits};
 use pixmesh_meshing::Shape;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -111,11 +110,7 @@ async fn run(
         Other::Picture(header) => Compared::Picture(header),
         Other::Model(_) => Compared::Model(approximation.bytes.len() as u64),
     };
-    let reading = DecodeOptions { limits, ..DecodeOptions::default() };
-    // One is decoded after the other.
-    let copied = [&picture, &approximation].map(|upload| copied_bytes(&reading, &upload.bytes));
-    let cost =
-        Cost::of_comparison(header, compared).with_file(copied.into_iter().max().unwrap_or(0));
+    let cost = Cost::of_comparison(header, compared);
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     pool::run(ticket, deadline, move |watch, _| {

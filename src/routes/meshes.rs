@@ -3,7 +3,6 @@
 use super::answer::{self, Figures};
 use super::{Service, jobs};
 use crate::admission::{Cost, Memory};
-use crate::decoding::copied_bytes;
 use crate::extract::accept::{self, Representation};
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
@@ -17,7 +16,7 @@ use axum::extract::{Request, State};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
-use pixmesh_codec::{Header, Limits, probe_weights, weights_reading};
+use pixmesh_codec::{Header, Limits, probe_weights};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -85,7 +84,6 @@ async fn run(
         &order.output,
         representation.format,
     );
-    let cost = cost.with_file(copied_bytes(&reading, &upload.image.bytes));
     let cost = with_weights(cost, upload.weights.as_ref(), &header, &limits)?;
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
@@ -106,8 +104,7 @@ pub(super) fn with_weights(
 ) -> Result<Cost, Problem> {
     let Some(weights) = weights else { return Ok(cost) };
     let header = probe_weights(&weights.bytes, (image.width, image.height), limits)?;
-    let copied = copied_bytes(&weights_reading(limits), &weights.bytes);
-    Ok(cost.with_weights(&header).with_file(copied))
+    Ok(cost.with_weights(&header))
 }
 
 /// The answer with its headers.

@@ -67,9 +67,6 @@ metrics! {
         "Seconds that an attempt at a durable job took";
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
         "Seconds that the oldest durable job waiting has waited";
-    DECODE_PROCESSES: Counter "pixmesh_decode_processes_total" ["outcome"]
-        "Processes for pictures whose decoders cannot be stopped, by outcome: done, stopped when nobody \
-         wanted the picture any more, failed, not_started";
     PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";
     PROCESS_RESIDENT: Gauge "process_resident_memory_bytes" []
         "Resident memory of the process in bytes";

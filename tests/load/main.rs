@@ -10,8 +10,6 @@ mod client;
 mod fairness;
 #[path = "../service/keys.rs"]
 mod keys;
-#[path = "../service/late.rs"]
-mod late;
 mod levels;
 mod memory;
 #[path = "../service/pictures.rs"]
@@ -19,6 +17,7 @@ mod pictures;
 mod saturation;
 #[path = "../service/server.rs"]
 mod server;
+mod slow_decoders;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

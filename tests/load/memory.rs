@@ -1,13 +1,11 @@
 //! The memory model of admission, against what the process really takes.
 
-use crate::late::{KINDS, children};
 use crate::pictures::{flat, noise};
 use crate::server::Server;
+use crate::slow_decoders::KINDS;
 use pixmesh::admission::Cost;
 use pixmesh::extract::accept::Format;
 use pixmesh::extract::params::ParameterSet;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 
 /// A query, the format it asks for, and the picture.
 type Work = (&'static str, Format, Vec<u8>);
@@ -60,52 +58,16 @@ fn no_work_takes_more_memory_than_it_was_admitted_for() {
 }
 
 #[test]
-fn a_picture_that_a_process_of_its_own_decodes_takes_both_no_more_than_was_admitted() {
+fn decoders_of_webp_and_progressive_jpeg_take_what_was_admitted() {
     let _alone = crate::alone();
     let query = "method=med&size=100&initial=uniform&format=model";
     for (kind, make) in KINDS {
         let picture = make(5000, 4000);
-        // The process has a copy of the file.
-        let admitted_mib =
-            admitted_mib(query, Format::Model, &picture) + (picture.len() as u64 >> 20);
-        let taken_mib = taken_by_both_mib(query, &picture);
+        let admitted_mib = admitted_mib(query, Format::Model, &picture);
+        let taken_mib = taken_mib(query, &picture);
         println!("{kind}: {taken_mib} MiB of {admitted_mib} MiB");
         assert!(taken_mib <= admitted_mib + APART_MIB, "{kind}: {taken_mib} > {admitted_mib} MiB");
     }
-}
-
-/// By how much the resident memory of a new process and of what it starts rises at most, as far as many
-/// looks at it tell, while a picture is decoded.
-fn taken_by_both_mib(query: &str, picture: &[u8]) -> u64 {
-    let server =
-        Server::start(&["--workers", "1", "--sync-deadline", "5m", "--memory-budget", "4GiB"]);
-    let before = server.memory_kib("VmRSS");
-    let done = "pixmesh_decode_processes_total{outcome=\"done\"}";
-    let is_over = AtomicBool::new(false);
-    let most = thread::scope(|scope| {
-        let watching = scope.spawn(|| {
-            let mut most = 0;
-            while !is_over.load(Ordering::Relaxed) {
-                let children = children(server.process_id());
-                let apart: u64 = children.iter().filter_map(|&id| resident_kib(id)).sum();
-                most = most.max(apart + server.memory_kib("VmRSS"));
-            }
-            most
-        });
-        let answer = server.mesh(query, &[], picture);
-        is_over.store(true, Ordering::Relaxed);
-        assert_eq!(answer.status, 200, "{}", answer.text());
-        watching.join().unwrap()
-    });
-    assert_eq!(server.metric(done), 1.0);
-    (most - before) >> 10
-}
-
-/// The resident memory of a process, as long as it is there.
-fn resident_kib(process: u32) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmRSS"))?;
-    line.split_whitespace().nth(1)?.parse().ok()
 }
 
 /// What the model says, with the body beside it.

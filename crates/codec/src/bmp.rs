@@ -30,7 +30,7 @@ const CORE_HEADER_BYTES: i32 = 12;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Bmp, || Ok(open(bytes, limits, &always)?.0))
+    guarded(PictureFormat::Bmp, &always, |wanted| Ok(open(bytes, limits, wanted)?.0))
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
@@ -40,7 +40,7 @@ pub(crate) fn decode(
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
     let limits = options.limits;
-    let (header, pixels) = guarded(PictureFormat::Bmp, || {
+    let (header, pixels) = guarded(PictureFormat::Bmp, wanted, |wanted| {
         let (header, decoder) = open(bytes, &limits, wanted)?;
         let mut pixels = vec![0; header.width * header.height * header.component_count];
         decoder.read_image(&mut pixels).map_err(refusal)?;

@@ -5,7 +5,6 @@
 
 use crate::alpha::Alpha;
 use crate::error::DecodeError;
-use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::orientation::Orientation;
 use crate::wanted::Wanted;
@@ -134,27 +133,12 @@ impl Canvas {
         pixels: &[S],
         wanted: &Wanted<'_>,
     ) -> Result<(), DecodeError> {
-        let row_samples = self.row_samples();
+        let row_samples = self.columns.count * self.planes.len();
         for (y, row) in pixels.chunks_exact(row_samples).enumerate() {
             wanted()?;
             self.put_row(Row::whole(y), row);
         }
         Ok(())
-    }
-
-    /// The file's format.
-    pub(crate) fn format(&self) -> PictureFormat {
-        self.header.format
-    }
-
-    /// Samples of a row of the file.
-    pub(crate) fn row_samples(&self) -> usize {
-        self.columns.count * self.planes.len()
-    }
-
-    /// Samples of the file.
-    pub(crate) fn sample_count(&self) -> usize {
-        self.row_samples() * self.rows.count
     }
 
     /// The finished image, without what is left out of its alpha.

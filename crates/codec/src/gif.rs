@@ -22,7 +22,11 @@ const SIZE_END: usize = 10;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Gif, || Ok(Animation::open(bytes, limits, &always)?.header))
+    guarded(
+        PictureFormat::Gif,
+        &always,
+        |wanted| Ok(Animation::open(bytes, limits, wanted)?.header),
+    )
 }
 
 /// Decodes the first frame, see [`decode`](crate::decode()).
@@ -31,7 +35,7 @@ pub(crate) fn decode(
     options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    guarded(PictureFormat::Gif, || {
+    guarded(PictureFormat::Gif, wanted, |wanted| {
         let mut animation = Animation::open(bytes, &options.limits, wanted)?;
         let indices = animation.read_frame(options.lenient)?;
         animation.paint(&indices, wanted)

@@ -1,23 +1,33 @@
-//! The border to decoders of others.
+//! The boundary to decoders from other crates.
 
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
+use crate::wanted::Wanted;
 use pixmesh_meshing::Cancelled;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Runs a decoder that belongs to others, makes a panic of its own a refusal, and ends what
-/// [`WantedBytes`](crate::wanted::WantedBytes) has unwound.
+/// Runs a decoder from another crate and turns its panics into errors.
 ///
-/// Some decoders are known to panic on some contradictory files; those that are not refused before
-/// must not take their caller down. Whatever the decoder was about to make is dropped with it.
+/// Some decoders panic on some contradictory files; such a file must not end the caller. The decoder
+/// gets a `wanted` that remembers its first refusal. A decoder may take the read error of
+/// [`WantedBytes`](crate::wanted::WantedBytes) for the end of the file and return a picture: after a
+/// refusal the result is [`DecodeError::Cancelled`], whatever the decoder returned.
 pub(crate) fn guarded<T>(
     format: PictureFormat,
-    decode: impl FnOnce() -> Result<T, DecodeError>,
+    wanted: &Wanted<'_>,
+    decode: impl FnOnce(&Wanted<'_>) -> Result<T, DecodeError>,
 ) -> Result<T, DecodeError> {
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|payload| {
-        Err(match payload.downcast_ref::<Cancelled>() {
-            Some(&cancelled) => cancelled.into(),
-            None => format.malformed("its decoder gave up"),
-        })
-    })
+    let refused = AtomicBool::new(false);
+    let is_wanted = || {
+        if refused.load(Ordering::Relaxed) {
+            return Err(Cancelled);
+        }
+        wanted().inspect_err(|_| refused.store(true, Ordering::Relaxed))
+    };
+    let result = catch_unwind(AssertUnwindSafe(|| decode(&is_wanted)));
+    if refused.into_inner() {
+        return Err(Cancelled.into());
+    }
+    result.unwrap_or_else(|_| Err(format.malformed("the decoder panicked")))
 }

@@ -17,4 +17,4 @@ mod frame;
 mod read;
 mod segments;
 
-pub(crate) use read::{canvas, decode, decode_stored, may_stop_late, plain_copy, probe};
+pub(crate) use read::{decode, plain_copy, probe};

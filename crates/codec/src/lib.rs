@@ -43,7 +43,6 @@
 //! ```
 
 mod alpha;
-mod assembly;
 mod bmp;
 mod canvas;
 mod choices;
@@ -78,7 +77,6 @@ mod webp;
 mod weights;
 
 pub use alpha::Alpha;
-pub use assembly::Assembly;
 pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
 pub use decode::{DecodeOptions, decode, probe};
 pub use error::{DecodeError, EncodeError};
@@ -103,6 +101,4 @@ pub use stl::write_stl;
 pub use surface::{Geometry, Relief, ReliefHeight};
 pub use svg::write_svg;
 pub use wanted::Wanted;
-pub use weights::{
-    WeightsError, probe_weights, read_weights, read_weights_while, weights_of, weights_reading,
-};
+pub use weights::{WeightsError, probe_weights, read_weights, read_weights_while};

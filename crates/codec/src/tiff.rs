@@ -41,7 +41,8 @@ pub(crate) fn decode(
     let directory = Directory::read(bytes)?;
     let header = header(&directory, &options.limits)?;
     directory.check_chunks()?;
-    let stored = guarded(PictureFormat::Tiff, || read_stored(bytes, &directory, wanted))?;
+    let stored =
+        guarded(PictureFormat::Tiff, wanted, |wanted| read_stored(bytes, &directory, wanted))?;
     let mut canvas = Canvas::new(header, directory.orientation);
     let mut samples = Samples::new(&directory, &stored)?;
     for y in 0..directory.height as usize {

@@ -1,20 +1,18 @@
-//! Whether a piece of work is still wanted, asked while a file is read.
+//! Cancellation of decoders, encoders and readers.
 //!
-//! Decoders of others know nothing of cancellation, and some take a reader's failure for the end of
-//! the file and fill up what is missing. Hence [`WantedBytes`] does not fail: where the work is no
-//! longer wanted, it unwinds through the decoder up to [`guarded`](crate::guard::guarded), as salsa
-//! does with its queries. No hook for panics hears of that.
+//! Decoders from other crates know nothing of cancellation. [`WantedBytes`] returns an error from the
+//! next read once the work is no longer wanted, and [`guarded`](crate::guard::guarded) turns whatever
+//! the decoder makes of that error into [`DecodeError::Cancelled`](crate::DecodeError::Cancelled).
 
 use pixmesh_meshing::{Cancelled, Control, Stage};
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
-use std::panic::resume_unwind;
 
-/// Says whether a piece of work is still wanted.
+/// Returns `Err(Cancelled)` once the result is no longer wanted.
 ///
-/// It is asked every few thousand bytes and for every row, and must answer at once.
+/// It is called every few thousand bytes and for every row, and must return at once.
 pub type Wanted<'a> = dyn Fn() -> Result<(), Cancelled> + Sync + 'a;
 
-/// A control of the kernels that asks whether the work is wanted.
+/// Control of the meshing kernels that polls a [`Wanted`].
 pub(crate) struct While<'a>(pub(crate) &'a Wanted<'a>);
 
 impl Control for While<'_> {
@@ -23,20 +21,20 @@ impl Control for While<'_> {
     }
 }
 
-/// Wanted in any case.
+/// The result is always wanted.
 pub(crate) fn always() -> Result<(), Cancelled> {
     Ok(())
 }
 
-/// Bytes read from one question to the next, and at a time. No decoder makes more than some ten million
-/// samples of so many, which takes it a few hundredths of a second.
+/// Bytes between two polls, and the most that one read returns. No decoder makes more than about ten
+/// million samples of 4096 bytes, which takes it a few hundredths of a second.
 const PIECE_BYTES: usize = 4096;
 
-/// A file's bytes, for as long as the picture within is wanted.
+/// A reader of a file in memory that fails once the picture is no longer wanted.
 pub(crate) struct WantedBytes<'a> {
     bytes: &'a [u8],
     position: usize,
-    /// Bytes, and looks at them, up to the next question.
+    /// Bytes, and calls of `fill_buf` and `seek`, left before the next poll.
     left: usize,
     wanted: &'a Wanted<'a>,
 }
@@ -52,21 +50,21 @@ impl<'a> WantedBytes<'a> {
         rest.get(..PIECE_BYTES).unwrap_or(rest)
     }
 
-    /// Notes that so many bytes have been read, and asks when it is time to.
+    /// Counts `bytes` read and polls when [`PIECE_BYTES`] have been.
     #[inline]
-    fn spend(&mut self, bytes: usize) {
+    fn spend(&mut self, bytes: usize) -> io::Result<()> {
         match self.left.checked_sub(bytes) {
             Some(left) => self.left = left,
-            None => self.ask(),
+            None => self.poll()?,
         }
+        Ok(())
     }
 
     #[cold]
-    fn ask(&mut self) {
-        if let Err(cancelled) = (self.wanted)() {
-            resume_unwind(Box::new(cancelled));
-        }
+    fn poll(&mut self) -> io::Result<()> {
+        (self.wanted)().map_err(io::Error::other)?;
         self.left = PIECE_BYTES;
+        Ok(())
     }
 }
 
@@ -74,8 +72,8 @@ impl Read for WantedBytes<'_> {
     #[inline]
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.piece().read(buffer)?;
+        self.spend(read)?;
         self.position += read;
-        self.spend(read);
         Ok(read)
     }
 }
@@ -83,15 +81,16 @@ impl Read for WantedBytes<'_> {
 impl BufRead for WantedBytes<'_> {
     #[inline]
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        // Some decoders look again and again at bytes that they need not read.
-        self.spend(1);
+        // Some decoders look at the same bytes many times without consuming them.
+        self.spend(1)?;
         Ok(self.piece())
     }
 
     #[inline]
     fn consume(&mut self, amount: usize) {
         self.position += amount;
-        self.spend(amount);
+        // The next `fill_buf` or `read` polls.
+        self.left = self.left.saturating_sub(amount);
     }
 }
 
@@ -104,7 +103,7 @@ impl Seek for WantedBytes<'_> {
         };
         let position = base.checked_add_signed(offset).and_then(|to| usize::try_from(to).ok());
         self.position = position.ok_or(io::ErrorKind::InvalidInput)?;
-        self.spend(1);
+        self.spend(1)?;
         Ok(self.position as u64)
     }
 }
@@ -114,7 +113,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use std::io::Cursor;
-    use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[derive(Clone, Debug)]
@@ -179,18 +177,15 @@ mod tests {
     }
 
     #[test]
-    fn reading_unwinds_within_a_piece_of_where_it_is_no_longer_wanted() {
+    fn reading_fails_within_one_piece_of_the_cancellation() {
         let bytes = vec![0; 100 * PIECE_BYTES];
         let read = AtomicUsize::new(0);
         let position = || read.load(Ordering::Relaxed);
         let wanted = || if position() > 10 * PIECE_BYTES { Err(Cancelled) } else { Ok(()) };
-        let unwound = catch_unwind(AssertUnwindSafe(|| {
-            let mut file = WantedBytes::new(&bytes, &wanted);
-            while file.read(&mut [0; 3]).unwrap() > 0 {
-                read.fetch_add(3, Ordering::Relaxed);
-            }
-        }));
-        assert!(unwound.unwrap_err().is::<Cancelled>());
+        let mut file = WantedBytes::new(&bytes, &wanted);
+        while file.read(&mut [0; 3]).is_ok_and(|count| count > 0) {
+            read.fetch_add(3, Ordering::Relaxed);
+        }
         assert!((10 * PIECE_BYTES..=11 * PIECE_BYTES + 3).contains(&position()), "{}", position());
     }
 }

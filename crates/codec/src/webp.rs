@@ -23,11 +23,6 @@ pub(crate) use container::CODE_BYTES;
 use container::Container;
 use image_webp::{DecodingError, WebPDecoder};
 
-/// The pixels of a picture without loss, and of one with loss, that were measured to take half a tenth
-/// of a second without reading.
-const LOSSLESS_PIXELS_IN_TIME: usize = 6_000_000;
-const LOSSY_PIXELS_IN_TIME: usize = 3_000_000;
-
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
     let container = Container::read(bytes)?;
@@ -40,51 +35,21 @@ pub(crate) fn decode(
     options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    let pixels = decode_stored(bytes, options, wanted)?;
-    let mut canvas = canvas(bytes, &options.limits, wanted)?;
-    canvas.put_rows(&pixels, wanted)?;
-    Ok(canvas)
-}
-
-/// The first half of [`decode`]: the pixels as stored, their components side by side, rows from the
-/// top.
-pub(crate) fn decode_stored(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Vec<u8>, DecodeError> {
     let container = Container::read(bytes)?;
     let header = header(&container, &options.limits)?;
     container.check_picture(wanted)?;
     let row_samples = container.width as usize * header.component_count;
-    guarded(PictureFormat::WebP, || {
+    let pixels = guarded(PictureFormat::WebP, wanted, |wanted| {
         let mut decoder =
             WebPDecoder::new(WantedBytes::new(bytes, wanted)).map_err(|e| refusal(&e))?;
         decoder.set_memory_limit(METADATA_BYTES);
         let mut pixels = vec![0; row_samples * container.height as usize];
         decoder.read_image(&mut pixels).map_err(|e| refusal(&e))?;
         Ok(pixels)
-    })
-}
-
-/// What the second half of [`decode`] puts the pixels on.
-pub(crate) fn canvas(
-    bytes: &[u8],
-    limits: &Limits,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    let container = Container::read(bytes)?;
-    let header = header(&container, limits)?;
-    Ok(Canvas::new_while(header, container.orientation, wanted)?)
-}
-
-/// Whether the decoder may go on for long after the last time that it reads: it decodes a lossy
-/// picture from a copy of its chunk, and turns the numbers of a lossless one into pixels at the end.
-pub(crate) fn may_stop_late(bytes: &[u8], limits: &Limits) -> bool {
-    let Ok(container) = Container::read(bytes) else { return false };
-    let in_time =
-        if container.is_lossless() { LOSSLESS_PIXELS_IN_TIME } else { LOSSY_PIXELS_IN_TIME };
-    header(&container, limits).is_ok_and(|header| header.width * header.height > in_time)
+    })?;
+    let mut canvas = Canvas::new_while(header, container.orientation, wanted)?;
+    canvas.put_rows(&pixels, wanted)?;
+    Ok(canvas)
 }
 
 /// What the container means for the decoded image.

@@ -73,28 +73,15 @@ pub fn read_weights_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Weights, WeightsError> {
-    weights_of(&weights_reading(limits).decode_while(bytes, wanted)?, expected, wanted)
-}
-
-/// Makes weights as [`read_weights_while`] does, of a picture that was decoded with
-/// [`weights_reading`].
-///
-/// # Errors
-/// When it is of another size or of neither 1 nor 3 components, or no longer wanted.
-pub fn weights_of(
-    picture: &Image,
-    expected: (usize, usize),
-    wanted: &Wanted<'_>,
-) -> Result<Weights, WeightsError> {
+    let picture = weights_reading(limits).decode_while(bytes, wanted)?;
     let size = (picture.width(), picture.height());
     check(size, picture.component_count(), expected)?;
-    let weights = lumas(picture, wanted).map_err(DecodeError::from)?;
+    let weights = lumas(&picture, wanted).map_err(DecodeError::from)?;
     Ok(Weights::from_bottom_up(size.0, size.1, weights).map_err(DecodeError::from)?)
 }
 
-/// How a picture is decoded that is to be weights.
-#[must_use]
-pub fn weights_reading(limits: &Limits) -> DecodeOptions {
+/// How the picture of weights is decoded: without alpha, incomplete files refused.
+fn weights_reading(limits: &Limits) -> DecodeOptions {
     DecodeOptions { limits: *limits, alpha: Alpha::Drop, ..DecodeOptions::default() }
 }
 

@@ -205,30 +205,3 @@ fn a_pmesh_is_read_as_long_as_it_is_wanted() {
         assert!((last + 1..=last + 2).contains(&asked), "{last}: {asked}");
     }
 }
-
-#[test]
-fn the_halves_of_decoding_are_the_whole_of_it() {
-    let options = DecodeOptions::default();
-    for (kind, bytes) in files() {
-        let is_in_halves = kind.contains("JPEG") || kind.contains("WebP");
-        assert!(!options.may_stop_late(&bytes), "{kind}: it is small");
-        let Ok(mut assembly) = options.assemble(&bytes, &|| Ok(())) else {
-            assert!(!is_in_halves, "{kind}");
-            assert!(matches!(options.decode_stored(&bytes), Err(DecodeError::Unsupported { .. })));
-            continue;
-        };
-        let samples = options.decode_stored(&bytes).unwrap();
-        assert_eq!(assembly.missing(), samples.len(), "{kind}");
-        let (first, rest) = samples.split_at(samples.len() / 3);
-        assembly.put(first);
-        assembly.put(rest);
-        assert_eq!(assembly.missing(), 0);
-        let (image, asked) = ask(usize::MAX, |wanted| assembly.finish(wanted));
-        assert!(is_in_halves && asked > 0, "{kind}");
-        assert_eq!(image, options.decode(&bytes), "{kind}");
-        let mut cut = options.assemble(&bytes, &|| Ok(())).unwrap();
-        cut.put(first);
-        let told = cut.finish(&|| Ok(())).unwrap_err().to_string();
-        assert!(told.contains(&format!("{} samples are missing", rest.len())), "{told}");
-    }
-}

@@ -3,7 +3,6 @@
 
 use super::{document, mesh};
 use crate::admission::Cost;
-use crate::decoding::copied_bytes;
 use crate::digest::Digest;
 use crate::extract::accept::Format;
 use crate::extract::idempotency;
@@ -155,8 +154,7 @@ async fn submit(
     let plan = order.plan(&header)?;
     let format = if order.keeps_progression(&plan) { Format::Progression } else { Format::Model };
     let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
-        .with_file(upload.image.bytes.len() as u64)
-        .with_file(copied_bytes(&reading, &upload.image.bytes));
+        .with_file(upload.image.bytes.len() as u64);
     let cost = with_weights(cost, upload.weights.as_ref(), &header, &service.pictures)?;
     service.admission.refuse_too_large(cost)?;
     let length = upload.image.bytes.len() as u64;

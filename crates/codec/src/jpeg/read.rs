@@ -15,9 +15,6 @@ use zune_jpeg::errors::DecodeErrors;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// The pixels of a progressive picture whose transform was measured to take half a tenth of a second.
-const PROGRESSIVE_PIXELS_IN_TIME: usize = 8_000_000;
-
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
     Ok(header(&Frame::read(bytes, limits)?))
@@ -29,43 +26,15 @@ pub(crate) fn decode(
     options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    let pixels = decode_stored(bytes, options, wanted)?;
-    let mut canvas = canvas(bytes, &options.limits, wanted)?;
+    let (frame, essence) = Frame::read_all(bytes, options)?;
+    let header = header(&frame);
+    let pixels = guarded(PictureFormat::Jpeg, wanted, |wanted| {
+        decode_essence(&frame, header.component_count, WantedBytes::new(&essence, wanted))
+    })?;
+    drop(essence);
+    let mut canvas = Canvas::new_while(header, frame.orientation, wanted)?;
     canvas.put_rows(&pixels, wanted)?;
     Ok(canvas)
-}
-
-/// The first half of [`decode`]: the pixels as stored, their components side by side, rows from the
-/// top.
-pub(crate) fn decode_stored(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Vec<u8>, DecodeError> {
-    let (frame, essence) = Frame::read_all(bytes, options)?;
-    let component_count = header(&frame).component_count;
-    guarded(PictureFormat::Jpeg, || {
-        decode_essence(&frame, component_count, WantedBytes::new(&essence, wanted))
-    })
-}
-
-/// What the second half of [`decode`] puts the pixels on.
-pub(crate) fn canvas(
-    bytes: &[u8],
-    limits: &Limits,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    let frame = Frame::read(bytes, limits)?;
-    Ok(Canvas::new_while(header(&frame), frame.orientation, wanted)?)
-}
-
-/// Whether the decoder may go on for long after the last time that it reads: it transforms all blocks
-/// of a progressive picture at once.
-pub(crate) fn may_stop_late(bytes: &[u8], limits: &Limits) -> bool {
-    let frame = Frame::read(bytes, limits);
-    frame.is_ok_and(|frame| {
-        frame.progressive && frame.width * frame.height > PROGRESSIVE_PIXELS_IN_TIME
-    })
 }
 
 /// A copy of a JPEG without its metadata, where readers that know no orientation and no inks show

@@ -45,7 +45,7 @@ pub(crate) fn decode(
     if !options.lenient {
         check_chunks(bytes)?;
     }
-    guarded(PictureFormat::Png, || read_picture(bytes, options, wanted))
+    guarded(PictureFormat::Png, wanted, |wanted| read_picture(bytes, options, wanted))
 }
 
 fn read_picture(

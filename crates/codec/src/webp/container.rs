@@ -124,11 +124,6 @@ impl<'a> Container<'a> {
         }
     }
 
-    /// Whether the picture is known to be stored without loss.
-    pub(super) fn is_lossless(&self) -> bool {
-        matches!(self.picture, Picture::Still(Chunk { kind: b"VP8L", .. }))
-    }
-
     /// Checks the first frame of an animation.
     fn check_frame(&self, data: &[u8], wanted: &Wanted<'_>) -> Result<(), DecodeError> {
         let (header, mut rest) =

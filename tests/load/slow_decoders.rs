@@ -1,12 +1,11 @@
-//! Pictures whose decoders go on for long without reading, made in code: large, and in few bytes. And the
-//! processes that decode them.
+//! Large pictures in small files, made in code, whose decoders work for long without reading.
 
 use image_webp::{ColorType, WebPEncoder};
 
-/// A picture of this kind, of so many columns and rows.
+/// Makes the file of a picture of `width` by `height` pixels.
 pub(crate) type Make = fn(u16, u16) -> Vec<u8>;
 
-/// What there is.
+/// The formats by name.
 pub(crate) const KINDS: [(&str, Make); 3] = [
     ("progressive JPEG", progressive_jpeg),
     ("lossless WebP", lossless_webp),
@@ -79,15 +78,4 @@ fn lossy_webp(width: u16, height: u16) -> Vec<u8> {
     bytes.extend(length.to_le_bytes());
     bytes.extend(frame);
     bytes
-}
-
-/// The processes that a process has started and that have not ended.
-pub(crate) fn children(process: u32) -> Vec<u32> {
-    let processes = std::fs::read_dir("/proc").unwrap().filter_map(|entry| {
-        let id: u32 = entry.ok()?.file_name().to_str()?.parse().ok()?;
-        let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
-        let parent = stat.rsplit(')').next()?.split_whitespace().nth(1)?;
-        (parent == process.to_string()).then_some(id)
-    });
-    processes.collect()
 }
