@@ -18,7 +18,6 @@
 //! | [`digest`] | SHA-256, by which blobs and answers are named |
 //! | [`problem`] | every refusal, as RFC 9457 has it |
 //! | [`telemetry`] | the log and the metrics |
-//! | [`monitoring`] | the dashboard and the alerts that those metrics are for |
 //! | [`doctor`] | whether the service would work here |
 //! | [`health`] | asks a running service whether it is ready |
 //!
@@ -34,7 +33,6 @@ pub mod doctor;
 pub mod extract;
 pub mod health;
 pub mod jobs;
-pub mod monitoring;
 pub mod pipeline;
 pub mod pool;
 pub mod problem;

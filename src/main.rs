@@ -1,10 +1,9 @@
-//! The program `pixmesh`: `serve`, `worker`, `health`, `doctor`, `config`, `key`, `openapi` and
-//! `monitoring`.
+//! The program `pixmesh`: `serve`, `worker`, `health`, `doctor`, `config`, `key` and
+//! `openapi`.
 
 use clap::{Parser, Subcommand};
 use pixmesh::access::{NewKey, issue};
 use pixmesh::config::{self, HealthSettings, Settings};
-use pixmesh::monitoring::Monitor;
 use pixmesh::server::Role;
 use pixmesh::{doctor, health, routes, server};
 use std::error::Error;
@@ -41,9 +40,6 @@ enum Command {
     Key(KeyCommand),
     /// Prints the interface as an OpenAPI document.
     Openapi,
-    /// Prints what watches the service.
-    #[command(subcommand)]
-    Monitoring(Monitor),
 }
 
 #[derive(Subcommand)]
@@ -71,7 +67,6 @@ fn run(command: Command) -> Result<(), Box<dyn Error>> {
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
         Command::Doctor(settings) => doctor::examine(&settings)?,
         Command::Key(KeyCommand::New(order)) => issue(&order)?,
-        Command::Monitoring(monitor) => write!(io::stdout(), "{}", monitor.text())?,
         Command::Openapi => write!(io::stdout(), "{}", routes::openapi::document_text())?,
     }
     Ok(())

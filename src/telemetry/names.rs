@@ -68,6 +68,8 @@ metrics! {
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
         "Seconds that the oldest durable job waiting has waited";
     PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";
+    DECODER_PANICS: Counter "pixmesh_decoder_panics_total" []
+        "Uploaded files that made a decoder from another crate panic; answered with 422";
     PROCESS_RESIDENT: Gauge "process_resident_memory_bytes" []
         "Resident memory of the process in bytes";
     PROCESS_CPU: Gauge "process_cpu_seconds_total" [] "Seconds of processor time, of all threads";

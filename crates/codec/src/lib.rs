@@ -81,7 +81,9 @@ pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading
 pub use decode::{DecodeOptions, decode, probe};
 pub use error::{DecodeError, EncodeError};
 pub use format::PictureFormat;
+
 pub use gltf::{GltfOptions, Texture, write_glb, write_gltf};
+pub use guard::in_guarded_decoder;
 pub use header::Header;
 pub use json::write_json;
 pub use limits::Limits;
