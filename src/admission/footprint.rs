@@ -43,8 +43,9 @@ const REFINED_MARKS: u64 = 3;
 /// Bytes per sample of the running sums that flat faces are measured by, 16 each, and as much again
 /// for what was measured beside them.
 const ROW_SUMS: u64 = 32;
-/// Bytes per pixel of the means that the weights of the structural similarity come from.
-const WINDOW_MEANS: u64 = 56;
+/// Bytes per column and component of the rows that the weights of the structural similarity come
+/// from; the weights take a byte per pixel.
+const WINDOW_ROWS: u64 = 14 * 2 * 8;
 /// Bytes per initial point of the list of removed ones, kept to the end.
 const REMOVAL: u64 = 16;
 /// Bytes per final vertex with its two faces, in memory.
@@ -175,7 +176,9 @@ impl<'a> Footprint<'a> {
         let sums =
             if self.parameters.is_flat() { self.pixels * self.components * ROW_SUMS } else { 0 };
         let weights = match self.parameters.error_metric {
-            ErrorMetric::Ssim => self.pixels * WINDOW_MEANS,
+            ErrorMetric::Ssim => {
+                self.pixels + self.header.width as u64 * self.components * WINDOW_ROWS
+            }
             _ => 0,
         };
         self.image() + self.meshed_luma() + measured_by + meshing + sums + weights
@@ -300,7 +303,7 @@ pub(super) fn of_comparison(first: &Header, second: Compared<'_>) -> u64 {
 }
 
 /// Bytes per column of the rows that structural similarity keeps.
-const COMPARED_ROWS: u64 = 12 * 5 * 8;
+const COMPARED_ROWS: u64 = 13 * 5 * 8;
 
 /// Bytes that an image takes that is embedded in the answer: it becomes a file of its own before
 /// the work.
@@ -313,7 +316,7 @@ mod tests {
     use super::*;
     use pixmesh_codec::PictureFormat;
     use pixmesh_meshing::parameters::InitialSize;
-    use pixmesh_meshing::{Method, Target};
+    use pixmesh_meshing::{MAX_POINTS, MAX_SIDE, Method, Target};
 
     fn header(width: usize, height: usize, component_count: usize) -> Header {
         Header { format: PictureFormat::Png, width, height, component_count, precision: 8 }
@@ -403,10 +406,11 @@ mod tests {
 
     #[test]
     fn the_largest_picture_does_not_overflow() {
-        let side = pixmesh_meshing::MAX_SIDE;
+        let (width, height) = (MAX_SIDE, MAX_POINTS / MAX_SIDE);
         let parameters = Method::Mgpr.parameters(Target::Percent(100.0));
-        let plan = Plan { size: side * side, initial_size: side * side, bound: None };
-        let header = header(side, side, 4);
-        assert!(Footprint::new(&header, &plan, &parameters, Format::Model).peak() > 1 << 47);
+        let shape = Shape { width, height, component_count: 4, precision: 8 };
+        let plan = parameters.plan(shape).unwrap();
+        let header = header(width, height, 4);
+        assert!(Footprint::new(&header, &plan, &parameters, Format::Model).peak() > 1 << 37);
     }
 }

@@ -79,7 +79,7 @@ fn made(picture: &Image, method: Method) -> Result<Approximation, String> {
 /// Whether the mesh's figures are those of the picture rebuilt from it.
 fn check_fidelity(picture: &Image, model: &Approximation) -> Result<(), String> {
     let rebuilt = rasterize(&model.mesh, &()).map_err(|error| error.to_string())?;
-    let measured = Fidelity::between(picture, &rebuilt).map_err(|error| error.to_string())?;
+    let measured = Fidelity::between(picture, &rebuilt, &()).map_err(|error| error.to_string())?;
     let (told, found) = (model.fidelity.mse(), measured.mse());
     if told == found { Ok(()) } else { Err(format!("the error is told as {told}, but is {found}")) }
 }

@@ -3,7 +3,7 @@
 use crate::pool::Watch;
 use crate::problem::{Kind, Problem};
 use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
-use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
+use pixmesh_meshing::{Fidelity, Image, MeshingError, rasterize, structural_similarity};
 
 /// What is compared.
 #[derive(Debug)]
@@ -55,8 +55,11 @@ pub fn compare<B: AsRef<[u8]>>(
 
 fn measure(first: &Image, second: &Image, watch: &Watch) -> Result<Comparison, Problem> {
     watch.begin("measure");
-    let fidelity = Fidelity::between(first, second).map_err(|error| {
-        Problem::new(Kind::ShapeMismatch, error.to_string()).param("approximation")
+    let fidelity = Fidelity::between(first, second, watch).map_err(|error| match error {
+        MeshingError::Shape(mismatch) => {
+            Problem::new(Kind::ShapeMismatch, mismatch.to_string()).param("approximation")
+        }
+        other => other.into(),
     })?;
     let ssim = structural_similarity(first, second, watch)?;
     Ok(Comparison { mse: fidelity.mse(), psnr_db: fidelity.psnr_db(), ssim })

@@ -70,7 +70,7 @@ fn the_headers_tell_the_figures_of_the_mesh_that_the_body_holds() {
     assert_eq!(figure(&answer, "mesh-faces"), mesh.faces().len() as f64);
     assert_eq!(mesh.points().len(), 100);
     let rebuilt = rasterize(&mesh, &()).unwrap();
-    let fidelity = Fidelity::between(&image, &rebuilt).unwrap();
+    let fidelity = Fidelity::between(&image, &rebuilt, &()).unwrap();
     assert_eq!(figure(&answer, "mesh-mse"), fidelity.mse());
     assert_eq!(figure(&answer, "mesh-psnr"), fidelity.psnr_db());
     assert_eq!(answer.header("x-request-id"), "my-id_7");
@@ -91,7 +91,7 @@ fn the_picture_rebuilt_is_the_one_that_the_figures_are_about() {
     for format in ["png", "pnm"] {
         let answer = server.mesh(&format!("format={format}&density=5"), &[], &disc(50, 50, 1));
         let rebuilt = decode(&answer.body, &Limits::default()).unwrap();
-        let fidelity = Fidelity::between(&image, &rebuilt).unwrap();
+        let fidelity = Fidelity::between(&image, &rebuilt, &()).unwrap();
         assert_eq!(figure(&answer, "mesh-mse"), fidelity.mse(), "{format}");
     }
 }

@@ -85,7 +85,10 @@ fn the_order_of_vertices_is_one_download_from_which_a_client_makes_every_size() 
         let model = server.get(&format!("{job}/mesh?size={size}")).body;
         assert_eq!(read_model(&model, &limits).unwrap(), mesh, "{size}");
         let rebuilt = rasterize(&mesh, &()).unwrap();
-        assert_eq!(progression.fidelity(size), Ok(Fidelity::between(&image, &rebuilt).unwrap()));
+        assert_eq!(
+            progression.fidelity(size),
+            Ok(Fidelity::between(&image, &rebuilt, &()).unwrap())
+        );
         let short = server.get(&format!("{job}/mesh?size={size}&format=progression")).body;
         let short = read_progression(&short, &limits).unwrap();
         assert_eq!(short, progression.clone().shortened(size).unwrap());
@@ -166,7 +169,7 @@ fn refined_meshes_and_those_of_a_quality_have_an_order_too() {
         let answer = server.get(&format!("{mesh}?size=20&format=png"));
         assert_eq!(answer.status, 200, "{query}: {}", answer.text());
         let rebuilt = pixmesh_codec::decode(&answer.body, &Limits::default()).unwrap();
-        let fidelity = Fidelity::between(&disc_image(60, 50, 3), &rebuilt).unwrap();
+        let fidelity = Fidelity::between(&disc_image(60, 50, 3), &rebuilt, &()).unwrap();
         assert_eq!(answer.header("mesh-mse"), fidelity.mse().to_string(), "{query}");
     }
     server.wait_until_idle();

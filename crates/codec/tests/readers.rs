@@ -192,8 +192,7 @@ proptest! {
     #[test]
     fn json_holds_the_mesh(mesh in meshes(), squared_error in 0..1000_u64) {
         let shape = mesh.shape();
-        let sample_count = (shape.width * shape.height * shape.component_count) as u64;
-        let fidelity = Fidelity { squared_error, sample_count, precision: shape.precision };
+        let fidelity = Fidelity::new(squared_error, shape);
         let mut bytes = Vec::new();
         write_json(&mesh, Some(&fidelity), &Geometry::default(), &mut bytes).unwrap();
         let parsed: Value = serde_json::from_slice(&bytes).unwrap();

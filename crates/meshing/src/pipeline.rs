@@ -102,8 +102,8 @@ fn mesh_by_plan(
         .transpose()?;
     let fidelity = match (&flat, squared_error) {
         (Some(flat), _) => flat.fidelity,
-        (None, Some(known)) => Fidelity::of_sum(known, image),
-        (None, None) => Fidelity::of_sum(squared_error_of(&mesh, image, control)?, image),
+        (None, Some(known)) => Fidelity::new(known, image.shape()),
+        (None, None) => Fidelity::new(squared_error_of(&mesh, image, control)?, image.shape()),
     };
     Ok(Approximation { mesh, fidelity, plan, removals, flat })
 }

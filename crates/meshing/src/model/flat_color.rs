@@ -18,6 +18,7 @@ const FACES_PER_POLL: usize = 64;
 
 /// A picture in which every face of a mesh has one colour, and how close that is to the image.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FlatColors {
     /// Face by face in the mesh's order: component `c` of face `f` is `colors[f * components + c]`.
     /// A face that owns no lattice point has the colour of its first vertex.
@@ -70,7 +71,7 @@ impl FlatColors {
             }
         }
         let picture = image.with_components(components);
-        Ok(Self { colors, picture, fidelity: Fidelity::of_sum(squared_error, image) })
+        Ok(Self { colors, picture, fidelity: Fidelity::new(squared_error, image.shape()) })
     }
 }
 
@@ -240,7 +241,7 @@ mod tests {
             let weights = weights.as_ref().map(|weights| &weights[..count]);
             let mesh = mesh_of(&image, &inner);
             let flat = FlatColors::of_mesh(&image, &mesh, weights, &()).unwrap();
-            prop_assert_eq!(Fidelity::between(&image, &flat.picture).unwrap(), flat.fidelity);
+            prop_assert_eq!(Fidelity::between(&image, &flat.picture, &()).unwrap(), flat.fidelity);
             let sums = RowSums::new(&image, weights);
             for (f, &face) in mesh.faces().iter().enumerate() {
                 let (corners, mut error) = (mesh.corners(face), 0);

@@ -165,7 +165,7 @@ impl Progression {
     /// When the size is under 4 or more than there are points.
     pub fn fidelity(&self, size: usize) -> Result<Fidelity, ProgressionError> {
         self.check_size(size)?;
-        Ok(Fidelity::of_shape(self.squared_errors[size - MIN_SIZE], self.shape))
+        Ok(Fidelity::new(self.squared_errors[size - MIN_SIZE], self.shape))
     }
 
     /// The progression of the `size` most important vertices.

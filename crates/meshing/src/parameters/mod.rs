@@ -252,6 +252,7 @@ parameters! {
 /// The numbers that parameters mean for one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Plan {
     /// Vertices to simplify down to: N. With a bound on the error the least, 4.
     pub size: usize,

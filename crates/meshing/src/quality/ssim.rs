@@ -1,44 +1,21 @@
-//! How alike two pictures look: the structural similarity index (SSIM).
+//! Structural similarity (SSIM) of two images.
 //!
 //! Zhou Wang, Alan C. Bovik, Hamid R. Sheikh, Eero P. Simoncelli: "Image Quality Assessment: From
 //! Error Visibility to Structural Similarity", IEEE Transactions on Image Processing 13 (2004), with
-//! the paper's window of 11 by 11 points, weighted by a Gaussian of a standard deviation of 1.5, and
-//! its constants 0.01 and 0.03. The index of a picture is the mean over all windows that lie inside
-//! it, and over its components, each by itself.
+//! the paper's Gaussian window of 11 by 11 pixels and its constants 0.01 and 0.03. The index of two
+//! images is the mean over all windows that lie inside them, and over their components.
 //!
-//! Cost: for each sample twice eleven products for each of five fields, in rows that are kept for
-//! eleven rows. The sums have one order, and the weights are constants, so that every machine gives
-//! the same index.
+//! The cost is 22 products for each sample and each of five fields, in memory for eleven rows.
+//! The weights are constants and the sums have a fixed order, so every machine gives the same index.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Control, Stage};
 use crate::error::MeshingError;
 use crate::image::{Image, ShapeMismatch, largest_sample};
-
-/// Points of a window's side.
-const WINDOW: usize = 11;
-/// `exp(-d^2 / 4.5)` for the distances from -5 to 5, divided by their sum.
-const WEIGHTS: [f64; WINDOW] = [
-    0.001_028_380_084_479_11,
-    0.007_598_758_135_239_185,
-    0.036_000_772_128_430_83,
-    0.109_360_689_509_700_02,
-    0.213_005_537_711_253_7,
-    0.266_011_724_861_794_36,
-    0.213_005_537_711_253_7,
-    0.109_360_689_509_700_02,
-    0.036_000_772_128_430_83,
-    0.007_598_758_135_239_185,
-    0.001_028_380_084_479_11,
-];
-/// Squares of the paper's constants K1 and K2, which are multiplied by the largest sample's square.
-const K1_SQUARED: f64 = 0.0001;
-const K2_SQUARED: f64 = 0.0009;
-/// Fields that are averaged: both pictures, their squares, and their product.
-const FIELDS: usize = 5;
+use crate::quality::gaussian_window::{GaussianWindow, SIDE};
 
 /// The mean structural similarity of two images of the same shape: 1 for equal ones, at least -1.
 ///
-/// `None` when a side is shorter than the window of 11 points.
+/// `None` when a side is shorter than the window of 11 pixels.
 ///
 /// # Errors
 /// When the images have different shapes, or the control cancels.
@@ -46,7 +23,7 @@ const FIELDS: usize = 5;
 /// ```
 /// use pixmesh_meshing::{Image, structural_similarity};
 ///
-/// let ramp = Image::from_bottom_up(16, 16, 8, vec![(0..256).map(|i| i as u16).collect()])?;
+/// let ramp = Image::from_top_down(16, 16, 8, vec![(0..256).collect()])?;
 /// assert_eq!(structural_similarity(&ramp, &ramp, &())?, Some(1.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -56,64 +33,30 @@ pub fn structural_similarity(
     control: &dyn Control,
 ) -> Result<Option<f64>, MeshingError> {
     ShapeMismatch::check(first.shape(), second.shape())?;
-    if first.width().min(first.height()) < WINDOW {
+    let (width, height) = first.sides();
+    if width.min(height) < SIDE {
         return Ok(None);
     }
+    let total = first.component_count() * height;
+    let index = Index::new(first.precision());
     let mut sum = 0.0;
     for c in 0..first.component_count() {
-        sum += component_sum(first, second, c, control)?;
+        let mut window = GaussianWindow::new(SIDE, width);
+        for y in 0..height {
+            let poll = || control.poll(Stage::Measure, c * height + y, total);
+            let pairs = first.row(c, y).iter().zip(second.row(c, y));
+            let means = window.add_row(pairs.map(fields), poll)?;
+            sum += means.iter().map(|&means| index.of(means)).sum::<f64>();
+        }
     }
-    let windows = (first.width() - WINDOW + 1) * (first.height() - WINDOW + 1);
+    let windows = (width - SIDE + 1) * (height - SIDE + 1);
     Ok(Some(sum / (windows * first.component_count()) as f64))
 }
 
-/// The sum of the index over the windows of one component.
-fn component_sum(
-    first: &Image,
-    second: &Image,
-    c: usize,
-    control: &dyn Control,
-) -> Result<f64, Cancelled> {
-    let (width, height) = (first.width(), first.height());
-    let index = Index::new(first.precision());
-    let mut rows = vec![[0.0; FIELDS]; WINDOW * (width - WINDOW + 1)];
-    let columns = width - WINDOW + 1;
-    let mut sum = 0.0;
-    for y in 0..height {
-        control.poll(Stage::Measure, c * height + y, first.component_count() * height)?;
-        let row = &mut rows[y % WINDOW * columns..][..columns];
-        average_along(first.row(c, y), second.row(c, y), row);
-        if let Some(top) = (y + 1).checked_sub(WINDOW) {
-            sum +=
-                (0..columns).map(|x| index.of(average_across(&rows, columns, top, x))).sum::<f64>();
-        }
-    }
-    Ok(sum)
-}
-
-/// Weighted means of the fields over eleven points of a row, for each place of the window.
-fn average_along(first: &[u16], second: &[u16], means: &mut [[f64; FIELDS]]) {
-    for (x, mean) in means.iter_mut().enumerate() {
-        *mean = [0.0; FIELDS];
-        for (i, weight) in WEIGHTS.iter().enumerate() {
-            let (a, b) = (f64::from(first[x + i]), f64::from(second[x + i]));
-            for (mean, value) in mean.iter_mut().zip([a, b, a * a, b * b, a * b]) {
-                *mean += weight * value;
-            }
-        }
-    }
-}
-
-/// Weighted means over eleven rows from `top` on, in one column; row `y` lies at `y % 11`.
-fn average_across(rows: &[[f64; FIELDS]], columns: usize, top: usize, x: usize) -> [f64; FIELDS] {
-    let mut means = [0.0; FIELDS];
-    for (i, weight) in WEIGHTS.iter().enumerate() {
-        let row = &rows[(top + i) % WINDOW * columns + x];
-        for (mean, value) in means.iter_mut().zip(row) {
-            *mean += weight * value;
-        }
-    }
-    means
+/// The fields that the window averages: both samples, their squares, and their product.
+fn fields((&a, &b): (&u16, &u16)) -> [f64; 5] {
+    let (a, b) = (f64::from(a), f64::from(b));
+    [a, b, a * a, b * b, a * b]
 }
 
 /// The paper's constants C1 and C2 for a precision.
@@ -124,24 +67,30 @@ struct Index {
 
 impl Index {
     fn new(precision: u8) -> Self {
-        let largest = f64::from(largest_sample(precision));
-        Self { c1: K1_SQUARED * largest * largest, c2: K2_SQUARED * largest * largest }
+        let c1 = (0.01 * f64::from(largest_sample(precision))).powi(2);
+        Self { c1, c2: variance_constant(precision) }
     }
 
-    /// The index of a window from its means, those of squares and that of products.
-    fn of(&self, [a, b, aa, bb, ab]: [f64; FIELDS]) -> f64 {
+    /// The index of a window from its means of [`fields`].
+    fn of(&self, [a, b, aa, bb, ab]: [f64; 5]) -> f64 {
         let (variance_a, variance_b, covariance) = (aa - a * a, bb - b * b, ab - a * b);
-        let likeness = (2.0 * a * b + self.c1) * (2.0 * covariance + self.c2);
-        likeness / ((a * a + b * b + self.c1) * (variance_a + variance_b + self.c2))
+        let similarity = (2.0 * a * b + self.c1) * (2.0 * covariance + self.c2);
+        similarity / ((a * a + b * b + self.c1) * (variance_a + variance_b + self.c2))
     }
+}
+
+/// The paper's constant C2, which keeps quotients of variances from 0/0.
+pub(crate) fn variance_constant(precision: u8) -> f64 {
+    (0.03 * f64::from(largest_sample(precision))).powi(2)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::Recorder;
 
-    fn gray(side: usize, sample: impl Fn(usize, usize) -> u16) -> Image {
-        let samples = (0..side * side).map(|i| sample(i % side, i / side)).collect();
+    fn gray(side: usize, sample: impl Fn(usize, usize) -> usize) -> Image {
+        let samples = (0..side * side).map(|i| sample(i % side, i / side) as u16).collect();
         Image::from_bottom_up(side, side, 8, vec![samples]).unwrap()
     }
 
@@ -150,17 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_weights_are_the_gaussian_of_the_paper() {
-        let gaussian = |d: i32| (f64::from(-d * d) / 4.5).exp();
-        let sum: f64 = (-5..=5).map(gaussian).sum();
-        for (weight, d) in WEIGHTS.iter().zip(-5..=5) {
-            assert!((weight - gaussian(d) / sum).abs() < 1e-15, "{d}");
-        }
-        assert!((WEIGHTS.iter().sum::<f64>() - 1.0).abs() < 1e-15);
-    }
-
-    #[test]
-    fn flat_pictures_are_as_alike_as_their_means() {
+    fn constant_images_compare_by_their_means() {
         let (dark, bright) = (gray(12, |_, _| 100), gray(12, |_, _| 150));
         let c1 = 0.0001 * 255.0 * 255.0;
         let expected = (2.0 * 100.0 * 150.0 + c1) / (100.0 * 100.0 + 150.0 * 150.0 + c1);
@@ -168,38 +107,18 @@ mod tests {
     }
 
     #[test]
-    fn the_opposite_structure_is_unlike_and_a_little_noise_is_not() {
-        let waves = gray(32, |x, y| (100 + 80 * ((x / 2 + y / 2) % 2)) as u16);
-        let opposite = gray(32, |x, y| (180 - 80 * ((x / 2 + y / 2) % 2)) as u16);
-        let noisy =
-            gray(32, |x, y| (100 + 80 * ((x / 2 + y / 2) % 2) + (x * 7 + y * 5) % 3) as u16);
+    fn opposite_structure_is_dissimilar_and_noise_is_not() {
+        let wave = |x: usize, y: usize| 80 * ((x / 2 + y / 2) % 2);
+        let waves = gray(32, |x, y| 100 + wave(x, y));
+        let opposite = gray(32, |x, y| 180 - wave(x, y));
+        let noisy = gray(32, |x, y| 100 + wave(x, y) + (x * 7 + y * 5) % 3);
         assert!(index(&waves, &opposite) < -0.9);
         assert!(index(&waves, &noisy) > 0.99);
         assert_eq!(index(&waves, &waves), 1.0);
         assert_eq!(index(&waves, &opposite), index(&opposite, &waves));
     }
 
-    #[test]
-    fn one_window_of_a_known_pair_is_as_computed_from_the_definition() {
-        let (first, second) =
-            (gray(11, |x, y| (x * y) as u16), gray(11, |x, y| (x + 9 * y) as u16));
-        let mean = |value: &dyn Fn(usize, usize) -> f64| {
-            let points = (0..11).flat_map(|y| (0..11).map(move |x| (x, y)));
-            points.map(|(x, y)| WEIGHTS[x] * WEIGHTS[y] * value(x, y)).sum::<f64>()
-        };
-        let a = |x: usize, y: usize| (x * y) as f64;
-        let b = |x: usize, y: usize| (x + 9 * y) as f64;
-        let (mean_a, mean_b) = (mean(&a), mean(&b));
-        let variance_a = mean(&|x, y| (a(x, y) - mean_a).powi(2));
-        let variance_b = mean(&|x, y| (b(x, y) - mean_b).powi(2));
-        let covariance = mean(&|x, y| (a(x, y) - mean_a) * (b(x, y) - mean_b));
-        let (c1, c2) = (6.5025, 58.5225);
-        let expected = (2.0 * mean_a * mean_b + c1) * (2.0 * covariance + c2)
-            / ((mean_a * mean_a + mean_b * mean_b + c1) * (variance_a + variance_b + c2));
-        assert!((index(&first, &second) - expected).abs() < 1e-9);
-    }
-
-    /// The index of two pictures of one shape as the paper defines it, window by window.
+    /// The index of two images as the paper defines it, window by window.
     fn index_by_definition(first: &Image, second: &Image) -> f64 {
         let largest = f64::from(first.max_sample());
         let (c1, c2) = ((0.01 * largest).powi(2), (0.03 * largest).powi(2));
@@ -222,8 +141,8 @@ mod tests {
                 let (a, b) = (mean(&|a, _| a), mean(&|_, b| b));
                 let (aa, bb) = (mean(&|x, _| (x - a).powi(2)), mean(&|_, x| (x - b).powi(2)));
                 let ab = mean(&|x, y| (x - a) * (y - b));
-                let likeness = (2.0 * a * b + c1) * (2.0 * ab + c2);
-                sum += likeness / ((a * a + b * b + c1) * (aa + bb + c2));
+                let similarity = (2.0 * a * b + c1) * (2.0 * ab + c2);
+                sum += similarity / ((a * a + b * b + c1) * (aa + bb + c2));
                 count += 1.0;
             }
         }
@@ -233,7 +152,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(24))]
         #[test]
-        fn the_index_of_whole_pictures_is_that_of_its_definition(
+        fn computes_the_definition(
             (width, height, count) in (11usize..20, 11usize..20, 1usize..4),
             precision in 1u8..=16,
             seeds in proptest::array::uniform2(0usize..10_000),
@@ -251,25 +170,20 @@ mod tests {
     }
 
     #[test]
-    fn pictures_smaller_than_the_window_have_no_index() {
-        let small = gray(10, |x, _| x as u16);
+    fn images_smaller_than_the_window_have_no_index() {
+        let small = gray(10, |x, _| x);
         assert_eq!(structural_similarity(&small, &small, &()), Ok(None));
     }
 
     #[test]
-    fn rows_of_all_components_are_counted_as_they_are_compared() {
-        #[derive(Default)]
-        struct Told(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
-        impl Control for Told {
-            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-                self.0.lock().unwrap().push((stage, done, total));
-                Ok(())
-            }
+    fn polls_in_every_row_and_within_wide_rows() {
+        for (width, polls_per_row) in [(12, 1), (4000, 4)] {
+            let components = vec![vec![5; width * 14]; 3];
+            let image = Image::from_bottom_up(width, 14, 8, components).unwrap();
+            let recorder = Recorder::default();
+            structural_similarity(&image, &image, &recorder).unwrap();
+            let rows: Vec<usize> = (0..polls_per_row * 42).map(|i| i / polls_per_row).collect();
+            assert_eq!(recorder.done(Stage::Measure, 42), rows);
         }
-        let image = Image::from_bottom_up(12, 14, 8, vec![vec![5; 12 * 14]; 3]).unwrap();
-        let told = Told::default();
-        structural_similarity(&image, &image, &told).unwrap();
-        let expected: Vec<_> = (0..42).map(|row| (Stage::Measure, row, 42)).collect();
-        assert_eq!(told.0.into_inner().unwrap(), expected);
     }
 }

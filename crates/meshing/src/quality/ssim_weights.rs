@@ -1,148 +1,98 @@
-//! How much each point of a picture matters to its structural similarity.
+//! Error weights that make the squared error follow structural similarity.
 //!
-//! Zhou Wang, Alan C. Bovik, Hamid R. Sheikh and Eero P. Simoncelli, "Image quality assessment: from
-//! error visibility to structural similarity", 2004: means, variances and the covariance of two
-//! pictures under a Gaussian window of 11 by 11 points, standard deviation 1.5, at each place where the window
-//! lies in the picture; the mean of the index over places and components.
+//! Where an approximation is close to the image, a squared error lowers the structural similarity in
+//! inverse proportion to twice the variance under the window (see [`ssim`](crate::quality::ssim)).
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::image::Image;
 use crate::parameters::Weights;
+use crate::quality::gaussian_window::{GaussianWindow, SIDE};
+use crate::quality::ssim::variance_constant;
 
-/// Columns and rows of the window; smaller pictures have a smaller one, of odd size.
-const WINDOW: usize = 11;
+/// Factor of the constant that raises the variances. The similarity falls less than in proportion
+/// where errors are large: without the factor nearly plain areas would take too many vertices.
+const REGULARISATION: f64 = 16.0;
 
-/// The Gaussian of standard deviation 1.5 at distances 0 to 5: written out, as the exponential function
-/// is not the same to the last bit on every machine.
-const GAUSSIAN: [f64; 6] = [
-    1.0,
-    0.800_737_402_916_808_1,
-    0.411_112_290_507_187_4,
-    0.135_335_283_236_612_7,
-    0.028_565_500_784_550_4,
-    0.003_865_920_139_472_807_6,
-];
-
-/// The part of the largest sample, squared, that keeps the quotients from 0/0.
-const C2: f64 = 0.03;
-
-/// What the constant of the variances is multiplied by for weights. The index falls less than in
-/// proportion where errors are large, so that the plain inverse of the variance would spend too many vertices
-/// on areas that are almost plain.
-const TAMING: f64 = 16.0;
-
-/// The largest weight of a point.
+/// The weight of a plain area; the least weight is 1.
 const LARGEST_WEIGHT: f64 = 255.0;
 
-/// How much a squared error at each lattice point lowers the structural similarity, from 1 to 255:
-/// the inverse of twice the variance around it, which is what the index divides by where the
-/// approximation is near.
-pub(crate) fn sensitivity(image: &Image, control: &dyn Control) -> Result<Vec<u8>, Cancelled> {
-    let c2 = constant(image);
-    let c2 = c2 * TAMING;
-    let window = Window::new(image);
-    let (columns, rows) = window.places();
-    let margin = window.weights.len() / 2;
-    let mut sums = vec![0.0; columns * rows];
-    for component in image.components() {
-        control.poll(Stage::Density, 0, 1)?;
-        let values: Vec<f64> = component.iter().map(|&sample| sample.into()).collect();
-        let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
-        let (means, means_of_squares) = (window.means(&values), window.means(&squares));
-        for (sum, (mean, square)) in sums.iter_mut().zip(means.iter().zip(&means_of_squares)) {
-            *sum += 1.0 / (2.0 * (square - mean * mean) + c2);
-        }
-    }
-    // A plain picture's points have the largest weight there is.
-    let unit = LARGEST_WEIGHT * c2 / image.component_count() as f64;
-    let at = |i: usize| {
-        let (x, y) = (i % image.width(), i / image.width());
-        let nearest = |place: usize, count: usize| place.saturating_sub(margin).min(count - 1);
-        let sum = sums[nearest(y, rows) * columns + nearest(x, columns)];
-        (sum * unit).round().clamp(1.0, LARGEST_WEIGHT) as u8
-    };
-    Ok((0..image.pixel_count()).map(at).collect())
-}
-
-/// What the variances are raised by.
-fn constant(image: &Image) -> f64 {
-    (C2 * f64::from(image.max_sample())).powi(2)
-}
-
-/// A Gaussian window over a picture.
-struct Window {
-    width: usize,
-    height: usize,
-    /// Weights of columns, and of rows, which sum up to 1.
-    weights: Vec<f64>,
-}
-
-impl Window {
-    fn new(image: &Image) -> Self {
-        let (width, height) = (image.width(), image.height());
-        let size = WINDOW.min((width.min(height) - 1) / 2 * 2 + 1);
-        let weight = |i: usize| GAUSSIAN[i.abs_diff(size / 2)];
-        let sum: f64 = (0..size).map(weight).sum();
-        Self { width, height, weights: (0..size).map(|i| weight(i) / sum).collect() }
-    }
-
-    /// Columns and rows of places where the window lies in the picture.
-    fn places(&self) -> (usize, usize) {
-        let less = self.weights.len() - 1;
-        (self.width - less, self.height - less)
-    }
-
-    /// The weighted means of a plane at all places.
-    fn means(&self, plane: &[f64]) -> Vec<f64> {
-        let (columns, rows) = self.places();
-        let along_rows: Vec<f64> = plane
-            .chunks_exact(self.width)
-            .flat_map(|row| {
-                row.windows(self.weights.len())
-                    .map(|part| part.iter().zip(&self.weights).map(|(v, w)| v * w).sum::<f64>())
-            })
-            .collect();
-        (0..rows * columns)
-            .map(|i| {
-                let column = along_rows[i..].iter().step_by(columns);
-                column.zip(&self.weights).map(|(v, w)| v * w).sum()
-            })
-            .collect()
-    }
-}
-
-/// Weights that make a metric of the squared error one of the structural similarity, times those
-/// given.
+/// How much a squared error at each pixel lowers the structural similarity, times the given weights.
+///
+/// The window is smaller than usual in images of fewer columns or rows. At the border a pixel has
+/// the weight of the nearest position where the window lies inside the image.
 pub(crate) fn ssim_weights(
     image: &Image,
     given: Option<&Weights>,
     control: &dyn Control,
 ) -> Result<Weights, Cancelled> {
-    let mut weights = sensitivity(image, control)?;
+    let (width, height) = image.sides();
+    let side = SIDE.min((width.min(height) - 1) / 2 * 2 + 1);
+    let margin = side / 2;
+    let mut windows: Vec<_> =
+        image.components().iter().map(|_| GaussianWindow::new(side, width)).collect();
+    let c2 = variance_constant(image.precision()) * REGULARISATION;
+    let unit = LARGEST_WEIGHT * c2 / image.component_count() as f64;
+    let mut weights = Vec::with_capacity(width * height);
+    let mut sums = vec![0.0; width + 1 - side];
+    for y in 0..height {
+        sums.fill(0.0);
+        for (c, window) in windows.iter_mut().enumerate() {
+            let row = image.row(c, y).iter().map(|&sample| f64::from(sample));
+            let means = window.add_row(row.map(|sample| [sample, sample * sample]), || {
+                control.poll(Stage::Density, 0, height)
+            })?;
+            for (sum, [mean, square]) in sums.iter_mut().zip(means) {
+                *sum += 1.0 / (2.0 * (square - mean * mean) + c2);
+            }
+        }
+        // Rows of the image up to the middle of the newest window, and above the last window.
+        let end = match y + 1 {
+            count if count == height => height,
+            count if count < side => 0,
+            count => count - margin,
+        };
+        for _ in weights.len() / width..end {
+            let nearest = |x: usize| sums[x.saturating_sub(margin).min(sums.len() - 1)];
+            let weight = |x: usize| (nearest(x) * unit).round().clamp(1.0, LARGEST_WEIGHT) as u8;
+            weights.extend((0..width).map(weight));
+        }
+    }
     for (weight, &given) in weights.iter_mut().zip(given.map_or(&[][..], Weights::values)) {
         *weight = (u16::from(*weight) * u16::from(given)).div_ceil(u16::from(u8::MAX)) as u8;
     }
-    Ok(Weights::from_kernel(image.width(), image.height(), weights))
+    Ok(Weights::from_kernel(width, height, weights))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::Recorder;
 
-    fn gray(width: usize, height: usize, of: impl Fn(usize, usize) -> u16) -> Image {
-        let samples = (0..width * height).map(|i| of(i % width, i / width)).collect();
-        Image::from_bottom_up(width, height, 8, vec![samples]).unwrap()
+    fn values(image: &Image) -> Vec<u8> {
+        ssim_weights(image, None, &()).unwrap().values().to_vec()
     }
 
     #[test]
-    fn plain_areas_are_more_sensitive_than_busy_ones() {
-        let picture = gray(40, 20, |x, y| if x < 20 { 90 } else { (x * 71 + y * 97) as u16 % 256 });
-        let weights = sensitivity(&picture, &()).unwrap();
+    fn weights_are_largest_in_plain_areas() {
+        let sample = |x: usize, y: usize| if x < 20 { 90 } else { (x * 71 + y * 97) % 256 };
+        let samples = (0..40 * 20).map(|i| sample(i % 40, i / 40) as u16).collect();
+        let image = Image::from_bottom_up(40, 20, 8, vec![samples]).unwrap();
+        let weights = values(&image);
         assert_eq!(weights[10 * 40 + 3], 255);
         assert!(weights[10 * 40 + 35] < 40);
     }
 
-    /// The weights by their definition: variances under the whole window, at every place anew.
+    #[test]
+    fn polls_in_every_row_and_within_wide_rows() {
+        for (width, polls) in [(12, 2 * 14), (4000, 4 * 2 * 14)] {
+            let image = Image::from_bottom_up(width, 14, 8, vec![vec![5; width * 14]; 2]).unwrap();
+            let recorder = Recorder::default();
+            ssim_weights(&image, None, &recorder).unwrap();
+            assert_eq!(recorder.done(Stage::Density, 14).len(), polls);
+        }
+    }
+
+    /// The weights by their definition: variances under the whole window at every pixel.
     fn by_definition(image: &Image) -> Vec<f64> {
         let (width, height) = (image.width() as i32, image.height() as i32);
         let radius = 5.min((width.min(height) - 1) / 2);
@@ -174,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_those_of_the_definition() {
+    fn computes_the_definition() {
         for (width, height) in [(19, 14), (14, 19), (7, 5), (2, 9)] {
             let plane = |seed: usize| -> Vec<u16> {
                 (0..width * height)
@@ -183,7 +133,7 @@ mod tests {
                     .collect()
             };
             let image = Image::from_bottom_up(width, height, 8, vec![plane(3), plane(8)]).unwrap();
-            let weights = sensitivity(&image, &()).unwrap();
+            let weights = values(&image);
             let expected = by_definition(&image);
             assert_eq!(weights.len(), expected.len());
             for (i, (&weight, expected)) in weights.iter().zip(&expected).enumerate() {

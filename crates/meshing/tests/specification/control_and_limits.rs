@@ -246,13 +246,14 @@ fn refuses_other_shape() {
     let (picture, other) = (gray(20, 15, noise), gray(20, 16, noise));
     let parameters = Method::Mgprfs.parameters(Target::Size(30));
     let mesh = model(&picture, &parameters).mesh;
-    let mismatch = Fidelity::between(&other, &picture).unwrap_err();
-    let refused = Err(MeshingError::Shape(mismatch));
+    let error = Fidelity::between(&other, &picture, &()).unwrap_err();
+    assert!(matches!(error, MeshingError::Shape(_)));
+    let refused = Err(error.clone());
     assert_eq!(Progression::new(&other, &mesh, &parameters, &()).map(|_| ()), refused);
     assert_eq!(FlatColors::new(&other, &mesh, &()).map(|_| ()), refused);
     assert_eq!(structural_similarity(&other, &picture, &()).map(|_| ()), refused);
     assert_eq!(
-        mismatch.to_string(),
+        error.to_string(),
         "images of different shape cannot be compared: \
         20x16 with 1 components of 8 bits and 20x15 with 1 components of 8 bits"
     );

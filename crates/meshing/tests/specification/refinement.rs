@@ -23,7 +23,7 @@ fn check(image: &Image, parameters: &Parameters) -> u64 {
     assert_eq!(made.mesh.validate(), Ok(()));
     assert_eq!(made.fidelity.squared_error, squared_error(image, &made.mesh));
     let rebuilt = rasterize(&made.mesh, &()).unwrap();
-    assert_eq!(Fidelity::between(image, &rebuilt).unwrap(), made.fidelity);
+    assert_eq!(Fidelity::between(image, &rebuilt, &()).unwrap(), made.fidelity);
     let faces = triangles_of(made.mesh.points(), made.mesh.faces());
     let is_delaunay = faces == triangulate(made.mesh.points());
     assert_eq!(made.mesh.is_preferred_delaunay(), is_delaunay);

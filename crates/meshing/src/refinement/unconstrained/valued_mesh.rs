@@ -227,7 +227,7 @@ pub(crate) mod tests {
         let (points, values) = (points.to_vec(), values.to_vec());
         let mesh = Mesh::from_kernel(image.shape(), points, values, faces.to_vec());
         let rebuilt = rasterize(&mesh, &()).unwrap();
-        Fidelity::between(image, &rebuilt).unwrap().squared_error
+        Fidelity::between(image, &rebuilt, &()).unwrap().squared_error
     }
 
     /// The faces, each by its vertices as the mesh numbers them.
