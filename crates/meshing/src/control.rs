@@ -107,6 +107,33 @@ pub(crate) fn rows_per_poll(width: usize) -> usize {
     (POINTS_PER_POLL / width).max(1)
 }
 
+/// Polls a control once in [`POINTS_PER_POLL`] steps of a stage.
+pub(crate) struct Poller<'a> {
+    control: &'a dyn Control,
+    stage: Stage,
+    total: usize,
+    /// Steps since the last poll.
+    steps: usize,
+}
+
+impl<'a> Poller<'a> {
+    /// A poller whose first [`step`](Self::step) polls.
+    pub(crate) fn new(control: &'a dyn Control, stage: Stage, total: usize) -> Self {
+        Self { control, stage, total, steps: POINTS_PER_POLL }
+    }
+
+    /// Counts steps; a poll reports that `done` of the stage's total are behind.
+    #[inline]
+    pub(crate) fn step(&mut self, steps: usize, done: usize) -> Result<(), Cancelled> {
+        self.steps += steps;
+        if self.steps < POINTS_PER_POLL {
+            return Ok(());
+        }
+        self.steps = 0;
+        self.control.poll(self.stage, done, self.total)
+    }
+}
+
 /// Work on several threads under a control that knows nothing of them.
 #[derive(Clone, Copy, Debug)]
 pub struct OnThreads<C>(pub C, pub NonZeroUsize);

@@ -120,9 +120,13 @@ struct Reduced {
 }
 
 impl Reduced {
-    fn of_triangulation(triangulation: Triangulation, removals: Vec<Removal>) -> Self {
-        let faces = triangulation.faces();
-        Self { points: triangulation.points, faces, removals, squared_error: None }
+    fn of_triangulation(
+        triangulation: Triangulation,
+        removals: Vec<Removal>,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let faces = triangulation.faces(control)?;
+        Ok(Self { points: triangulation.points, faces, removals, squared_error: None })
     }
 }
 
@@ -141,7 +145,7 @@ fn reduce(
 ) -> Result<Reduced, Cancelled> {
     let Parameters { error_metric, effort, .. } = guided.parameters;
     if !guided.parameters.simplifies(&plan) {
-        return Ok(Reduced::of_triangulation(triangulation, Vec::new()));
+        return Reduced::of_triangulation(triangulation, Vec::new(), control);
     }
     let evaluator = ErrorEvaluator::new(&guided.image, error_metric, guided.weights());
     let measure = if effort == 0 { evaluator } else { evaluator.with_model() };
@@ -160,7 +164,7 @@ fn remove(
 ) -> Result<Reduced, Cancelled> {
     let Plan { size, initial_size, bound } = plan;
     if initial_size == size && bound.is_none() && !guided.parameters.bad_point_removal {
-        return Ok(Reduced::of_triangulation(triangulation, Vec::new()));
+        return Reduced::of_triangulation(triangulation, Vec::new(), control);
     }
     let surplus = triangulation.points.len().saturating_sub(size);
     let (triangulation, featureless) =
@@ -210,7 +214,7 @@ fn keep_within(
     removals.truncate(count);
     let removed: HashSet<Point> = removals.iter().map(|removal| removal.point).collect();
     let kept = initial.into_iter().filter(|point| !removed.contains(point)).collect();
-    Ok(Reduced::of_triangulation(Triangulation::new(kept, control)?, removals))
+    Reduced::of_triangulation(Triangulation::new(kept, control)?, removals, control)
 }
 
 /// Moves and exchanges the vertices that removal left.

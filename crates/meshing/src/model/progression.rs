@@ -202,7 +202,7 @@ impl Progression {
         let samples =
             order.iter().flat_map(|&index| &self.samples[index * count..][..count]).copied();
         let samples = samples.collect();
-        let faces = Triangulation::new(points.clone(), control)?.faces();
+        let faces = Triangulation::new(points.clone(), control)?.faces(control)?;
         Ok(Mesh::from_kernel(self.shape, points, samples, faces))
     }
 }

@@ -222,7 +222,7 @@ mod tests {
                 prop_assert_eq!((mesh.remove(vertex as u32), change), (0, 0));
             }
             let (points, faces, _) = mesh.triangulation().mesh();
-            prop_assert_eq!((&points, faces), (&left.points, left.faces()));
+            prop_assert_eq!((&points, faces), (&left.points, left.faces(&()).unwrap()));
         }
     }
 }

@@ -1,19 +1,16 @@
 //! Triangulation by halving the points and merging the halves, in time `n log n` for any points.
 //!
 //! Leonidas Guibas and Jorge Stolfi, "Primitives for the manipulation of general subdivisions and
-//! the computation of Voronoi diagrams", 1985. The points are halved in the order of their rows, so
-//! they need no sorting; what the paper calls left is below here.
+//! the computation of Voronoi diagrams", 1985. The points come in the order of their rows and are
+//! halved in this order, so they need no sorting; the paper's left half is the lower half here.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::image::Point;
 use crate::triangulation::predicates::{in_circle, orientation};
-use crate::triangulation::{NONE, POINTS_PER_POLL};
+use crate::triangulation::{HalfEdges, NONE, STEPS_PER_POINT};
 
-/// On the way to triangles, marks the half-edges that have the outside at their left or are gone.
+/// Marks half-edges without a triangle at their left: those outside the hull and deleted ones.
 const OUTSIDE: u32 = NONE - 1;
-
-/// The half-edges of the triangles: their origins and twins.
-type HalfEdges = (Vec<u32>, Vec<u32>);
 
 /// Triangulates distinct points given by row, then column; collinear ones have no triangles.
 pub(super) fn triangulate(points: &[Point], control: &dyn Control) -> Result<HalfEdges, Cancelled> {
@@ -22,7 +19,7 @@ pub(super) fn triangulate(points: &[Point], control: &dyn Control) -> Result<Hal
     }
     let mut subdivision = Subdivision::new(points, control);
     let (hull, _) = subdivision.triangulate(0, points.len() as u32)?;
-    Ok(subdivision.into_triangles(hull))
+    subdivision.into_triangles(hull)
 }
 
 /// Two half-edges of a hull: the counter-clockwise one out of its lowest vertex, and the clockwise
@@ -32,10 +29,8 @@ type Extremes = (u32, u32);
 /// Edges as pairs of half-edges, `e` and `e ^ 1`, in rings around their origins.
 struct Subdivision<'a> {
     points: &'a [Point],
-    control: &'a dyn Control,
-    /// Steps since the last poll.
-    steps: usize,
-    /// Points that have edges.
+    poller: Poller<'a>,
+    /// Number of the points that have edges.
     reached: u32,
     /// The vertex at which each half-edge begins.
     origins: Vec<u32>,
@@ -43,17 +38,17 @@ struct Subdivision<'a> {
     following: Vec<u32>,
     /// The next one clockwise.
     preceding: Vec<u32>,
-    /// Even half-edges of edges that are gone.
+    /// Even half-edges of deleted edges.
     free: Vec<u32>,
 }
 
 impl<'a> Subdivision<'a> {
     fn new(points: &'a [Point], control: &'a dyn Control) -> Self {
-        // Fewer than three edges a point.
+        // There are fewer than three edges a point.
         let most = 6 * points.len();
         let [origins, following, preceding] = [0; 3].map(|_| Vec::with_capacity(most));
-        let (steps, reached, free) = (0, 0, Vec::new());
-        Self { points, control, steps, reached, origins, following, preceding, free }
+        let poller = Poller::new(control, Stage::Triangulate, points.len());
+        Self { points, poller, reached: 0, origins, following, preceding, free: Vec::new() }
     }
 
     /// Triangulates the points of a range.
@@ -71,17 +66,17 @@ impl<'a> Subdivision<'a> {
         }
     }
 
-    /// Two points.
+    /// Connects two points.
     fn segment(&mut self, first: u32) -> Extremes {
         let edge = self.make(first, first + 1);
         (edge, edge ^ 1)
     }
 
-    /// Three points.
+    /// Connects three points.
     fn triangle(&mut self, first: u32) -> Extremes {
         let (a, b) = (self.make(first, first + 1), self.make(first + 1, first + 2));
         self.splice(a ^ 1, b);
-        let turn = orientation(self.place(first), self.place(first + 1), self.place(first + 2));
+        let turn = orientation(self.point(first), self.point(first + 1), self.point(first + 2));
         if turn == 0 {
             return (a, b ^ 1);
         }
@@ -95,7 +90,7 @@ impl<'a> Subdivision<'a> {
         (mut lowest, lower_inner): Extremes,
         (upper_inner, mut uppermost): Extremes,
     ) -> Result<Extremes, Cancelled> {
-        let (lower, upper) = self.tangent(lower_inner, upper_inner);
+        let (lower, upper) = self.tangent(lower_inner, upper_inner)?;
         let mut base = self.connect(upper ^ 1, lower);
         if self.origin(lower) == self.origin(lowest) {
             lowest = base ^ 1;
@@ -103,82 +98,79 @@ impl<'a> Subdivision<'a> {
         if self.origin(upper) == self.origin(uppermost) {
             uppermost = base;
         }
-        while let Some(next) = self.raise(base) {
+        while let Some(next) = self.raise(base)? {
             base = next;
-            self.poll()?;
         }
         Ok((lowest, uppermost))
     }
 
     /// The half-edges of both hulls out of the ends of their common tangent.
-    fn tangent(&self, mut lower: u32, mut upper: u32) -> (u32, u32) {
+    fn tangent(&mut self, mut lower: u32, mut upper: u32) -> Result<(u32, u32), Cancelled> {
         loop {
+            self.poll()?;
             if self.is_left_of(self.origin(upper), lower) {
                 lower = self.following_at_left(lower);
             } else if self.is_right_of(self.origin(lower), upper) {
-                upper = self.following[upper as usize ^ 1];
+                upper = self.following(upper ^ 1);
             } else {
-                return (lower, upper);
+                return Ok((lower, upper));
             }
         }
     }
 
     /// The cross edge after `base`, with the triangle between them; `None` at the other tangent.
-    fn raise(&mut self, base: u32) -> Option<u32> {
-        let lower = self.candidate(base, self.following[base as usize ^ 1], Side::Lower);
-        let upper = self.candidate(base, self.preceding[base as usize], Side::Upper);
-        match (lower, upper) {
-            (None, None) => None,
-            (Some(lower), None) => Some(self.connect(base ^ 1, lower ^ 1)),
-            (None, Some(upper)) => Some(self.connect(upper, base ^ 1)),
-            (Some(lower), Some(upper)) => {
-                let (at_lower, at_upper) = (self.destination(lower), self.destination(upper));
-                let is_upper =
-                    self.in_circle(at_lower, self.origin(lower), self.origin(upper), at_upper);
-                Some(if is_upper {
-                    self.connect(upper, base ^ 1)
-                } else {
-                    self.connect(base ^ 1, lower ^ 1)
-                })
-            }
-        }
+    fn raise(&mut self, base: u32) -> Result<Option<u32>, Cancelled> {
+        let lower = self.candidate(base, self.following(base ^ 1), Self::following)?;
+        let upper = self.candidate(base, self.preceding(base), Self::preceding)?;
+        let takes_upper = match (lower, upper) {
+            (Some(lower), Some(upper)) => self.in_circle(
+                self.destination(lower),
+                self.origin(lower),
+                self.origin(upper),
+                self.destination(upper),
+            ),
+            _ => upper.is_some(),
+        };
+        Ok(if takes_upper {
+            upper.map(|upper| self.connect(upper, base ^ 1))
+        } else {
+            lower.map(|lower| self.connect(base ^ 1, lower ^ 1))
+        })
     }
 
-    /// The edge of one side that could make a triangle with `base`, after taking away those in
-    /// the way of it; `None` when all lie behind.
-    fn candidate(&mut self, base: u32, first: u32, side: Side) -> Option<u32> {
+    /// The edge of one side that may make a triangle with `base`, after the deletion of the edges
+    /// that cross this triangle's circle; `None` when no edge of the side lies above `base`.
+    fn candidate(
+        &mut self,
+        base: u32,
+        first: u32,
+        next: fn(&Self, u32) -> u32,
+    ) -> Result<Option<u32>, Cancelled> {
         if !self.is_right_of(self.destination(first), base) {
-            return None;
+            return Ok(None);
         }
         let (origin, destination) = (self.origin(base), self.destination(base));
         let mut edge = first;
         loop {
-            let ring = match side {
-                Side::Lower => &self.following,
-                Side::Upper => &self.preceding,
-            };
-            let next = ring[edge as usize];
+            self.poll()?;
+            let next = next(self, edge);
             let apex = self.destination(edge);
             if !self.in_circle(destination, origin, apex, self.destination(next)) {
-                return Some(edge);
+                return Ok(Some(edge));
             }
             self.delete(edge);
             edge = next;
         }
     }
 
-    /// Polls the control from time to time.
+    /// Counts a step of a merge.
+    #[inline]
     fn poll(&mut self) -> Result<(), Cancelled> {
-        self.steps += 1;
-        if self.steps < POINTS_PER_POLL {
-            return Ok(());
-        }
-        self.steps = 0;
-        self.control.poll(Stage::Triangulate, self.reached as usize, self.points.len())
+        self.poller.step(STEPS_PER_POINT, self.reached as usize)
     }
 
     #[inline]
-    fn place(&self, vertex: u32) -> Point {
+    fn point(&self, vertex: u32) -> Point {
         self.points[vertex as usize]
     }
 
@@ -192,15 +184,25 @@ impl<'a> Subdivision<'a> {
         self.origins[e as usize ^ 1]
     }
 
+    #[inline]
+    fn following(&self, e: u32) -> u32 {
+        self.following[e as usize]
+    }
+
+    #[inline]
+    fn preceding(&self, e: u32) -> u32 {
+        self.preceding[e as usize]
+    }
+
     /// The half-edge after `e` around the face at its left.
     #[inline]
     fn following_at_left(&self, e: u32) -> u32 {
-        self.preceding[e as usize ^ 1]
+        self.preceding(e ^ 1)
     }
 
     #[inline]
     fn is_left_of(&self, vertex: u32, e: u32) -> bool {
-        let [p, q, r] = [vertex, self.origin(e), self.destination(e)].map(|v| self.place(v));
+        let [p, q, r] = [vertex, self.origin(e), self.destination(e)].map(|v| self.point(v));
         orientation(p, q, r) > 0
     }
 
@@ -211,10 +213,10 @@ impl<'a> Subdivision<'a> {
 
     #[inline]
     fn in_circle(&self, a: u32, b: u32, c: u32, d: u32) -> bool {
-        in_circle(self.place(a), self.place(b), self.place(c), self.place(d))
+        in_circle(self.point(a), self.point(b), self.point(c), self.point(d))
     }
 
-    /// Makes an edge by itself, in the place of one that is gone where there is any.
+    /// Makes an unconnected edge, with the half-edges of a deleted one if there is any.
     fn make(&mut self, origin: u32, destination: u32) -> u32 {
         let e = self.free.pop().unwrap_or_else(|| {
             let e = self.origins.len() as u32;
@@ -231,10 +233,10 @@ impl<'a> Subdivision<'a> {
         e
     }
 
-    /// Joins the rings of two half-edges, or parts them when they are one.
+    /// Joins the rings of two half-edges; splits their ring if they share one.
     #[inline]
     fn splice(&mut self, a: u32, b: u32) {
-        let (after_a, after_b) = (self.following[a as usize], self.following[b as usize]);
+        let (after_a, after_b) = (self.following(a), self.following(b));
         self.following[a as usize] = after_b;
         self.following[b as usize] = after_a;
         self.preceding[after_b as usize] = a;
@@ -250,23 +252,27 @@ impl<'a> Subdivision<'a> {
         e
     }
 
-    /// Takes an edge out.
+    /// Deletes an edge.
     fn delete(&mut self, e: u32) {
         for e in [e, e ^ 1] {
-            self.splice(e, self.preceding[e as usize]);
+            self.splice(e, self.preceding(e));
         }
         self.free.push(e & !1);
     }
 
     /// The triangles, given a half-edge of the hull, counter-clockwise.
     ///
-    /// Gives each array back as soon as it is not needed any more, so as not to hold all at once.
-    fn into_triangles(self, hull: u32) -> HalfEdges {
-        let Self { origins, following, preceding, free, .. } = self;
+    /// Each array is freed after its last use, so that not all are in memory at once.
+    fn into_triangles(self, hull: u32) -> Result<HalfEdges, Cancelled> {
+        let Self { points, mut poller, origins, following, preceding, free, .. } = self;
+        let mut poll = || poller.step(1, points.len());
         let following_at_left = |e: u32| preceding[e as usize ^ 1];
         // The number of each half-edge among those of the triangles.
         let mut numbers = following;
-        numbers.fill(NONE);
+        for number in &mut numbers {
+            poll()?;
+            *number = NONE;
+        }
         for e in free {
             numbers[e as usize..][..2].fill(OUTSIDE);
         }
@@ -277,6 +283,7 @@ impl<'a> Subdivision<'a> {
         }
         let mut edges = Vec::with_capacity(numbers.len());
         for first in 0..numbers.len() as u32 {
+            poll()?;
             let mut e = first;
             while numbers[e as usize] == NONE {
                 numbers[e as usize] = edges.len() as u32;
@@ -285,19 +292,17 @@ impl<'a> Subdivision<'a> {
             }
         }
         drop(preceding);
-        let triangle_origins = edges.iter().map(|&e| origins[e as usize]).collect();
+        let mut triangle_origins = Vec::with_capacity(edges.len());
+        for &e in &edges {
+            poll()?;
+            triangle_origins.push(origins[e as usize]);
+        }
         drop(origins);
         for e in &mut edges {
+            poll()?;
             let twin = numbers[*e as usize ^ 1];
             *e = if twin == OUTSIDE { NONE } else { twin };
         }
-        (triangle_origins, edges)
+        Ok((triangle_origins, edges))
     }
-}
-
-/// The two triangulations that are merged.
-#[derive(Clone, Copy)]
-enum Side {
-    Lower,
-    Upper,
 }

@@ -1,49 +1,52 @@
-//! Triangles that are added one by one and flipped until each edge is the preferred one.
+//! Triangles that are added one by one, and flips until each edge is the preferred one.
 //!
-//! C. L. Lawson, "Software for C1 surface interpolation", 1977: flips lower the lifted surface, so
-//! they end, and where no edge asks for one the triangulation is the Delaunay triangulation, of the
-//! lift of `predicates` the one with preferred directions.
+//! C. L. Lawson, "Software for C1 surface interpolation", 1977. Each flip lowers the lifted surface,
+//! so the flips end. A triangulation without an edge to flip is the Delaunay triangulation; with the
+//! lift of `predicates` it is the one with preferred directions.
 
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::image::Point;
 use crate::triangulation::predicates::in_circle;
-use crate::triangulation::{NONE, next, previous};
+use crate::triangulation::{HalfEdges, NONE, STEPS_PER_POINT, next, previous};
 
-/// Half-edges in triples, and beyond them the numbers of outer half-edges, which belong to no
-/// triangle but know their twins; so an edge of the boundary needs no care when it moves.
-#[derive(Debug)]
+/// The triangles' half-edges in triples, and after their capacity the outer half-edges. These
+/// belong to no triangle and have twins only, so a boundary edge is linked like any other.
 pub(super) struct Flipping<'a> {
     points: &'a [Point],
     origins: Vec<u32>,
     twins: Vec<u32>,
     /// The first outer half-edge.
     outer: u32,
-    /// Edges still to be looked at.
+    /// Edges to check.
     suspects: Vec<u32>,
     flips: usize,
+    poller: Poller<'a>,
 }
 
 impl<'a> Flipping<'a> {
-    /// No triangles yet, and so many outer half-edges.
-    pub(super) fn new(points: &'a [Point], outer_count: usize) -> Self {
-        // Fewer than two triangles a point.
+    /// No triangles, and `outer_count` outer half-edges.
+    pub(super) fn new(points: &'a [Point], outer_count: usize, control: &'a dyn Control) -> Self {
+        // There are fewer than two triangles a point.
         let most = 6 * points.len();
         Self {
             points,
             origins: Vec::with_capacity(most),
-            twins: vec![NONE; most + outer_count],
+            // Zeros, because the system has them at no cost.
+            twins: vec![0; most + outer_count],
             outer: most as u32,
             suspects: Vec::new(),
             flips: 0,
+            poller: Poller::new(control, Stage::Triangulate, points.len()),
         }
     }
 
-    /// An outer half-edge.
+    /// The outer half-edge of a number.
     #[inline]
     pub(super) fn outer(&self, number: u32) -> u32 {
         self.outer + number
     }
 
-    /// The place of a vertex.
+    /// The position of a vertex.
     #[inline]
     pub(super) fn point(&self, vertex: u32) -> Point {
         self.points[vertex as usize]
@@ -55,17 +58,18 @@ impl<'a> Flipping<'a> {
         self.twins[h as usize]
     }
 
-    /// Flips made so far.
+    /// The number of flips so far.
     pub(super) fn flips(&self) -> usize {
         self.flips
     }
 
-    /// Adds a counter-clockwise triangle; returns its first half-edge. It has no twins yet.
+    /// Adds a counter-clockwise triangle without twins; returns its first half-edge.
     #[inline]
-    pub(super) fn add(&mut self, corners: [u32; 3]) -> u32 {
+    pub(super) fn add(&mut self, corners: [u32; 3]) -> Result<u32, Cancelled> {
+        self.poll()?;
         let h = self.origins.len() as u32;
         self.origins.extend(corners);
-        h
+        Ok(h)
     }
 
     /// Makes two half-edges opposite to each other.
@@ -75,39 +79,44 @@ impl<'a> Flipping<'a> {
         self.twins[twin as usize] = h;
     }
 
-    /// Flips what must be after a triangle has joined the mesh at the half-edge `h` alone.
+    /// Flips the edges that a new triangle requires whose only edge inside the mesh is `h`.
     ///
-    /// Edges that get the triangle's third vertex stay, as in the insertion of a point.
-    pub(super) fn legalize_around_apex(&mut self, mut h: u32) {
+    /// Edges that get the triangle's third vertex are right, as after the insertion of a point.
+    pub(super) fn legalize_around_apex(&mut self, mut h: u32) -> Result<(), Cancelled> {
         loop {
             let twin = self.twin(h);
-            if self.is_to_flip(h, twin) {
-                self.flip(h, twin);
-                // The two edges of the quadrilateral that the apex has come to see.
+            if self.is_wrong(h, twin) {
+                self.flip(h, twin)?;
+                // The other edge of the quadrilateral that now faces the apex; `h` is the first.
                 self.suspects.push(next(twin));
             } else {
                 match self.suspects.pop() {
                     Some(suspect) => h = suspect,
-                    None => return,
+                    None => return Ok(()),
                 }
             }
         }
     }
 
-    /// Flips what must be when any of these edges may be wrong.
-    pub(super) fn legalize(&mut self, edges: impl IntoIterator<Item = u32>) {
-        self.suspects.extend(edges);
+    /// Flips all edges that are wrong when any of `suspects` may be wrong.
+    pub(super) fn legalize(
+        &mut self,
+        suspects: impl IntoIterator<Item = u32>,
+    ) -> Result<(), Cancelled> {
+        self.suspects.extend(suspects);
         while let Some(h) = self.suspects.pop() {
             let twin = self.twin(h);
-            if self.is_to_flip(h, twin) {
-                self.flip(h, twin);
+            if self.is_wrong(h, twin) {
+                self.flip(h, twin)?;
                 self.suspects.extend([h, next(h), twin, next(twin)]);
             }
         }
+        Ok(())
     }
 
+    /// Whether an edge is not the preferred diagonal of its quadrilateral.
     #[inline]
-    fn is_to_flip(&self, h: u32, twin: u32) -> bool {
+    fn is_wrong(&self, h: u32, twin: u32) -> bool {
         if twin >= self.outer {
             return false;
         }
@@ -119,26 +128,34 @@ impl<'a> Flipping<'a> {
     /// Replaces the diagonal `h` of its quadrilateral by the other one.
     ///
     /// With `h` from `a` to `b`, `c` at its left and `d` at its right, the triangles `a b c` and
-    /// `b a d` become `d b c` in the slots of the first and `c a d` in those of the second, which
-    /// leaves `b c` and `a d` where they are.
-    fn flip(&mut self, h: u32, twin: u32) {
+    /// `b a d` become `d b c` in the slots of the first and `c a d` in those of the second, so `b c`
+    /// and `a d` keep their half-edges.
+    fn flip(&mut self, h: u32, twin: u32) -> Result<(), Cancelled> {
         self.flips += 1;
         let (from_c, from_d) = (previous(h), previous(twin));
-        let (beyond_ca, beyond_db) = (self.twin(from_c), self.twin(from_d));
+        let (twin_of_ca, twin_of_db) = (self.twin(from_c), self.twin(from_d));
         self.origins[h as usize] = self.origins[from_d as usize];
-        self.link(h, beyond_db);
+        self.link(h, twin_of_db);
         self.origins[twin as usize] = self.origins[from_c as usize];
-        self.link(twin, beyond_ca);
+        self.link(twin, twin_of_ca);
         self.link(from_c, from_d);
+        self.poll()
     }
 
-    /// Origins and twins of all half-edges, [`NONE`] where a twin is an outer half-edge.
-    pub(super) fn finish(self) -> (Vec<u32>, Vec<u32>) {
-        let Self { origins, mut twins, outer, .. } = self;
+    /// Counts a triangle or a flip.
+    #[inline]
+    fn poll(&mut self) -> Result<(), Cancelled> {
+        self.poller.step(STEPS_PER_POINT, self.origins.len() / 6)
+    }
+
+    /// Origins and twins of the triangles' half-edges, with [`NONE`] for outer half-edges.
+    pub(super) fn finish(self) -> Result<HalfEdges, Cancelled> {
+        let Self { origins, mut twins, outer, mut poller, .. } = self;
         twins.truncate(origins.len());
         for twin in &mut twins {
+            poller.step(1, origins.len() / 6)?;
             *twin = if *twin < outer { *twin } else { NONE };
         }
-        (origins, twins)
+        Ok((origins, twins))
     }
 }

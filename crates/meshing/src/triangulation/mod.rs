@@ -1,11 +1,10 @@
-//! Points to their preferred-directions Delaunay triangulation (PDDT), in flat arrays.
+//! The preferred-directions Delaunay triangulation (PDDT) of points, in flat arrays.
 //!
-//! The triangulation depends on the points alone, so whichever way is the quickest makes it: a full
-//! grid is written down, other points are triangulated by a `sweep` over the rows; where that needs
-//! too many flips, or the points do not fill a rectangle, by `divide_and_conquer`, which is slower
-//! but takes time `n log n` wherever the points are.
+//! The triangulation depends on the points alone, so the fastest of three ways makes it. A full grid
+//! is written directly. Other points that hold the corners of a rectangle around them are
+//! triangulated by a `sweep` over the rows. Where that takes too many flips, and for other points,
+//! `divide_and_conquer` does it: slower in pictures, but in time `n log n` for all points.
 
-mod column_set;
 mod divide_and_conquer;
 mod flipping;
 mod front;
@@ -13,17 +12,20 @@ pub(crate) mod hole;
 pub(crate) mod predicates;
 mod sweep;
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
 use crate::image::Point;
 
 /// Three indices of vertices, counter-clockwise with `y` up.
 pub type Face = [u32; 3];
 
-/// Points, or steps that take as long, between two polls of the control.
-const POINTS_PER_POLL: usize = 1024;
-
-/// No half-edge: what stands opposite to a border edge.
+/// No half-edge, vertex or column; the twin of a half-edge on the border.
 pub(crate) const NONE: u32 = u32::MAX;
+
+/// How many steps of a [`Poller`] a point, a triangle or a flip counts.
+const STEPS_PER_POINT: usize = 64;
+
+/// The half-edges of triangles: their origins and twins.
+type HalfEdges = (Vec<u32>, Vec<u32>);
 
 /// A triangulation of lattice points as arrays of half-edges.
 ///
@@ -68,7 +70,7 @@ pub fn triangulate(points: &[Point]) -> Vec<Face> {
     for origin in &mut triangulation.origins {
         *origin = by_row[*origin as usize];
     }
-    faces(&triangulation.origins, points.len())
+    faces(&triangulation.origins, points.len(), &()).unwrap_or_default()
 }
 
 impl Triangulation {
@@ -76,9 +78,9 @@ impl Triangulation {
     pub(crate) fn new(points: Vec<Point>, control: &dyn Control) -> Result<Self, Cancelled> {
         let count = points.len();
         control.poll(Stage::Triangulate, 0, count)?;
-        let area = rectangle_area(&points);
+        let area = rectangle_area(&points, control)?;
         if area == Some(count as u64) {
-            return Ok(Self::of_full_grid(points));
+            return Self::of_full_grid(points, control);
         }
         let swept = if area.is_some() { sweep::triangulate(&points, control)? } else { None };
         let (origins, twins) = match swept {
@@ -90,68 +92,81 @@ impl Triangulation {
     }
 
     /// The triangulation of every lattice point: each unit square is cut along `(1, 1)`.
-    fn of_full_grid(points: Vec<Point>) -> Self {
+    fn of_full_grid(points: Vec<Point>, control: &dyn Control) -> Result<Self, Cancelled> {
         let width = points.iter().take_while(|p| p.y == points[0].y).count();
         let height = points.len() / width;
-        let (width, squares) = (width as u32, (width - 1) * (height - 1));
-        let mut origins = Vec::with_capacity(6 * squares);
-        let mut twins = Vec::with_capacity(6 * squares);
-        for y in 0..height as u32 - 1 {
+        let row = 6 * (width - 1);
+        let mut origins = Vec::with_capacity(row * (height - 1));
+        let mut twins = Vec::with_capacity(row * (height - 1));
+        let mut poller = Poller::new(control, Stage::Triangulate, points.len());
+        for y in 0..height - 1 {
             for x in 0..width - 1 {
-                let (v, h) = (y * width + x, origins.len() as u32);
-                let row = 6 * (width - 1);
-                let opposite = |exists, h| if exists { h } else { NONE };
-                origins.extend([v, v + 1, v + width + 1]);
-                twins.push(opposite(y > 0, h.wrapping_sub(row).wrapping_add(4)));
-                twins.push(opposite(x + 2 < width, h + 6 + 5));
-                twins.push(h + 3);
-                origins.extend([v, v + width + 1, v + width]);
-                twins.push(h + 2);
-                twins.push(opposite(y + 2 < height as u32, h + row));
-                twins.push(opposite(x > 0, h.wrapping_sub(6).wrapping_add(1)));
+                poller.step(1, y * width)?;
+                let (v, h) = (y * width + x, origins.len());
+                let square = [v, v + 1, v + width + 1, v, v + width + 1, v + width];
+                origins.extend(square.map(|v| v as u32));
+                let twin = |exists, h| if exists { h as u32 } else { NONE };
+                twins.extend([
+                    twin(y > 0, (h + 4).wrapping_sub(row)),
+                    twin(x + 2 < width, h + 11),
+                    twin(true, h + 3),
+                    twin(true, h + 2),
+                    twin(y + 2 < height, h + row),
+                    twin(x > 0, h.wrapping_sub(5)),
+                ]);
             }
         }
-        Self { points, origins, twins }
+        Ok(Self { points, origins, twins })
     }
 
     /// The faces, each beginning with its smallest index, in ascending order.
-    pub(crate) fn faces(&self) -> Vec<Face> {
-        faces(&self.origins, self.points.len())
+    pub(crate) fn faces(&self, control: &dyn Control) -> Result<Vec<Face>, Cancelled> {
+        faces(&self.origins, self.points.len(), control)
     }
 }
 
 /// The faces of triples of vertices below `vertex_count`, each beginning with its smallest index,
-/// in ascending order.
-fn faces(origins: &[u32], vertex_count: usize) -> Vec<Face> {
-    // A counting sort by the first index, then each of its few faces by the others.
-    let triples = origins.chunks_exact(3);
-    let faces: Vec<Face> = triples.map(|v| smallest_first([v[0], v[1], v[2]])).collect();
+/// in ascending order: a counting sort by the first index, then a sort of the faces that share one.
+fn faces(
+    origins: &[u32],
+    vertex_count: usize,
+    control: &dyn Control,
+) -> Result<Vec<Face>, Cancelled> {
+    let mut poller = Poller::new(control, Stage::Triangulate, vertex_count);
+    let mut poll = || poller.step(1, vertex_count);
+    let mut faces = Vec::with_capacity(origins.len() / 3);
     let mut ends = vec![0u32; vertex_count];
-    for &[first, ..] in &faces {
-        ends[first as usize] += 1;
+    for v in origins.chunks_exact(3) {
+        poll()?;
+        let face = smallest_first([v[0], v[1], v[2]]);
+        ends[face[0] as usize] += 1;
+        faces.push(face);
     }
     let mut sum = 0;
     for end in &mut ends {
+        poll()?;
         (*end, sum) = (sum, sum + *end);
     }
     let mut sorted = vec![[0; 3]; faces.len()];
     for face in faces {
+        poll()?;
         let end = &mut ends[face[0] as usize];
         sorted[*end as usize] = face;
         *end += 1;
     }
     let mut start = 0;
     for end in ends {
+        poll()?;
         sorted[start..end as usize].sort_unstable();
         start = end as usize;
     }
-    sorted
+    Ok(sorted)
 }
 
 /// Rotates a face so that its smallest index comes first.
 #[inline]
 pub(crate) fn smallest_first([a, b, c]: Face) -> Face {
-    // Which one it is cannot be predicted: selections for branches.
+    // The position of the smallest is random, so selections replace branches.
     let (is_b, is_c) = ((b < a) & (b < c), (c < a) & (c < b));
     let select = |a, b, c| {
         let a_or_b = if is_b { b } else { a };
@@ -160,18 +175,21 @@ pub(crate) fn smallest_first([a, b, c]: Face) -> Face {
     [select(a, b, c), select(b, c, a), select(c, a, b)]
 }
 
-/// The number of lattice points of the rectangle that points given by row, then column, hold the
-/// corners of; `None` when there is none around all of them, of more than one row and column.
-fn rectangle_area(points: &[Point]) -> Option<u64> {
-    let (&first, &last) = (points.first()?, points.last()?);
+/// The number of lattice points of the rectangle around points given by row, then column, if it has
+/// more than one row and column and its corners are among the points.
+fn rectangle_area(points: &[Point], control: &dyn Control) -> Result<Option<u64>, Cancelled> {
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return Ok(None) };
     let is_vertex = |corner| points.binary_search(&corner).is_ok();
-    let is_rectangle = first.x < last.x
+    let mut is_rectangle = first.x < last.x
         && first.y < last.y
         && is_vertex(Point::new(last.x, first.y))
-        && is_vertex(Point::new(first.x, last.y))
-        && points.iter().all(|p| (first.x..=last.x).contains(&p.x));
+        && is_vertex(Point::new(first.x, last.y));
+    for chunk in points.chunks(POINTS_PER_POLL) {
+        control.poll(Stage::Triangulate, 0, points.len())?;
+        is_rectangle &= chunk.iter().all(|p| (first.x..=last.x).contains(&p.x));
+    }
     let side = |from: i32, to: i32| u64::from(to.abs_diff(from)) + 1;
-    is_rectangle.then(|| side(first.x, last.x) * side(first.y, last.y))
+    Ok(is_rectangle.then(|| side(first.x, last.x) * side(first.y, last.y)))
 }
 
 #[cfg(test)]

@@ -1,76 +1,68 @@
 //! Triangulation by a line that sweeps the rows upwards.
 //!
-//! Each point meets the front, the upper boundary of what is triangulated, in the edge or vertex
-//! beneath it, which the front finds by column, and is connected to it; wrong edges are flipped
-//! (`flipping`), and pockets that the point has made narrow are filled at once, so that few flips
-//! are needed later. After the last row the remaining pockets are filled. Borut Zalik, "An
-//! efficient sweep-line Delaunay triangulation algorithm", 2005.
+//! Borut Zalik, "An efficient sweep-line Delaunay triangulation algorithm", 2005. The front is the
+//! upper boundary of the triangles so far. Each point is connected to the edge or the vertex of the
+//! front below it. Then wrong edges are flipped (see `flipping`), and narrow pockets of the front
+//! next to the point are filled, which saves flips later. After the last row the other pockets are
+//! filled.
 //!
-//! A point needs less than one flip on average where points are spread as in pictures, but points
-//! can be placed so that almost every one flips the edges to almost all others. So flips are
-//! counted, and too many of them end the sweep without a result.
+//! In pictures a point takes less than one flip on average. Other points make almost every
+//! insertion flip the edges to almost all points, so the number of flips is bounded: above the
+//! bound the sweep ends without a result.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control};
 use crate::image::Point;
 use crate::triangulation::flipping::Flipping;
-use crate::triangulation::front::{Front, Node};
+use crate::triangulation::front::{Front, LEFT, RIGHT};
 use crate::triangulation::predicates::orientation;
-use crate::triangulation::{NONE, POINTS_PER_POLL};
+use crate::triangulation::{HalfEdges, NONE};
 
-/// Flips per point that end the sweep. With all of them it takes about as long as what then takes
-/// its place.
+/// The most flips per point. They take about as long as divide and conquer of the same points.
 const MOST_FLIPS: usize = 8;
 
-/// The half-edges of a triangulation: their origins and twins.
-type HalfEdges = (Vec<u32>, Vec<u32>);
-
 /// Triangulates points given by row, then column, that hold the corners of a rectangle around all
-/// of them; `None` when it would take too many flips.
+/// of them; `None` when that takes too many flips.
 pub(super) fn triangulate(
     points: &[Point],
     control: &dyn Control,
 ) -> Result<Option<HalfEdges>, Cancelled> {
-    let mut sweep = Sweep::new(points);
     let bottom_row = points.iter().take_while(|p| p.y == points[0].y).count();
-    let mut poll_at = 0;
+    let mut sweep = Sweep::new(points, bottom_row, control);
     for vertex in bottom_row..points.len() {
-        let work = vertex + sweep.triangles.flips();
-        if work >= poll_at {
-            control.poll(Stage::Triangulate, vertex, points.len())?;
-            poll_at = work + POINTS_PER_POLL;
-        }
-        sweep.insert(vertex as u32);
+        sweep.insert(vertex as u32)?;
         if sweep.triangles.flips() > MOST_FLIPS * points.len() {
             return Ok(None);
         }
     }
-    sweep.fill_all();
-    Ok(Some(sweep.triangles.finish()))
+    sweep.fill_all()?;
+    sweep.triangles.finish().map(Some)
 }
 
-/// What is triangulated of the rows behind the line.
-#[derive(Debug)]
+/// The columns of three successive vertices of the front, from left to right.
+type Pocket = [u32; 3];
+
+/// The triangles of the rows below the line, and their front.
 struct Sweep<'a> {
     triangles: Flipping<'a>,
-    /// The outer half-edge `triangles.outer(c)` is that of the front from column `c` to the next.
+    /// The front's edge from column `c` to the next vertex is the outer half-edge number `c`.
     front: Front,
-    /// The column of the left side.
+    /// The column of the rectangle's left side.
     left: i32,
-    /// The outer half-edge at the other sides.
+    /// The one outer half-edge for all edges at the other sides of the rectangle.
     side: u32,
 }
 
 impl<'a> Sweep<'a> {
-    /// The line at the first row, whose points are the front.
-    fn new(points: &'a [Point]) -> Self {
+    /// Starts with the points of the bottom row as the front.
+    fn new(points: &'a [Point], bottom_row: usize, control: &'a dyn Control) -> Self {
         let left = points[0].x;
         let width = (points[points.len() - 1].x - left) as u32 + 1;
-        let triangles = Flipping::new(points, width as usize + 1);
+        let triangles = Flipping::new(points, width as usize + 1, control);
         let side = triangles.outer(width);
         let mut sweep = Self { triangles, front: Front::new(width as usize), left, side };
         let mut last = NONE;
-        for (vertex, point) in (0..).zip(points.iter().take_while(|p| p.y == points[0].y)) {
-            let column = sweep.column(*point);
+        for vertex in 0..bottom_row as u32 {
+            let column = sweep.column(vertex);
             sweep.front.insert_after(last, column, vertex);
             sweep.triangles.link(sweep.triangles.outer(column), side);
             last = column;
@@ -78,141 +70,129 @@ impl<'a> Sweep<'a> {
         sweep
     }
 
-    fn column(&self, point: Point) -> u32 {
-        (point.x - self.left) as u32
+    /// The column of a vertex, counted from the rectangle's left side.
+    fn column(&self, vertex: u32) -> u32 {
+        (self.triangles.point(vertex).x - self.left) as u32
     }
 
-    /// The place of the front's vertex in a column.
+    /// The vertex of the front in a column.
     #[inline]
-    fn place(&self, column: u32) -> Point {
-        self.triangles.point(self.front.vertex(column))
+    fn vertex(&self, column: u32) -> u32 {
+        self.front.node(column).vertex
+    }
+
+    /// The triangle's half-edge at the front's edge from a column to the next vertex.
+    #[inline]
+    fn below(&self, column: u32) -> u32 {
+        self.triangles.twin(self.triangles.outer(column))
     }
 
     /// Connects the next point to the front.
-    fn insert(&mut self, vertex: u32) {
-        let column = self.column(self.triangles.point(vertex));
-        let beneath = self.front.at_or_before(column);
-        if beneath < column {
-            self.insert_over_edge(vertex, column, beneath);
+    fn insert(&mut self, vertex: u32) -> Result<(), Cancelled> {
+        let column = self.column(vertex);
+        let left = self.front.at_or_before(column);
+        if left < column {
+            self.insert_over_edge(vertex, column, left)?;
         } else {
-            self.insert_over_vertex(vertex, column);
+            self.insert_over_vertex(vertex, column)?;
         }
-        self.fill_narrow_right(column);
-        self.fill_narrow_left(column);
+        for side in [RIGHT, LEFT] {
+            while let Some(pocket) = self.pocket(column, side)
+                && self.is_narrow(pocket)
+            {
+                self.fill(pocket)?;
+            }
+        }
+        Ok(())
     }
 
-    /// Connects a point to the edge beneath it, which begins in the column `left`.
-    fn insert_over_edge(&mut self, vertex: u32, column: u32, left: u32) {
-        let Node { vertex: from, right, .. } = self.front.node(left);
-        let base = self.triangles.add([from, self.front.vertex(right), vertex]);
-        self.triangles.link(base, self.beneath(left));
+    /// Connects a point to the edge below it, which begins in the column `left`.
+    fn insert_over_edge(&mut self, vertex: u32, column: u32, left: u32) -> Result<(), Cancelled> {
+        let right = self.front.node(left).neighbours[RIGHT];
+        let base = self.triangles.add([self.vertex(left), self.vertex(right), vertex])?;
+        self.triangles.link(base, self.below(left));
         self.triangles.link(base + 1, self.triangles.outer(column));
         self.triangles.link(base + 2, self.triangles.outer(left));
         self.front.insert_after(left, column, vertex);
-        self.triangles.legalize_around_apex(base);
+        self.triangles.legalize_around_apex(base)
     }
 
-    /// Connects a point to the vertex beneath it and its neighbours in the front.
-    fn insert_over_vertex(&mut self, vertex: u32, column: u32) {
-        let Node { vertex: beneath, left, right } = self.front.node(column);
+    /// Connects a point to the vertex below it and the neighbours of that vertex in the front.
+    fn insert_over_vertex(&mut self, vertex: u32, column: u32) -> Result<(), Cancelled> {
+        let [left, right] = self.front.node(column).neighbours;
+        let below = self.vertex(column);
         let (mut upright, mut suspects) = (self.side, [self.side; 3]);
         if left != NONE {
-            let base = self.triangles.add([self.front.vertex(left), beneath, vertex]);
-            self.triangles.link(base, self.beneath(left));
+            let base = self.triangles.add([self.vertex(left), below, vertex])?;
+            self.triangles.link(base, self.below(left));
             self.triangles.link(base + 1, self.side);
             self.triangles.link(base + 2, self.triangles.outer(left));
             (upright, suspects[0]) = (base + 1, base);
         }
         if right != NONE {
-            let base = self.triangles.add([beneath, self.front.vertex(right), vertex]);
-            self.triangles.link(base, self.beneath(column));
+            let base = self.triangles.add([below, self.vertex(right), vertex])?;
+            self.triangles.link(base, self.below(column));
             self.triangles.link(base + 1, self.triangles.outer(column));
             self.triangles.link(base + 2, upright);
             (suspects[1], suspects[2]) = (base, base + 2);
         }
         self.front.replace(column, vertex);
-        self.triangles.legalize(suspects.into_iter().filter(|&h| h != self.side));
+        self.triangles.legalize(suspects.into_iter().filter(|&h| h != self.side))
     }
 
-    /// The half-edge beneath the front's edge from a column to the next.
+    /// The pocket that begins with the vertex of a column and extends to one side.
     #[inline]
-    fn beneath(&self, column: u32) -> u32 {
-        self.triangles.twin(self.triangles.outer(column))
-    }
-
-    /// Fills pockets at the right of a vertex while they are narrow.
-    fn fill_narrow_right(&mut self, column: u32) {
-        loop {
-            let bottom = self.front.node(column).right;
-            if bottom == NONE {
-                return;
-            }
-            let far = self.front.node(bottom).right;
-            if far == NONE || !self.is_narrow(column, bottom, far) {
-                return;
-            }
-            self.fill(column, bottom, far);
+    fn pocket(&self, column: u32, side: usize) -> Option<Pocket> {
+        let bottom = self.front.node(column).neighbours[side];
+        if bottom == NONE {
+            return None;
         }
+        let far = self.front.node(bottom).neighbours[side];
+        let pocket = if side == LEFT { [far, bottom, column] } else { [column, bottom, far] };
+        (far != NONE).then_some(pocket)
     }
 
-    /// Fills pockets at the left of a vertex while they are narrow.
-    fn fill_narrow_left(&mut self, column: u32) {
-        loop {
-            let bottom = self.front.node(column).left;
-            if bottom == NONE {
-                return;
-            }
-            let far = self.front.node(bottom).left;
-            if far == NONE || !self.is_narrow(far, bottom, column) {
-                return;
-            }
-            self.fill(far, bottom, column);
-        }
-    }
-
-    /// Tells whether the front turns at its vertex in the column `bottom` by an angle under 108
-    /// degrees, seen from above. The angle decides nothing but how many flips are needed.
+    /// Whether the angle of a pocket, measured above its middle vertex, is below 108 degrees. The
+    /// result depends on no such angle, only the number of flips does.
     #[inline]
-    fn is_narrow(&self, left: u32, bottom: u32, right: u32) -> bool {
-        let [left, bottom, right] = [left, bottom, right].map(|column| self.place(column));
+    fn is_narrow(&self, pocket: Pocket) -> bool {
+        let [left, bottom, right] = self.points(pocket);
         let (lx, ly) = (i64::from(left.x - bottom.x), i64::from(left.y - bottom.y));
         let (rx, ry) = (i64::from(right.x - bottom.x), i64::from(right.y - bottom.y));
         let (sine, cosine) = (rx * ly - ry * lx, lx * rx + ly * ry);
         sine > 0 && 3 * cosine + sine > 0
     }
 
-    /// Puts a triangle on three vertices of the front that follow each other.
-    fn fill(&mut self, left: u32, bottom: u32, right: u32) {
-        let corners = [left, bottom, right].map(|column| self.front.vertex(column));
-        let base = self.triangles.add(corners);
-        self.triangles.link(base, self.beneath(left));
-        self.triangles.link(base + 1, self.beneath(bottom));
-        self.triangles.link(base + 2, self.triangles.outer(left));
-        self.front.remove(bottom);
-        self.triangles.legalize([base, base + 1]);
+    #[inline]
+    fn points(&self, pocket: Pocket) -> [Point; 3] {
+        pocket.map(|column| self.triangles.point(self.vertex(column)))
     }
 
-    /// Fills all pockets, so that the front becomes the row of the upper corners.
-    fn fill_all(&mut self) {
+    /// Fills a pocket with a triangle.
+    fn fill(&mut self, pocket: Pocket) -> Result<(), Cancelled> {
+        let [left, bottom, _] = pocket;
+        let base = self.triangles.add(pocket.map(|column| self.vertex(column)))?;
+        self.triangles.link(base, self.below(left));
+        self.triangles.link(base + 1, self.below(bottom));
+        self.triangles.link(base + 2, self.triangles.outer(left));
+        self.front.remove(bottom);
+        self.triangles.legalize([base, base + 1])
+    }
+
+    /// Fills all pockets, so that the front becomes the top row.
+    fn fill_all(&mut self) -> Result<(), Cancelled> {
         let mut left = 0;
-        loop {
-            let bottom = self.front.node(left).right;
-            if bottom == NONE {
-                return;
-            }
-            let right = self.front.node(bottom).right;
-            if right == NONE {
-                return;
-            }
-            let places = [left, bottom, right].map(|column| self.place(column));
-            if orientation(places[0], places[1], places[2]) > 0 {
-                self.fill(left, bottom, right);
-                // The pocket before may have opened.
-                let before = self.front.node(left).left;
+        while let Some(pocket) = self.pocket(left, RIGHT) {
+            let [a, b, c] = self.points(pocket);
+            if orientation(a, b, c) > 0 {
+                self.fill(pocket)?;
+                // The pocket at the left may have become convex.
+                let before = self.front.node(left).neighbours[LEFT];
                 left = if before == NONE { left } else { before };
             } else {
-                left = bottom;
+                left = pocket[1];
             }
         }
+        Ok(())
     }
 }

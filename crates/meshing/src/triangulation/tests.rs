@@ -1,5 +1,5 @@
-//! All ways to triangulate against spade's Delaunay triangulation with the wrong edges flipped, on
-//! points from random to as bad as can be.
+//! Every way to triangulate against spade's Delaunay triangulation with the wrong edges flipped, on
+//! random points and on those that are hardest for each way.
 
 use super::*;
 use crate::control::tests::Recorder;
@@ -10,7 +10,7 @@ use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-/// A point on its way through spade, with its index.
+/// A point in spade's triangulation, with its index.
 #[derive(Clone, Copy)]
 struct Site {
     v: u32,
@@ -82,8 +82,8 @@ impl Triangulation {
         in_circle(a, b, c, d)
     }
 
-    /// Half-edges pair up, every triangle turns counter-clockwise, no edge is wrong, and the border
-    /// is the rectangle's, where there is one.
+    /// Asserts that half-edges pair up, every triangle turns counter-clockwise, no edge is wrong, and
+    /// the triangles cover the rectangle around the points if its corners are among them.
     fn assert_preferred(&self) {
         let mut double_area = 0;
         for (h, &twin) in (0..).zip(&self.twins) {
@@ -98,7 +98,7 @@ impl Triangulation {
             assert!(orientation(a, b, c) > 0);
             double_area += orientation(a, b, c);
         }
-        if rectangle_area(&self.points).is_some() {
+        if rectangle_area(&self.points, &()).unwrap().is_some() {
             let (first, last) = (self.points[0], self.points[self.points.len() - 1]);
             let sides = (i64::from(last.x - first.x), i64::from(last.y - first.y));
             assert_eq!(double_area, 2 * sides.0 * sides.1);
@@ -106,35 +106,36 @@ impl Triangulation {
     }
 }
 
-/// The triangulation by sweeping, if that comes to an end.
+/// The triangulation by the sweep; `None` when that takes too many flips.
 fn swept(points: &[Point]) -> Option<Triangulation> {
     let (origins, twins) = sweep::triangulate(points, &()).unwrap()?;
     Some(Triangulation { points: points.to_vec(), origins, twins })
 }
 
+/// The triangulation by divide and conquer.
 fn merged(points: &[Point]) -> Triangulation {
     let (origins, twins) = divide_and_conquer::triangulate(points, &()).unwrap();
     Triangulation { points: points.to_vec(), origins, twins }
 }
 
-/// All ways give the triangulation of spade.
+/// Asserts that all ways give the triangulation of spade.
 fn check(points: &[Point]) {
-    let expected = Triangulation::by_spade(points.to_vec()).faces();
+    let expected = Triangulation::by_spade(points.to_vec()).faces(&()).unwrap();
     let merged = merged(points);
     merged.assert_preferred();
-    assert_eq!(merged.faces(), expected);
-    if rectangle_area(points).is_some()
+    assert_eq!(merged.faces(&()).unwrap(), expected);
+    if rectangle_area(points, &()).unwrap().is_some()
         && let Some(swept) = swept(points)
     {
         swept.assert_preferred();
-        assert_eq!(swept.faces(), expected);
+        assert_eq!(swept.faces(&()).unwrap(), expected);
     }
     let chosen = Triangulation::new(points.to_vec(), &()).unwrap();
     chosen.assert_preferred();
-    assert_eq!(chosen.faces(), expected);
+    assert_eq!(chosen.faces(&()).unwrap(), expected);
 }
 
-/// Points and the corners of an image around them, by row, then column.
+/// Points and the corners of a rectangle from the origin, by row, then column.
 fn with_corners(
     points: impl IntoIterator<Item = (i32, i32)>,
     width: i32,
@@ -156,48 +157,51 @@ fn random(count: usize, width: i32, height: i32) -> Vec<Point> {
     with_corners(numbers.chunks_exact(2).map(|n| (n[0] % width, n[1] % height)), width, height)
 }
 
-/// A row at the right of the foot of a tall picture and one at the left of its top: each point of
-/// the upper row is nearer to all of the lower row than those before it, and takes their edges.
+/// The right half of the bottom row of a tall rectangle and the left half of its top row: each point
+/// of the top row is nearer to the bottom row than the points before it, and takes their edges.
 fn far_rows(count: i32) -> Vec<Point> {
     let lower = (count..2 * count).map(|x| (x, 0));
     with_corners(lower.chain((1..count).map(|x| (x, 6 * count))), 2 * count, 6 * count + 1)
 }
 
-/// A column at the left and a row at the right of the foot: each point of the column takes the
-/// edges of those below it to all of the row that are far enough.
-fn foot_and_side(count: i32) -> Vec<Point> {
-    let foot = (count..4 * count).map(|x| (x, 0));
-    with_corners((1..count).map(|y| (0, y)).chain(foot), 4 * count, 4 * count)
+/// The left side and the right part of the bottom row: each point of the left side takes the edges
+/// of those below it to distant points of the row.
+fn bottom_and_side(count: i32) -> Vec<Point> {
+    let bottom = (count..4 * count).map(|x| (x, 0));
+    with_corners((1..count).map(|y| (0, y)).chain(bottom), 4 * count, 4 * count)
 }
 
 #[test]
-fn points_elsewhere_on_the_lattice_are_triangulated_as_where_they_stood() {
+fn translation_keeps_the_faces() {
     let points = random(60, 40, 30);
-    let expected = merged(&points).faces();
+    let expected = merged(&points).faces(&()).unwrap();
     for (dx, dy) in [(-25, -40), (-1000, 7), (300, -9), (5, 5)] {
         let moved: Vec<Point> = points.iter().map(|p| Point::new(p.x + dx, p.y + dy)).collect();
-        assert_eq!(swept(&moved).unwrap().faces(), expected);
-        assert_eq!(merged(&moved).faces(), expected);
-        assert_eq!(Triangulation::new(moved, &()).unwrap().faces(), expected);
+        assert_eq!(swept(&moved).unwrap().faces(&()).unwrap(), expected);
+        assert_eq!(merged(&moved).faces(&()).unwrap(), expected);
+        assert_eq!(Triangulation::new(moved, &()).unwrap().faces(&()).unwrap(), expected);
     }
 }
 
 #[test]
-fn a_full_grid_written_down_is_the_one_that_the_other_ways_give() {
+fn full_grid_equals_the_other_ways() {
     for (width, height) in [(2, 2), (2, 5), (6, 2), (7, 4)] {
         let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let points = with_corners(all, width, height);
-        let direct = Triangulation::of_full_grid(points.clone());
+        let direct = Triangulation::of_full_grid(points.clone(), &()).unwrap();
         direct.assert_preferred();
-        assert_eq!(direct.faces(), Triangulation::new(points.clone(), &()).unwrap().faces());
-        assert_eq!(direct.faces(), swept(&points).unwrap().faces());
-        assert_eq!(direct.faces(), merged(&points).faces());
+        assert_eq!(
+            direct.faces(&()).unwrap(),
+            Triangulation::new(points.clone(), &()).unwrap().faces(&()).unwrap()
+        );
+        assert_eq!(direct.faces(&()).unwrap(), swept(&points).unwrap().faces(&()).unwrap());
+        assert_eq!(direct.faces(&()).unwrap(), merged(&points).faces(&()).unwrap());
         check(&points);
     }
 }
 
 #[test]
-fn thousands_of_random_points_are_triangulated_as_by_spade() {
+fn random_points_match_spade() {
     check(&random(5000, 512, 512));
     check(&random(5000, 80, 80));
     check(&random(3000, 1 << 20, 1 << 20));
@@ -206,7 +210,7 @@ fn thousands_of_random_points_are_triangulated_as_by_spade() {
 }
 
 #[test]
-fn clusters_far_from_each_other_are_triangulated_as_by_spade() {
+fn distant_clusters_match_spade() {
     let side = 60_000;
     let cluster = |x: i32, y: i32| {
         let numbers: Vec<i32> = noise(2000).collect();
@@ -221,7 +225,7 @@ fn clusters_far_from_each_other_are_triangulated_as_by_spade() {
 }
 
 #[test]
-fn points_on_few_circles_and_lines_are_triangulated_as_by_spade() {
+fn circles_and_lines_match_spade() {
     let circle = |squared_radius: i32| {
         let on = move |&(x, y): &(i32, i32)| (x - 200).pow(2) + (y - 200).pow(2) == squared_radius;
         (0..400).flat_map(|y| (0..400).map(move |x| (x, y))).filter(on)
@@ -234,16 +238,16 @@ fn points_on_few_circles_and_lines_are_triangulated_as_by_spade() {
     let parabola = (0..300).map(|x| (x, x * x));
     check(&with_corners(parabola, 300, 90_001));
     check(&with_corners((0..300).map(|y| (y * y, y)), 90_001, 300));
-    check(&foot_and_side(40));
+    check(&bottom_and_side(40));
     check(&far_rows(60));
 }
 
 #[test]
-fn points_in_no_rectangle_have_the_triangles_of_their_hull() {
-    let places = [(5, 1), (1, 2), (9, 4), (5, 5), (2, 9)];
-    let mut points = places.map(|(x, y)| Point::new(x, y)).to_vec();
+fn points_without_a_rectangle_cover_their_hull() {
+    let points = [(5, 1), (1, 2), (9, 4), (5, 5), (2, 9)];
+    let mut points = points.map(|(x, y)| Point::new(x, y)).to_vec();
     points.sort_unstable();
-    assert_eq!(rectangle_area(&points), None);
+    assert_eq!(rectangle_area(&points, &()).unwrap(), None);
     check(&points);
     let numbers: Vec<i32> = noise(800).collect();
     let disc = numbers.chunks_exact(2).map(|n| (n[0] % 101 - 50, n[1] % 101 - 50));
@@ -259,20 +263,20 @@ fn points_in_no_rectangle_have_the_triangles_of_their_hull() {
 }
 
 #[test]
-fn of_points_at_one_place_the_first_is_taken() {
+fn first_of_equal_points_is_the_vertex() {
     let points = [(0, 0), (3, 0), (0, 0), (3, 3), (0, 3), (3, 0)].map(|(x, y)| Point::new(x, y));
     assert_eq!(triangulate(&points), [[0, 1, 3], [0, 3, 4]]);
 }
 
 #[test]
-fn a_sweep_that_would_take_too_many_flips_gives_way() {
+fn too_many_flips_end_the_sweep() {
     let points = far_rows(300);
     assert!(swept(&points).is_none());
     Triangulation::new(points, &()).unwrap().assert_preferred();
 }
 
 #[test]
-fn the_worst_places_for_points_take_no_longer_than_others() {
+fn hardest_points_take_no_quadratic_time() {
     let (long, thick) = (1 << 17, 1 << 12);
     let start = Instant::now();
     for points in [
@@ -282,7 +286,7 @@ fn the_worst_places_for_points_take_no_longer_than_others() {
         with_corners((0..thick).map(|i| (i, thick - 1 - i)), thick, thick),
         with_corners((0..1000).map(|i| (i, i * i)), 1000, 1_000_000),
         with_corners((0..1000).map(|i| (1000 * 1000 - i * i, i)), 1_000_001, 1000),
-        foot_and_side(30_000),
+        bottom_and_side(30_000),
         far_rows(60_000),
     ] {
         Triangulation::new(points, &()).unwrap().assert_preferred();
@@ -291,62 +295,75 @@ fn the_worst_places_for_points_take_no_longer_than_others() {
     assert!(seconds < 30.0, "{seconds} s");
 }
 
+/// The points that each way reports as done, polled with a control of its own.
+fn reports_of_all_ways(points: &[Point]) -> [Vec<usize>; 3] {
+    let recorders: [Recorder; 3] = Default::default();
+    let [sweep, halves, faces] = &recorders;
+    sweep::triangulate(points, sweep).unwrap().unwrap();
+    divide_and_conquer::triangulate(points, halves).unwrap();
+    merged(points).faces(faces).unwrap();
+    recorders.map(|recorder| recorder.done(Stage::Triangulate, points.len()))
+}
+
 #[test]
-fn the_control_is_told_of_the_points_every_thousand_steps_or_so() {
+fn polls_are_frequent_and_report_progress() {
     let points = random(20_000, 512, 512);
-    let (sweeping, merging) = (Recorder::default(), Recorder::default());
-    sweep::triangulate(&points, &sweeping).unwrap().unwrap();
-    divide_and_conquer::triangulate(&points, &merging).unwrap();
-    for recorder in [sweeping, merging] {
-        let done = recorder.done(Stage::Triangulate, points.len());
-        // A few steps are made for each point.
-        let least = points.len() / POINTS_PER_POLL;
-        assert!((least..20 * least).contains(&done.len()), "{} times", done.len());
-        assert!(done.is_sorted() && done[0] < points.len() / 10);
+    let [sweep, halves, faces] = reports_of_all_ways(&points);
+    for done in [sweep, halves] {
+        assert!(done.is_sorted() && done[0] < 10, "{done:?}");
+        let leaps = done.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(leaps.max() <= Some(2 * POINTS_PER_POLL / STEPS_PER_POINT), "{done:?}");
         let last = done[done.len() - 1];
         assert!((points.len() * 9 / 10..=points.len()).contains(&last), "{last}");
-        let leaps = done.windows(2).filter(|pair| pair[1] - pair[0] > 2 * POINTS_PER_POLL);
-        assert_eq!(leaps.count(), 0, "{done:?}");
     }
+    // Two passes over the points and two over the faces, of which there are twice as many.
+    assert!(faces.len() >= 6 * points.len() / POINTS_PER_POLL - 1, "{faces:?}");
 }
 
-/// Cancels at the poll with this number.
-struct CancelAt(std::sync::atomic::AtomicUsize);
-
-impl Control for CancelAt {
-    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
-        match self.0.fetch_sub(1, std::sync::atomic::Ordering::Relaxed) {
-            0 => Err(Cancelled),
-            _ => Ok(()),
-        }
+#[test]
+fn polls_are_frequent_in_a_full_grid() {
+    for (width, height) in [(400_000, 2), (2, 400_000), (600, 600)] {
+        let all = (0..height).flat_map(|y| (0..width).map(move |x| Point::new(x, y)));
+        let points: Vec<Point> = all.collect();
+        let (count, recorder) = (points.len(), Recorder::default());
+        Triangulation::new(points, &recorder).unwrap();
+        let polls = recorder.reports().len();
+        // A pass over the points, and one over the squares between them.
+        let squares = (width as usize - 1) * (height as usize - 1);
+        assert!(polls > (count + squares) / POINTS_PER_POLL, "{polls}");
     }
 }
 
 #[test]
-fn both_ways_can_be_cancelled_in_the_middle() {
+fn all_ways_can_be_cancelled_at_any_poll() {
     let points = random(20_000, 512, 512);
-    let control = || CancelAt(5.into());
-    assert_eq!(sweep::triangulate(&points, &control()), Err(Cancelled));
-    assert_eq!(divide_and_conquer::triangulate(&points, &control()), Err(Cancelled));
+    for poll in [0, 5, 11] {
+        let control = || Recorder::cancelling_at(poll);
+        assert_eq!(sweep::triangulate(&points, &control()), Err(Cancelled));
+        assert_eq!(divide_and_conquer::triangulate(&points, &control()), Err(Cancelled));
+        assert_eq!(Triangulation::new(points.clone(), &control()), Err(Cancelled));
+    }
+    let triangulation = Triangulation::new(points, &()).unwrap();
+    assert_eq!(triangulation.faces(&Recorder::cancelling_at(1)), Err(Cancelled));
 }
 
 proptest! {
     #[test]
-    fn any_points_of_a_small_lattice_are_triangulated_as_by_spade(
+    fn points_of_a_small_lattice_match_spade(
         width in 2..12i32,
         height in 2..12i32,
-        places in prop::collection::vec((0..12i32, 0..12i32), 0..100),
+        coordinates in prop::collection::vec((0..12i32, 0..12i32), 0..100),
         has_corners in any::<bool>(),
     ) {
-        let inside = places.into_iter().filter(|&(x, y)| x < width && y < height);
+        let inside = coordinates.into_iter().filter(|&(x, y)| x < width && y < height);
         if has_corners {
             check(&with_corners(inside, width, height));
         } else {
             let points: BTreeSet<Point> = inside.map(|(x, y)| Point::new(x, y)).collect();
             let points: Vec<Point> = points.into_iter().collect();
-            let is_flat = |a: Point| points.iter().all(|&b| points.iter().all(|&c| orientation(a, b, c) == 0));
-            // spade takes collinear points for edges without faces, and has no fewer than 2.
-            if points.len() > 2 && !points.iter().all(|&a| is_flat(a)) {
+            // spade makes edges without faces of collinear points.
+            let is_collinear = points.windows(3).all(|p| orientation(p[0], p[1], p[2]) == 0);
+            if points.len() > 2 && !is_collinear {
                 check(&points);
             }
         }
