@@ -2,6 +2,7 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
+use crate::dynamic_mesh::half_edges::SortedMesh;
 use crate::error::MeshingError;
 use crate::face_error::metrics::mean_error;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
@@ -226,10 +227,9 @@ fn refine_reduced(
 ) -> Result<Reduced, Cancelled> {
     let Reduced { points, removals, .. } = reduced;
     let (errors, sides) = (FaceErrors::new(measure), guided.image.sides());
-    let mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
-    let refined = refine(mesh, guided.parameters.effort, control)?;
-    let squared_error = guided.has_squared_errors().then_some(refined.total_error());
-    let (points, faces, _) = refined.triangulation().mesh();
+    let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
+    let SortedMesh { points, faces, .. } = refine(&mut mesh, guided.parameters.effort, control)?;
+    let squared_error = guided.has_squared_errors().then_some(mesh.total_error());
     Ok(Reduced { points, faces, removals, squared_error })
 }
 
@@ -244,11 +244,10 @@ fn reduce_for_flat_faces(
     let sums = RowSums::new(&guided.image, guided.weights());
     let errors = FlatFaces::new(&sums);
     let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
-    let surplus = mesh.vertex_count().saturating_sub(plan.size);
+    let surplus = mesh.triangulation.vertex_count().saturating_sub(plan.size);
     let count = if plan.initial_size == plan.size { 0 } else { surplus };
     let removals = remove_in_batches(&mut mesh, count, |_| {}, control)?;
-    let refined = refine(mesh, guided.parameters.effort, control)?;
-    let (points, faces, _) = refined.triangulation().mesh();
+    let SortedMesh { points, faces, .. } = refine(&mut mesh, guided.parameters.effort, control)?;
     Ok(Reduced { points, faces, removals, squared_error: None })
 }
 
@@ -266,9 +265,9 @@ fn unconstrain(
     };
     let pixels = WeightedPixels { image, weights: guided.weights() };
     let mut mesh = ValuedMesh::new(pixels, points, control)?;
-    refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
-    let squared_error = Some(mesh.squared_error(control)?);
-    let (points, faces, order) = mesh.triangulation().mesh();
+    let SortedMesh { points, faces, order } =
+        refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
+    let squared_error = Some(mesh.triangulation.total_error);
     let samples = order.iter().flat_map(|&v| mesh.values_of(v).iter().copied()).collect();
     Ok(Valued { mesh: Mesh::from_kernel(image.shape(), points, samples, faces), squared_error })
 }

@@ -24,8 +24,9 @@ mod refinement {
         let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let errors: Vec<u64> = (0..=9)
             .map(|effort| {
-                let mesh = measured(&measure, &image, scattered());
-                refine(mesh, effort, &()).unwrap().total_error()
+                let mut mesh = measured(&measure, &image, scattered());
+                refine(&mut mesh, effort, &()).unwrap();
+                mesh.total_error()
             })
             .collect();
         assert_eq!(
@@ -45,8 +46,9 @@ mod refinement {
         let errors = [true, false].map(|has_model| {
             let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
             let measure = if has_model { evaluator.with_model() } else { evaluator };
-            let mesh = measured(&measure, &image, scattered());
-            refine(mesh, 1, &()).unwrap().total_error()
+            let mut mesh = measured(&measure, &image, scattered());
+            refine(&mut mesh, 1, &()).unwrap();
+            mesh.total_error()
         });
         assert_eq!(errors, [209_397_316, 200_138_860]);
     }

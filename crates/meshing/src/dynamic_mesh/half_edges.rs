@@ -2,10 +2,10 @@
 //!
 //! Adrian Bowyer, "Computing Dirichlet tessellations", 1981, and David F. Watson, "Computing the
 //! n-dimensional Delaunay tessellation", 1981, insert a point by replacing the triangles whose
-//! circles hold it, the cavity, by a fan around it. Removal is the reverse: the star of the vertex
-//! is replaced by the triangulation of its link. Preferred directions leave no tie, so a vertex that
-//! is removed and inserted again at its old position has the same triangles as before. Both take time
-//! proportional to the number of triangles that change, six on average.
+//! circles hold it, the cavity, by a fan around it. Removal is the reverse: the triangulation of a
+//! vertex's link replaces its star. Preferred directions leave no tie, so a vertex removed and
+//! inserted again at its old position has its old triangles. Both take time proportional to the
+//! number of triangles that change, six on average.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::image::Point;
@@ -16,14 +16,14 @@ use crate::triangulation::{Face, NONE, Triangulation, next, previous, smallest_f
 /// Stands for the opposite of a half-edge on the boundary of a patch.
 pub(crate) const PATCH_BOUNDARY: u32 = NONE - 1;
 
-/// Half-edges visited between two polls of the control.
-const HALF_EDGES_PER_POLL: usize = 1 << 16;
+/// Half-edges, vertices or errors between two polls of the control: some milliseconds.
+const ITEMS_PER_POLL: usize = 1 << 16;
 
-/// A triangulation as arrays of half-edges, with free slots where triangles were removed.
+/// A triangulation as arrays of half-edges, with an error for each face.
 ///
-/// Slot `t` has the half-edges `3t`, `3t + 1`, `3t + 2`, counter-clockwise; a free slot has
-/// [`NONE`] as origins. Vertices keep their indices; one that is not in the mesh has no outgoing
-/// half-edge.
+/// Slot `t` has the half-edges `3t`, `3t + 1`, `3t + 2`, counter-clockwise; the slot of a removed
+/// triangle is free and has [`NONE`] as origins. Vertices keep their indices; one that is not in
+/// the mesh has no outgoing half-edge.
 pub(crate) struct DynamicTriangulation {
     /// Position of each vertex.
     pub(crate) points: Vec<Point>,
@@ -36,6 +36,10 @@ pub(crate) struct DynamicTriangulation {
     pub(crate) outgoing: Vec<u32>,
     /// Free slots.
     pub(super) free: Vec<u32>,
+    /// Error of each slot's face, 0 of a free slot.
+    pub(super) face_errors: Vec<u64>,
+    /// Sum of these.
+    pub(crate) total_error: u64,
     /// The last column and the last row of the image.
     pub(super) right: i32,
     pub(super) top: i32,
@@ -99,20 +103,21 @@ impl Link {
 }
 
 impl DynamicTriangulation {
-    /// A triangulation of an image of `width` columns and `height` rows.
+    /// A triangulation of an image of `width` columns and `height` rows, with errors of 0.
     ///
     /// # Errors
     /// When the control cancels.
     pub(crate) fn new(
         triangulation: Triangulation,
-        width: usize,
-        height: usize,
+        (width, height): (usize, usize),
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let Triangulation { points, origins, twins } = triangulation;
-        let outgoing = vec![NONE; points.len()];
+        let (outgoing, face_errors) = (vec![NONE; points.len()], vec![0; origins.len() / 3]);
         let (right, top) = (width as i32 - 1, height as i32 - 1);
-        let mut made = Self { points, origins, twins, outgoing, free: Vec::new(), right, top };
+        let (free, total_error) = (Vec::new(), 0);
+        let mut made =
+            Self { points, origins, twins, outgoing, free, face_errors, total_error, right, top };
         for h in 0..made.origins.len() {
             poll_at(h, control)?;
             made.offer_outgoing(h as u32);
@@ -125,18 +130,14 @@ impl DynamicTriangulation {
     /// # Errors
     /// When the control cancels.
     pub(crate) fn copy(&self, control: &dyn Control) -> Result<Self, Cancelled> {
-        let copied = |indices: &Vec<u32>| {
-            control.poll(Stage::Refine, 0, 1)?;
-            Ok(indices.clone())
-        };
         Ok(Self {
-            points: self.points.clone(),
-            origins: copied(&self.origins)?,
-            twins: copied(&self.twins)?,
-            outgoing: copied(&self.outgoing)?,
-            free: copied(&self.free)?,
-            right: self.right,
-            top: self.top,
+            points: copy_of(&self.points, control)?,
+            origins: copy_of(&self.origins, control)?,
+            twins: copy_of(&self.twins, control)?,
+            outgoing: copy_of(&self.outgoing, control)?,
+            free: copy_of(&self.free, control)?,
+            face_errors: copy_of(&self.face_errors, control)?,
+            ..*self
         })
     }
 
@@ -148,6 +149,33 @@ impl DynamicTriangulation {
     /// Number of slots, with the free ones.
     pub(crate) fn slot_count(&self) -> usize {
         self.origins.len() / 3
+    }
+
+    /// Number of vertices in the mesh.
+    pub(crate) fn vertex_count(&self) -> usize {
+        self.outgoing.iter().filter(|&&h| h != NONE).count()
+    }
+
+    /// Whether a vertex may be moved or removed: it is in the mesh and no corner of the image.
+    pub(crate) fn is_movable(&self, vertex: u32) -> bool {
+        self.outgoing[vertex as usize] != NONE && !self.is_corner(self.points[vertex as usize])
+    }
+
+    /// The error of a slot's face, 0 of a free slot.
+    #[inline]
+    pub(crate) fn face_error(&self, slot: u32) -> u64 {
+        self.face_errors[slot as usize]
+    }
+
+    /// Sum of the errors of some slots' faces.
+    pub(crate) fn error_of(&self, slots: &[u32]) -> u64 {
+        slots.iter().map(|&slot| self.face_error(slot)).sum()
+    }
+
+    /// Sets the error of a slot's face. The sum of all may wrap around in between.
+    pub(crate) fn set_face_error(&mut self, slot: u32, error: u64) {
+        let before = std::mem::replace(&mut self.face_errors[slot as usize], error);
+        self.total_error = self.total_error.wrapping_sub(before).wrapping_add(error);
     }
 
     /// Whether a slot has a triangle.
@@ -214,9 +242,15 @@ impl DynamicTriangulation {
         }
     }
 
-    /// Removes a vertex; `star` is its [`star`](Self::star) and `fill` triangulates the link. The
-    /// triangles of the fill take the first slots of the star, in order.
-    pub(crate) fn remove(&mut self, vertex: u32, star: &mut Link, fill: &[HoleTriangle]) {
+    /// Removes a vertex; `star` is its [`star`](Self::star) and `fill` triangulates the link, with
+    /// these errors. The triangles of the fill take the first slots of the star, in order.
+    pub(super) fn remove(
+        &mut self,
+        vertex: u32,
+        star: &mut Link,
+        fill: &[HoleTriangle],
+        errors: &[u64],
+    ) {
         for (triangle, &slot) in fill.iter().zip(&star.triangles) {
             for (h, &i) in (3 * slot..).zip(triangle) {
                 self.origins[h as usize] = star.vertices[i as usize];
@@ -238,11 +272,11 @@ impl DynamicTriangulation {
             }
         }
         let (filled, freed) = star.triangles.split_at(fill.len());
-        filled.iter().for_each(|&slot| self.offer_outgoing(3 * slot + 2));
-        for &slot in freed {
-            self.origins[3 * slot as usize..][..3].fill(NONE);
-            self.free.push(slot);
+        for (&slot, &error) in filled.iter().zip(errors) {
+            self.offer_outgoing(3 * slot + 2);
+            self.set_face_error(slot, error);
         }
+        freed.iter().for_each(|&slot| self.free(slot));
         self.outgoing[vertex as usize] = NONE;
     }
 
@@ -304,17 +338,26 @@ impl DynamicTriangulation {
         }
     }
 
-    /// Inserts a vertex that is not in the mesh at a position whose [`cavity`](Self::cavity) is
-    /// given. `fan` becomes the slots of its triangles, in the order of the link's edges.
-    pub(crate) fn insert(&mut self, vertex: u32, at: Point, cavity: &Link, fan: &mut Vec<u32>) {
+    /// Inserts a vertex that is not in the mesh at a position with this [`cavity`](Self::cavity).
+    /// `fan` becomes the slots of its triangles, in the order of the link's edges; their errors are
+    /// given in this order.
+    pub(super) fn insert(
+        &mut self,
+        vertex: u32,
+        at: Point,
+        cavity: &Link,
+        errors: &[u64],
+        fan: &mut Vec<u32>,
+    ) {
         self.points[vertex as usize] = at;
         fan.clear();
         fan.extend(&cavity.triangles);
         while fan.len() < cavity.outer.len() {
             fan.push(self.free_slot());
         }
-        for ((from, to), &slot) in cavity.edges().zip(fan.iter()) {
+        for (((from, to), &slot), &error) in cavity.edges().zip(fan.iter()).zip(errors) {
             self.origins[3 * slot as usize..][..3].copy_from_slice(&[from, to, vertex]);
+            self.set_face_error(slot, error);
         }
         let closed = cavity.is_closed();
         for (i, (&outer, &slot)) in cavity.outer.iter().zip(fan.iter()).enumerate() {
@@ -332,20 +375,6 @@ impl DynamicTriangulation {
         self.outgoing[vertex as usize] = 3 * fan[0] + 2;
     }
 
-    /// Undoes the last change, the removal of a vertex: `star` is its star and `fill_count` the
-    /// number of triangles that filled it. `fan` becomes the slots of the star.
-    pub(crate) fn undo_removal(
-        &mut self,
-        vertex: u32,
-        star: &Link,
-        fill_count: usize,
-        fan: &mut Vec<u32>,
-    ) {
-        let freed = star.triangles.len() - fill_count;
-        self.free.truncate(self.free.len() - freed);
-        self.insert(vertex, self.points[vertex as usize], star, fan);
-    }
-
     /// Adds a vertex that is not in the mesh yet, and returns its index.
     pub(crate) fn add_vertex(&mut self, at: Point) -> u32 {
         self.points.push(at);
@@ -358,8 +387,16 @@ impl DynamicTriangulation {
         self.free.pop().unwrap_or_else(|| {
             self.origins.extend([NONE; 3]);
             self.twins.extend([NONE; 3]);
+            self.face_errors.push(0);
             self.slot_count() as u32 - 1
         })
+    }
+
+    /// Frees a slot.
+    pub(super) fn free(&mut self, slot: u32) {
+        self.origins[3 * slot as usize..][..3].fill(NONE);
+        self.set_face_error(slot, 0);
+        self.free.push(slot);
     }
 
     /// Makes two half-edges opposite, and offers the first as the outgoing one of its vertex.
@@ -396,36 +433,78 @@ impl DynamicTriangulation {
         }
     }
 
-    /// The positions of the vertices, by row, then column; the faces in ascending order, each
-    /// beginning with its smallest vertex; and for each vertex its index here.
-    pub(crate) fn mesh(&self) -> (Vec<Point>, Vec<Face>, Vec<u32>) {
-        let mut order: Vec<u32> =
-            (0..self.points.len() as u32).filter(|&v| self.outgoing[v as usize] != NONE).collect();
-        order.sort_unstable_by_key(|&v| self.points[v as usize]);
+    /// The vertices, by row, then column, and the faces.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn sorted(&self, control: &dyn Control) -> Result<SortedMesh, Cancelled> {
+        let in_mesh = (0..).zip(&self.points).zip(&self.outgoing).filter(|(_, h)| **h != NONE);
+        let mut vertices: Vec<(Point, u32)> = in_mesh.map(|((v, &p), _)| (p, v)).collect();
+        sort_with_polls(&mut vertices, control)?;
         let mut ranks = vec![NONE; self.points.len()];
-        for (rank, &v) in (0..).zip(&order) {
+        for (rank, &(_, v)) in (0..).zip(&vertices) {
             ranks[v as usize] = rank;
         }
-        let used = (0..self.slot_count() as u32).filter(|&slot| self.is_used(slot));
-        let ranked = |slot| smallest_first(self.vertices_of(slot).map(|v| ranks[v as usize]));
-        let mut faces: Vec<Face> = used.map(ranked).collect();
-        faces.sort_unstable();
-        (order.iter().map(|&v| self.points[v as usize]).collect(), faces, order)
+        let (mut faces, mut star) = (Vec::new(), Link::default());
+        for (rank, &(_, v)) in (0..).zip(&vertices) {
+            poll_at(rank as usize, control)?;
+            self.star(v, &mut star);
+            let ranked = |&slot: &u32| self.vertices_of(slot).map(|v| ranks[v as usize]);
+            let around = star.triangles.iter().map(|slot| smallest_first(ranked(slot)));
+            let first = faces.len();
+            faces.extend(around.filter(|face| face[0] == rank));
+            faces[first..].sort_unstable();
+        }
+        let (points, order) = vertices.into_iter().unzip();
+        Ok(SortedMesh { points, faces, order })
     }
 }
 
-/// Polls at the first of every [`HALF_EDGES_PER_POLL`] indices.
+/// The vertices of a mesh by row, then column, and its faces.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct SortedMesh {
+    /// Position of each vertex.
+    pub(crate) points: Vec<Point>,
+    /// The faces, each beginning with its smallest vertex, in ascending order.
+    pub(crate) faces: Vec<Face>,
+    /// The index of each vertex in the [`DynamicTriangulation`].
+    pub(crate) order: Vec<u32>,
+}
+
+/// Polls at the first of every [`ITEMS_PER_POLL`] indices.
 pub(super) fn poll_at(index: usize, control: &dyn Control) -> Result<(), Cancelled> {
-    if index.is_multiple_of(HALF_EDGES_PER_POLL) {
-        control.poll(Stage::Refine, 0, 1)
-    } else {
-        Ok(())
+    if index.is_multiple_of(ITEMS_PER_POLL) { control.poll(Stage::Refine, 0, 1) } else { Ok(()) }
+}
+
+/// A copy made with a poll for every [`ITEMS_PER_POLL`] items.
+fn copy_of<T: Copy>(items: &[T], control: &dyn Control) -> Result<Vec<T>, Cancelled> {
+    let mut copy = Vec::with_capacity(items.len());
+    for chunk in items.chunks(ITEMS_PER_POLL) {
+        control.poll(Stage::Refine, 0, 1)?;
+        copy.extend_from_slice(chunk);
     }
+    Ok(copy)
+}
+
+/// Sorts distinct items in ascending order, with a poll for every [`ITEMS_PER_POLL`] or fewer.
+pub(crate) fn sort_with_polls<T: Ord>(
+    items: &mut [T],
+    control: &dyn Control,
+) -> Result<(), Cancelled> {
+    control.poll(Stage::Refine, 0, 1)?;
+    if items.len() <= ITEMS_PER_POLL {
+        items.sort_unstable();
+        return Ok(());
+    }
+    let (low, _, high) = items.select_nth_unstable(items.len() / 2);
+    sort_with_polls(low, control)?;
+    sort_with_polls(high, control)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::Recorder;
     use crate::image::corner_points;
     use crate::triangulation::hole::HoleFiller;
     use crate::triangulation::triangulate;
@@ -435,19 +514,18 @@ mod tests {
     fn dynamic(points: &BTreeSet<Point>, width: i32, height: i32) -> DynamicTriangulation {
         let sorted: Vec<Point> = points.iter().copied().collect();
         let triangulation = Triangulation::new(sorted, &()).unwrap();
-        DynamicTriangulation::new(triangulation, width as usize, height as usize, &()).unwrap()
+        DynamicTriangulation::new(triangulation, (width as usize, height as usize), &()).unwrap()
     }
 
-    /// The triangles are those of a fresh triangulation, and twins and outgoing half-edges match.
-    fn assert_triangulated_afresh(triangulation: &DynamicTriangulation) {
-        let (points, faces, _) = triangulation.mesh();
+    /// The triangles are those of a new triangulation, and twins and outgoing half-edges match.
+    fn assert_consistent(triangulation: &DynamicTriangulation) {
+        let SortedMesh { points, faces, .. } = triangulation.sorted(&()).unwrap();
         assert_eq!(faces, triangulate(&points));
+        assert_eq!(triangulation.total_error, faces.len() as u64);
         let at = |h: u32| triangulation.points[triangulation.origins[h as usize] as usize];
-        for h in 0..triangulation.origins.len() as u32 {
+        let used = |h: &u32| triangulation.is_used(h / 3);
+        for h in (0..triangulation.origins.len() as u32).filter(used) {
             let twin = triangulation.twins[h as usize];
-            if triangulation.origins[h as usize] == NONE {
-                continue;
-            }
             if twin == NONE {
                 assert!([at(h), at(next(h))].iter().all(|&p| triangulation.is_on_border(p)));
             } else {
@@ -467,7 +545,8 @@ mod tests {
         triangulation.star(vertex, &mut star);
         let boundary: Vec<Point> =
             star.vertices.iter().map(|&v| triangulation.points[v as usize]).collect();
-        triangulation.remove(vertex, &mut star, filler.fill(&boundary));
+        let fill = filler.fill(&boundary);
+        triangulation.remove(vertex, &mut star, fill, &vec![1; fill.len()]);
         star.triangles[0]
     }
 
@@ -475,22 +554,24 @@ mod tests {
         let (mut cavity, mut fan) = (Link::default(), Vec::new());
         let slot = triangulation.locate(at, hint).unwrap();
         triangulation.cavity(at, slot, &mut cavity);
-        triangulation.insert(vertex, at, &cavity, &mut fan);
+        triangulation.insert(vertex, at, &cavity, &vec![1; cavity.outer.len()], &mut fan);
     }
 
     proptest! {
         #[test]
-        fn moves_equal_a_fresh_triangulation(
+        fn moves_equal_a_new_triangulation(
             (width, height) in (2i32..9, 2i32..9),
             seeds in prop::collection::vec((0i32..9, 0i32..9), 0..20),
             moves in prop::collection::vec((0usize..30, 0i32..9, 0i32..9), 0..12),
         ) {
             let point = |x: i32, y: i32| Point::new(x % width, y % height);
             let corners = corner_points(width as usize, height as usize);
-            let points: BTreeSet<Point> =
+            let mut taken: BTreeSet<Point> =
                 seeds.iter().map(|&(x, y)| point(x, y)).chain(corners).collect();
-            let mut triangulation = dynamic(&points, width, height);
-            let mut taken = points;
+            let mut triangulation = dynamic(&taken, width, height);
+            for slot in 0..triangulation.slot_count() as u32 {
+                triangulation.set_face_error(slot, 1);
+            }
             for (vertex, x, y) in moves {
                 let vertex = vertex % triangulation.points.len();
                 let (from, to) = (triangulation.points[vertex], point(x, y));
@@ -498,13 +579,37 @@ mod tests {
                     continue;
                 }
                 let hint = remove(&mut triangulation, vertex as u32);
-                assert_triangulated_afresh(&triangulation);
+                assert_consistent(&triangulation);
                 taken.remove(&from);
                 let to = if taken.insert(to) { to } else { from };
                 taken.insert(to);
                 insert(&mut triangulation, vertex as u32, to, hint);
-                assert_triangulated_afresh(&triangulation);
+                assert_consistent(&triangulation);
             }
+        }
+    }
+
+    #[test]
+    fn polls_after_each_65536_items() {
+        let side = 160;
+        let lattice = (0..side).flat_map(|y| (0..side).map(move |x| Point::new(x, y)));
+        let whole = dynamic(&lattice.collect(), side, side);
+        let steps = whole.origins.len() / ITEMS_PER_POLL;
+        assert!(steps >= 2);
+        let copied = Recorder::default();
+        let sorted = whole.copy(&copied).unwrap().sorted(&()).unwrap();
+        assert_eq!(sorted.points, whole.points);
+        assert!(copied.reports().len() >= 2 * steps);
+        let mut items: Vec<u32> =
+            (0..5 * ITEMS_PER_POLL as u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
+        let control = Recorder::default();
+        sort_with_polls(&mut items, &control).unwrap();
+        assert!(items.is_sorted());
+        let polls = control.reports().len();
+        assert!(polls >= 5);
+        for poll in 0..polls {
+            let control = Recorder::cancelling_at(poll);
+            assert_eq!(sort_with_polls(&mut items, &control), Err(Cancelled));
         }
     }
 }

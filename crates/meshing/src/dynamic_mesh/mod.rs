@@ -1,26 +1,29 @@
 //! A triangulation whose vertices move, enter and leave, with the error of each face and their sum.
 //!
-//! [`half_edges`] holds the triangulation and [`measured`] the errors of its faces; this module
-//! changes both, and [`moves`] tries positions of one vertex. [`patches`] cuts a mesh into parts
-//! that threads change on their own.
+//! [`half_edges`] holds the triangulation and the errors, an [`evaluator`] says what a change would
+//! do to them, and this module makes changes. [`moves`] tries positions of one vertex; [`patches`]
+//! divides a mesh into parts that threads change on their own.
 
+pub(crate) mod evaluator;
 pub(crate) mod half_edges;
-pub(crate) mod measured;
 pub(crate) mod moves;
-pub(crate) mod partition;
-mod patches;
+pub(crate) mod patches;
 
 use crate::control::{Cancelled, Control, Stage};
+use crate::dynamic_mesh::evaluator::{Detached, Evaluator, FaceMeasure};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
-use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, MeasuredTriangulation, evaluate_all};
 use crate::image::Point;
-use crate::triangulation::{NONE, Triangulation};
+use crate::parallel::share_out;
+use crate::triangulation::Triangulation;
 use std::num::NonZeroUsize;
+
+/// Changes that a thread evaluates at a time: some 0.3 ms.
+const CHANGES_PER_SHARE: usize = 64;
 
 /// A preferred-directions Delaunay triangulation of lattice points of an image, with the errors of
 /// its faces and what measures them.
 pub(crate) struct MeasuredMesh<M> {
-    measured: MeasuredTriangulation,
+    pub(crate) triangulation: DynamicTriangulation,
     evaluator: Evaluator<M>,
     /// Slots of the faces of the last insertion.
     fan: Vec<u32>,
@@ -31,86 +34,50 @@ pub(crate) struct MeasuredMesh<M> {
 #[derive(Default)]
 struct TentativeMove {
     vertex: u32,
-    /// Errors of the faces that the vertex had, and their sum.
+    detached: Detached,
+    /// Errors of the faces that the vertex had.
     errors_before: Vec<u64>,
-    error_before: u64,
-    /// Number of triangles of the fill, which have the first slots of the star.
-    fill_count: usize,
     /// The cavity of the best position so far, and the errors of its fan.
     best_cavity: Link,
     best_errors: Vec<u64>,
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
-    /// Triangulates and measures points, given by row, then column, of an image of `width` columns
-    /// and `height` rows, its corners among them. Polls report the beginning of `stage`.
+    /// Triangulates and measures points, given by row, then column, of an image of `size` columns
+    /// and rows, its corners among them. Polls report the beginning of `stage`.
     ///
     /// # Errors
     /// When the control cancels.
     pub(crate) fn new(
         points: Vec<Point>,
-        (width, height): (usize, usize),
+        size: (usize, usize),
         measure: M,
         stage: Stage,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let control = BeginningOf { control, stage };
         let triangulation = Triangulation::new(points, &control)?;
-        let triangulation = DynamicTriangulation::new(triangulation, width, height, &control)?;
+        let triangulation = DynamicTriangulation::new(triangulation, size, &control)?;
         let slots: Vec<u32> = (0..triangulation.slot_count() as u32).collect();
-        let new = || Evaluator::new(measure.another());
-        let error = |slot, own: &mut Evaluator<M>| own.measure.error(triangulation.corners(slot));
-        let errors = evaluate_all(&slots, new, error, &control)?;
-        let measured = MeasuredTriangulation::new(triangulation, errors);
-        Ok(Self::with_errors(measured, measure))
+        let mut mesh = Self::of_parts(triangulation, measure);
+        let error = |evaluator: &mut Evaluator<M>, triangulation: &DynamicTriangulation, slot| {
+            evaluator.measure.error(triangulation.corners(slot))
+        };
+        for (slot, error) in (0..).zip(mesh.evaluate_all(&slots, error, &control)?) {
+            mesh.triangulation.set_face_error(slot, error);
+        }
+        Ok(mesh)
     }
 
     /// A mesh whose faces are measured already.
-    fn with_errors(measured: MeasuredTriangulation, measure: M) -> Self {
-        let evaluator = Evaluator::new(measure);
-        Self { measured, evaluator, fan: Vec::new(), tentative: TentativeMove::default() }
-    }
-
-    /// The triangulation with its errors, to evaluate changes on several threads.
-    pub(crate) fn measured(&self) -> &MeasuredTriangulation {
-        &self.measured
-    }
-
-    /// The triangulation.
-    pub(crate) fn triangulation(&self) -> &DynamicTriangulation {
-        &self.measured.triangulation
-    }
-
-    /// Another evaluator of the same errors.
-    pub(crate) fn another_evaluator(&self) -> Evaluator<M> {
-        Evaluator::new(self.evaluator.measure.another())
-    }
-
-    /// Replaces the mesh by an earlier copy of its triangulation.
-    pub(crate) fn restore(&mut self, measured: MeasuredTriangulation) {
-        self.measured = measured;
+    fn of_parts(triangulation: DynamicTriangulation, measure: M) -> Self {
+        let (evaluator, tentative) = (Evaluator::new(measure), TentativeMove::default());
+        Self { triangulation, evaluator, fan: Vec::new(), tentative }
     }
 
     /// The sum of the errors of all faces.
     pub(crate) fn total_error(&self) -> u64 {
-        self.measured.total_error()
-    }
-
-    /// The error of a slot's face, 0 of a free slot.
-    pub(crate) fn face_error(&self, slot: u32) -> u64 {
-        self.measured.face_error(slot)
-    }
-
-    /// Number of vertices in the mesh.
-    pub(crate) fn vertex_count(&self) -> usize {
-        self.triangulation().outgoing.iter().filter(|&&h| h != NONE).count()
-    }
-
-    /// Whether a vertex may be moved or removed: it is in the mesh and no corner of the image.
-    pub(crate) fn is_movable(&self, vertex: u32) -> bool {
-        let triangulation = self.triangulation();
-        triangulation.outgoing[vertex as usize] != NONE
-            && !triangulation.is_corner(triangulation.points[vertex as usize])
+        self.triangulation.total_error
     }
 
     /// Whether a model predicts the change of the error when a vertex moves.
@@ -118,19 +85,44 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         self.evaluator.measure.model_pixels().is_some()
     }
 
+    /// Evaluates something of each of some vertices or slots, on all threads; the result does not
+    /// depend on their number.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn evaluate_all<T: Clone + Default + Send>(
+        &self,
+        items: &[u32],
+        evaluate: impl Fn(&mut Evaluator<M>, &DynamicTriangulation, u32) -> T + Sync,
+        control: &dyn Control,
+    ) -> Result<Vec<T>, Cancelled> {
+        let mut results = vec![T::default(); items.len()];
+        let work = |(items, results): (&[u32], &mut [T]), control: &dyn Control| {
+            let mut evaluator = Evaluator::new(self.evaluator.measure.clone());
+            for (&item, result) in items.iter().zip(results) {
+                control.poll(Stage::Refine, 0, 1)?;
+                *result = evaluate(&mut evaluator, &self.triangulation, item);
+            }
+            Ok(())
+        };
+        let shares = items.chunks(CHANGES_PER_SHARE).zip(results.chunks_mut(CHANGES_PER_SHARE));
+        share_out(shares, control, work)?;
+        Ok(results)
+    }
+
     /// By how much the error would change with a vertex at a vacant position, if by less than
     /// `limit`; `hint` is a slot near it. `None` too where another vertex is.
     pub(crate) fn insertion_change(&mut self, at: Point, hint: u32, limit: i64) -> Option<i64> {
-        self.evaluator.insertion_change(&self.measured, at, hint, limit)
+        self.evaluator.insertion_change(&self.triangulation, at, hint, limit)
     }
 
     /// Removes a movable vertex, and returns by how much the error changed.
     ///
     /// Its neighbours were those that [`link`](Self::link) returns.
     pub(crate) fn remove(&mut self, vertex: u32) -> i64 {
-        let change = self.evaluator.removal_change(&self.measured, vertex);
+        let change = self.evaluator.removal_change(&self.triangulation, vertex);
         let Evaluator { star, filler, errors, .. } = &mut self.evaluator;
-        self.measured.remove(vertex, star, filler.triangles(), errors);
+        self.triangulation.remove(vertex, star, filler.triangles(), errors);
         change
     }
 
@@ -138,10 +130,10 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     ///
     /// Its neighbours are those that [`new_link`](Self::new_link) returns.
     pub(crate) fn add_vertex(&mut self, at: Point, hint: u32) -> Option<u32> {
-        self.evaluator.insertion_change(&self.measured, at, hint, i64::MAX)?;
-        let vertex = self.measured.triangulation.add_vertex(at);
+        self.insertion_change(at, hint, i64::MAX)?;
+        let vertex = self.triangulation.add_vertex(at);
         let Evaluator { cavity, errors, .. } = &self.evaluator;
-        self.measured.insert(vertex, at, cavity, errors, &mut self.fan);
+        self.triangulation.insert(vertex, at, cavity, errors, &mut self.fan);
         Some(vertex)
     }
 

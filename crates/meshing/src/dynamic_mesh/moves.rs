@@ -4,8 +4,8 @@
 //! face of the fill is measured only where it would stay, and at most once. The vertex then commits
 //! to the best position, where the errors of its faces are known already, or rolls back.
 
-use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure};
+use crate::dynamic_mesh::evaluator::{Detached, Evaluator, FaceMeasure, LeavesPatch};
+use crate::dynamic_mesh::{MeasuredMesh, TentativeMove};
 use crate::image::Point;
 
 /// The error of a face of a fill that has not been measured.
@@ -30,15 +30,12 @@ pub(crate) enum Outcome {
     LeavesPatch,
 }
 
-/// A position would change faces outside of the patch.
-struct LeavesPatch;
-
 impl<M: FaceMeasure> MeasuredMesh<M> {
     /// Selects a movable vertex to be moved; `false` when it is on the boundary of a patch, where it
     /// can't be moved.
     pub(crate) fn begin_move(&mut self, vertex: u32) -> bool {
         self.tentative.vertex = vertex;
-        self.evaluator.gather_star(&self.measured.triangulation, vertex);
+        self.evaluator.gather_star(&self.triangulation, vertex);
         !self.evaluator.star.touches_patch_boundary()
     }
 
@@ -53,11 +50,10 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         candidates: &mut Vec<(f32, Point)>,
     ) -> bool {
         candidates.clear();
-        let Self { measured, evaluator, tentative, .. } = self;
+        let Self { triangulation, evaluator, tentative, .. } = self;
         let Evaluator { measure, star, boundary, .. } = evaluator;
-        let triangulation = &measured.triangulation;
         let unweighted = |&slot: &u32| {
-            measure.unweighted_error(triangulation.corners(slot), measured.face_error(slot))
+            measure.unweighted_error(triangulation.corners(slot), triangulation.face_error(slot))
         };
         let error: u64 = star.triangles.iter().map(unweighted).sum();
         let Some(pixels) = measure.model_pixels() else { return false };
@@ -95,7 +91,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         self.detach();
         let (mut limit, mut best) = (0, None);
         for position in positions {
-            if !self.measured.triangulation.holds(position) {
+            if !self.triangulation.holds(position) {
                 continue;
             }
             match self.change_at(position, limit) {
@@ -122,69 +118,52 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
 
     /// Removes the selected vertex from the triangulation for a while.
     fn detach(&mut self) {
-        let Self {
-            measured, evaluator: Evaluator { star, boundary, filler, .. }, tentative, ..
-        } = self;
+        let Self { triangulation, evaluator, tentative, .. } = self;
+        let Evaluator { star, boundary, filler, .. } = evaluator;
         tentative.errors_before.clear();
-        let errors = star.triangles.iter().map(|&slot| measured.face_error(slot));
+        let errors = star.triangles.iter().map(|&slot| triangulation.face_error(slot));
         tentative.errors_before.extend(errors);
-        tentative.error_before = tentative.errors_before.iter().sum();
-        let fill = filler.fill(boundary);
-        tentative.fill_count = fill.len();
+        let (fill, error) = (filler.fill(boundary), tentative.errors_before.iter().sum());
+        tentative.detached = Detached { fill_count: fill.len(), error };
         tentative.best_errors.clear();
         tentative.best_errors.resize(fill.len(), UNMEASURED);
-        measured.remove(tentative.vertex, star, fill, &tentative.best_errors);
+        triangulation.remove(tentative.vertex, star, fill, &tentative.best_errors);
     }
 
     /// By how much the error will have changed when the detached vertex is inserted at a position,
     /// if by less than `limit`; `None` too where another vertex is.
     fn change_at(&mut self, at: Point, limit: i64) -> Result<Option<i64>, LeavesPatch> {
-        let Self { measured, evaluator, tentative, .. } = self;
-        let Evaluator { cavity, measure, star, faces, errors, .. } = evaluator;
-        let triangulation = &measured.triangulation;
-        let slot = triangulation.locate(at, star.triangles[0]).ok_or(LeavesPatch)?;
-        if triangulation.corners(slot).contains(&at) {
-            return Ok(None);
-        }
-        triangulation.cavity(at, slot, cavity);
-        if cavity.touches_patch_boundary() {
-            return Err(LeavesPatch);
-        }
-        let fill = &star.triangles[..tentative.fill_count];
-        let kept = cavity.triangles.iter().filter(|slot| !fill.contains(slot));
-        let replaced = kept.map(|&slot| measured.face_error(slot)).sum::<u64>();
-        let before = tentative.error_before + replaced;
-        faces.clear();
-        faces.extend(triangulation.fan_around(at, cavity));
-        let most = limit.saturating_add_unsigned(before).max(0) as u64;
-        let mut change = measure.errors_below(faces, most, errors) as i64 - before as i64;
-        if change >= limit {
-            return Ok(None);
-        }
+        let Self { triangulation, evaluator, tentative: TentativeMove { detached, .. }, .. } = self;
+        let hint = evaluator.star.triangles[0];
+        let change = evaluator.fan_change(triangulation, at, hint, *detached, limit)?;
+        let Some(mut change) = change else { return Ok(None) };
+        let Evaluator { measure, star, cavity, .. } = evaluator;
+        let fill = &star.triangles[..detached.fill_count];
         for &slot in fill.iter().filter(|slot| !cavity.triangles.contains(slot)) {
-            if measured.face_error(slot) == UNMEASURED {
-                let error = measure.error(measured.triangulation.corners(slot));
-                measured.set_face_error(slot, error);
+            if triangulation.face_error(slot) == UNMEASURED {
+                let error = measure.error(triangulation.corners(slot));
+                triangulation.set_face_error(slot, error);
             }
-            change += measured.face_error(slot) as i64;
+            change += triangulation.face_error(slot) as i64;
         }
         Ok((change < limit).then_some(change))
     }
 
     /// Inserts the detached vertex at the best position.
     fn commit(&mut self, at: Point) {
-        let Self { measured, evaluator, fan, tentative, .. } = self;
+        let Self { triangulation, evaluator, fan, tentative } = self;
         std::mem::swap(&mut evaluator.cavity, &mut tentative.best_cavity);
         let errors = &tentative.best_errors;
-        measured.insert(tentative.vertex, at, &evaluator.cavity, errors, fan);
+        triangulation.insert(tentative.vertex, at, &evaluator.cavity, errors, fan);
     }
 
     /// Gives the detached vertex its old faces again.
     fn roll_back(&mut self) {
-        let Self { measured, evaluator: Evaluator { star, .. }, fan, tentative, .. } = self;
-        measured.triangulation.undo_removal(tentative.vertex, star, tentative.fill_count, fan);
-        for (&slot, &error) in star.triangles.iter().zip(&tentative.errors_before) {
-            measured.set_face_error(slot, error);
-        }
+        let Self { triangulation, evaluator: Evaluator { star, .. }, fan, tentative } = self;
+        let TentativeMove { vertex, detached, errors_before, .. } = tentative;
+        let freed = star.triangles.len() - detached.fill_count;
+        triangulation.free.truncate(triangulation.free.len() - freed);
+        let from = triangulation.points[*vertex as usize];
+        triangulation.insert(*vertex, from, star, errors_before, fan);
     }
 }

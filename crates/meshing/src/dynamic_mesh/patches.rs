@@ -1,40 +1,174 @@
 //! Patches: parts of a mesh that threads change on their own.
 //!
-//! A patch does not know the triangles outside of it. A change is made only where none of them can
-//! matter, so that the patch has the triangles that the whole mesh would have.
+//! The plane is cut into blocks, each across its longer side. A patch has the triangles whose
+//! vertices are all in one block. The other triangles belong to no patch and do not change while
+//! patches do, so a patch fits into the rest afterwards, whatever changed in it and in others. A
+//! vertex of a patch changes only where no triangle outside can matter, so that the patch has the
+//! triangles that the whole mesh would have.
 
+use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::half_edges::{DynamicTriangulation, PATCH_BOUNDARY};
-use crate::dynamic_mesh::measured::{FaceMeasure, MeasuredTriangulation};
-use crate::dynamic_mesh::partition::{Partition, PatchIndices};
+use crate::dynamic_mesh::evaluator::FaceMeasure;
+use crate::dynamic_mesh::half_edges::{DynamicTriangulation, PATCH_BOUNDARY, poll_at};
+use crate::image::Point;
 use crate::triangulation::{NONE, next};
 
-impl<M: FaceMeasure> MeasuredMesh<M> {
-    /// A copy of a patch, and for each of its vertices whether all of its triangles are in it.
-    pub(crate) fn patch(&self, partition: &Partition, number: u32) -> (Self, Vec<bool>) {
-        let (triangulation, is_inner) = self.triangulation().patch(partition, number);
-        let slots = &partition.patches[number as usize].slots;
-        let errors = slots.iter().map(|&slot| self.face_error(slot)).collect();
-        let measured = MeasuredTriangulation::new(triangulation, errors);
-        (Self::with_errors(measured, self.evaluator.measure.another()), is_inner)
-    }
+/// Which vertices and triangles make up each patch.
+pub(crate) struct Partition {
+    pub(crate) patches: Vec<PatchIndices>,
+    /// The patch of each vertex and slot, and its index there; [`NONE`] where it is in none.
+    pub(super) vertices: Vec<Location>,
+    pub(super) slots: Vec<Location>,
+}
 
-    /// Puts a copy of a patch back.
-    pub(crate) fn put_patch(&mut self, indices: &PatchIndices, patch: &Self) {
-        let slots = self.measured.triangulation.put_patch(indices, patch.triangulation());
-        for (from, &to) in (0..).zip(&slots) {
-            self.measured.set_face_error(to, patch.face_error(from));
+/// The vertices and slots of a patch, by their indices in the whole triangulation.
+#[derive(Clone, Default)]
+pub(crate) struct PatchIndices {
+    pub(crate) vertices: Vec<u32>,
+    pub(crate) slots: Vec<u32>,
+}
+
+/// Where in a partition a vertex or a slot is.
+#[derive(Clone, Copy)]
+pub(super) struct Location {
+    pub(super) patch: u32,
+    pub(super) index: u32,
+}
+
+const NOWHERE: Location = Location { patch: NONE, index: NONE };
+
+/// The direction of the cuts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cuts {
+    /// Along rows and columns.
+    Straight,
+    /// Along diagonals, which share few points with the straight cuts.
+    Diagonal,
+}
+
+impl Cuts {
+    pub(crate) const BOTH: [Self; 2] = [Self::Straight, Self::Diagonal];
+
+    /// The coordinates of a point across the cuts of both directions.
+    fn coordinates(self, p: Point) -> [i32; 2] {
+        match self {
+            Self::Straight => [p.x, p.y],
+            Self::Diagonal => [p.x + p.y, p.x - p.y],
         }
     }
 }
 
+impl Partition {
+    /// Halves a triangulation `halvings` times.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub(crate) fn new(
+        triangulation: &DynamicTriangulation,
+        cuts: Cuts,
+        halvings: u32,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let outgoing = &triangulation.outgoing;
+        let mut order: Vec<u32> = (0..outgoing.len() as u32).collect();
+        order.retain(|&v| outgoing[v as usize] != NONE);
+        let coordinates = |v: u32| cuts.coordinates(triangulation.points[v as usize]);
+        let mut blocks = Vec::new();
+        halve(&mut order, &coordinates, halvings, &mut blocks, control)?;
+        let mut partition = Self {
+            patches: Vec::new(),
+            vertices: vec![NOWHERE; outgoing.len()],
+            slots: vec![NOWHERE; triangulation.slot_count()],
+        };
+        for (patch, mut vertices) in (0..).zip(blocks) {
+            vertices.sort_unstable();
+            for (index, &v) in (0..).zip(&vertices) {
+                partition.vertices[v as usize] = Location { patch, index };
+            }
+            partition.patches.push(PatchIndices { vertices, slots: Vec::new() });
+        }
+        partition.assign_slots(triangulation, control)?;
+        Ok(partition)
+    }
+
+    /// For each patch the indices there of those of some vertices that are in it, in their order.
+    pub(crate) fn by_patch(&self, order: impl Iterator<Item = u32>) -> Vec<Vec<u32>> {
+        let mut orders = vec![Vec::new(); self.patches.len()];
+        for v in order {
+            let Location { patch, index } = self.vertices[v as usize];
+            if patch != NONE {
+                orders[patch as usize].push(index);
+            }
+        }
+        orders
+    }
+
+    /// Assigns each slot whose vertices are all in one patch to it.
+    fn assign_slots(
+        &mut self,
+        triangulation: &DynamicTriangulation,
+        control: &dyn Control,
+    ) -> Result<(), Cancelled> {
+        for slot in 0..triangulation.slot_count() as u32 {
+            poll_at(slot as usize, control)?;
+            if !triangulation.is_used(slot) {
+                continue;
+            }
+            let corners = triangulation.vertices_of(slot);
+            let [patch, b, c] = corners.map(|v| self.vertices[v as usize].patch);
+            if patch == b && b == c {
+                let slots = &mut self.patches[patch as usize].slots;
+                self.slots[slot as usize] = Location { patch, index: slots.len() as u32 };
+                slots.push(slot);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Halves vertices `halvings` times, each time across the longer side of their bounding box, and
+/// pushes the blocks. Of equally long sides the first is cut.
+fn halve(
+    vertices: &mut [u32],
+    coordinates: &impl Fn(u32) -> [i32; 2],
+    halvings: u32,
+    blocks: &mut Vec<Vec<u32>>,
+    control: &dyn Control,
+) -> Result<(), Cancelled> {
+    control.poll(Stage::Refine, 0, 1)?;
+    if halvings == 0 {
+        blocks.push(vertices.to_vec());
+        return Ok(());
+    }
+    let extent = |axis: usize| {
+        let values = || vertices.iter().map(|&v| coordinates(v)[axis]);
+        values().max().unwrap_or(0) - values().min().unwrap_or(0)
+    };
+    let across = usize::from(extent(1) > extent(0));
+    let key = |v: &u32| (coordinates(*v)[across], coordinates(*v)[1 - across]);
+    let middle = vertices.len() / 2;
+    if middle > 0 {
+        vertices.select_nth_unstable_by_key(middle, key);
+    }
+    let (low, high) = vertices.split_at_mut(middle);
+    halve(low, coordinates, halvings - 1, blocks, control)?;
+    halve(high, coordinates, halvings - 1, blocks, control)
+}
+
+impl<M: FaceMeasure> MeasuredMesh<M> {
+    /// A copy of a patch. Only vertices with all their triangles in it are in its mesh.
+    pub(crate) fn patch(&self, partition: &Partition, number: usize) -> Self {
+        let triangulation = self.triangulation.patch(partition, number);
+        Self::of_parts(triangulation, self.evaluator.measure.clone())
+    }
+}
+
 impl DynamicTriangulation {
-    /// A copy of a patch, and for each of its vertices whether all of its triangles are in it.
-    pub(super) fn patch(&self, partition: &Partition, number: u32) -> (Self, Vec<bool>) {
-        let PatchIndices { vertices, slots } = &partition.patches[number as usize];
+    fn patch(&self, partition: &Partition, number: usize) -> Self {
+        let PatchIndices { vertices, slots } = &partition.patches[number];
         let half_edge = |h: u32| {
             let location = partition.slots[h as usize / 3];
-            (location.patch == number).then(|| 3 * location.index + h % 3)
+            (location.patch == number as u32).then(|| 3 * location.index + h % 3)
         };
         let sides = || slots.iter().flat_map(|&slot| 3 * slot..3 * slot + 3);
         let twin = |h: u32| match self.twins[h as usize] {
@@ -43,26 +177,24 @@ impl DynamicTriangulation {
         };
         let origin = |h: u32| partition.vertices[self.origins[h as usize] as usize].index;
         let outgoing = |v: &u32| half_edge(self.outgoing[*v as usize]).unwrap_or(NONE);
-        let patch = Self {
+        let mut patch = Self {
             points: vertices.iter().map(|&v| self.points[v as usize]).collect(),
             origins: sides().map(origin).collect(),
             twins: sides().map(twin).collect(),
             outgoing: vertices.iter().map(outgoing).collect(),
             free: Vec::new(),
-            right: self.right,
-            top: self.top,
+            face_errors: slots.iter().map(|&slot| self.face_error(slot)).collect(),
+            ..*self
         };
-        let mut is_inner: Vec<bool> = patch.outgoing.iter().map(|&h| h != NONE).collect();
-        for (h, _) in (0..).zip(&patch.twins).filter(|(_, twin)| **twin == PATCH_BOUNDARY) {
-            for end in [h, next(h)] {
-                is_inner[patch.origins[end as usize] as usize] = false;
-            }
+        let sides = (0..).zip(&patch.twins).filter(|(_, twin)| **twin == PATCH_BOUNDARY);
+        for end in sides.flat_map(|(h, _)| [h, next(h)]) {
+            patch.outgoing[patch.origins[end as usize] as usize] = NONE;
         }
-        (patch, is_inner)
+        patch
     }
 
-    /// Puts a copy of a patch back, and returns the slot here of each of its slots.
-    pub(super) fn put_patch(&mut self, indices: &PatchIndices, patch: &Self) -> Vec<u32> {
+    /// Puts a copy of a patch back.
+    pub(crate) fn put_patch(&mut self, indices: &PatchIndices, patch: &Self) {
         let mut slots = indices.slots.clone();
         while slots.len() < patch.slot_count() {
             slots.push(self.free_slot());
@@ -70,10 +202,10 @@ impl DynamicTriangulation {
         let half_edge = |h: u32| 3 * slots[h as usize / 3] + h % 3;
         for (index, &slot) in (0..).zip(&slots) {
             if !patch.is_used(index) {
-                self.origins[3 * slot as usize..][..3].fill(NONE);
-                self.free.push(slot);
+                self.free(slot);
                 continue;
             }
+            self.set_face_error(slot, patch.face_error(index));
             for (from, to) in (3 * index as usize..).zip(3 * slot as usize..).take(3) {
                 self.origins[to] = indices.vertices[patch.origins[from] as usize];
                 match patch.twins[from] {
@@ -89,6 +221,88 @@ impl DynamicTriangulation {
                 self.outgoing[v as usize] = half_edge(h);
             }
         }
-        slots
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::corner_points;
+    use crate::triangulation::{Triangulation, triangulate};
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    proptest! {
+        #[test]
+        fn patches_are_equal_blocks_with_their_faces(
+            (width, height) in (2usize..20, 2usize..20),
+            seeds in prop::collection::vec((0usize..20, 0usize..20), 0..60),
+            halvings in 0u32..5,
+            cuts in prop::sample::select(&Cuts::BOTH[..]),
+        ) {
+            let seeds = seeds
+                .iter()
+                .map(|&(x, y)| Point::new((x % width) as i32, (y % height) as i32));
+            let points: BTreeSet<Point> = seeds.chain(corner_points(width, height)).collect();
+            let points: Vec<Point> = points.into_iter().collect();
+            let faces = triangulate(&points);
+            let triangulation = Triangulation::new(points.clone(), &()).unwrap();
+            let mut whole =
+                DynamicTriangulation::new(triangulation, (width, height), &()).unwrap();
+            let partition = Partition::new(&whole, cuts, halvings, &()).unwrap();
+            prop_assert_eq!(partition.patches.len(), 1 << halvings);
+            let mut patch_of = vec![usize::MAX; points.len()];
+            for (number, indices) in partition.patches.iter().enumerate() {
+                let fair = points.len() >> halvings;
+                prop_assert!((fair..=fair + 1).contains(&indices.vertices.len()));
+                for &v in &indices.vertices {
+                    let before = std::mem::replace(&mut patch_of[v as usize], number);
+                    prop_assert_eq!(before, usize::MAX);
+                }
+            }
+            for (number, indices) in partition.patches.iter().enumerate() {
+                let is_inside = |face: &[u32; 3]| face.iter().all(|&v| patch_of[v as usize] == number);
+                let patch = whole.patch(&partition, number);
+                let count = faces.iter().filter(|face| is_inside(face)).count();
+                prop_assert_eq!(patch.slot_count(), count);
+                for (slot, &there) in (0..).zip(&indices.slots) {
+                    prop_assert_eq!(patch.corners(slot), whole.corners(there));
+                }
+                for (&outgoing, v) in patch.outgoing.iter().zip(&indices.vertices) {
+                    let mut around = faces.iter().filter(|face| face.contains(v));
+                    prop_assert_eq!(outgoing != NONE, around.all(is_inside));
+                }
+                whole.put_patch(indices, &patch);
+            }
+            let position = |&v: &u32| {
+                let [x, y] = cuts.coordinates(points[v as usize]);
+                Point::new(x, y)
+            };
+            let block = |indices: &PatchIndices| indices.vertices.iter().map(position).collect();
+            assert_cut_across_the_longer_side(
+                &partition.patches.iter().map(block).collect::<Vec<_>>(),
+            );
+            prop_assert_eq!(whole.sorted(&()).unwrap().faces, faces);
+        }
+    }
+
+    /// Of each two halves one is left of the other, or below it where together they are higher than
+    /// wide.
+    fn assert_cut_across_the_longer_side(blocks: &[Vec<Point>]) {
+        if blocks.len() < 2 {
+            return;
+        }
+        let (low, high) = blocks.split_at(blocks.len() / 2);
+        let side = |of: fn(&Point) -> i32| {
+            let all = || blocks.iter().flatten().map(of);
+            all().max().zip(all().min()).map_or(0, |(most, least)| most - least)
+        };
+        let is_wide = side(|p| p.x) >= side(|p| p.y);
+        let key = |p: &Point| if is_wide { (p.x, p.y) } else { (p.y, p.x) };
+        let last = low.iter().flatten().map(key).max();
+        let first = high.iter().flatten().map(key).min();
+        assert!(last.zip(first).is_none_or(|(last, first)| last < first), "{blocks:?}");
+        assert_cut_across_the_longer_side(low);
+        assert_cut_across_the_longer_side(high);
     }
 }

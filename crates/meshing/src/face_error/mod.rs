@@ -67,6 +67,7 @@ impl<'a> ErrorEvaluator<'a> {
 }
 
 /// Computes errors of faces on one thread; keeps its memory from one face to the next.
+#[derive(Clone)]
 pub(crate) struct FaceErrors<'e> {
     evaluator: &'e ErrorEvaluator<'e>,
     interpolants: Vec<Interpolant>,
@@ -85,11 +86,6 @@ impl<'e> FaceErrors<'e> {
             approximations: vec![Vec::new(); count],
             single: Vec::with_capacity(1),
         }
-    }
-
-    /// Another one of the same errors.
-    pub(crate) fn another(&self) -> Self {
-        Self::new(self.evaluator)
     }
 
     /// The error of a counter-clockwise face: the sum of its pixels' errors.

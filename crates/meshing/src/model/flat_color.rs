@@ -5,7 +5,7 @@
 //! face is measured in a time proportional to its rows, whatever its columns.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::measured::FaceMeasure;
+use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::error::MeshingError;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point, ShapeMismatch};
@@ -167,6 +167,7 @@ fn running_sums<T: Copy>(
 }
 
 /// Measures faces by the squared error of their best colours.
+#[derive(Clone)]
 pub(crate) struct FlatFaces<'a> {
     sums: &'a RowSums,
 }
@@ -185,10 +186,6 @@ impl FaceMeasure for FlatFaces<'_> {
             sum.mean().map_or(0, |value| sum.squared_error(value))
         };
         (components.map(error).sum::<u128>() >> self.sums.shift) as u64
-    }
-
-    fn another(&self) -> Self {
-        Self::new(self.sums)
     }
 }
 

@@ -44,7 +44,7 @@ pub(crate) fn inserted_points(
     let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
     let mesh = MeasuredMesh::new(corners, sides, errors, Stage::Insert, control)?;
     let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new() };
-    for slot in 0..insertion.mesh.triangulation().slot_count() as u32 {
+    for slot in 0..insertion.mesh.triangulation.slot_count() as u32 {
         insertion.demand(slot);
     }
     control.poll(Stage::Insert, 0, size)?;
@@ -56,7 +56,8 @@ pub(crate) fn inserted_points(
             break;
         }
     }
-    let (points, _, _) = insertion.mesh.triangulation().mesh();
+    let mut points = insertion.mesh.triangulation.points;
+    points.sort_unstable();
     Ok(points)
 }
 
@@ -72,9 +73,9 @@ struct Insertion<'a> {
 impl Insertion<'_> {
     /// Notes that a face wants a vertex, if it has an error.
     fn demand(&mut self, slot: u32) {
-        let error = self.mesh.face_error(slot);
+        let error = self.mesh.triangulation.face_error(slot);
         if error > 0 {
-            let corners = self.mesh.triangulation().corners(slot);
+            let corners = self.mesh.triangulation.corners(slot);
             self.demands.push(Demand { error, corners, slot });
         }
     }
@@ -83,7 +84,7 @@ impl Insertion<'_> {
     /// to give it to.
     fn insert_one(&mut self) -> bool {
         while let Some(Demand { corners, slot, .. }) = self.demands.pop() {
-            if self.mesh.triangulation().corners(slot) != corners {
+            if self.mesh.triangulation.corners(slot) != corners {
                 continue;
             }
             let (mut best, mut limit) = (None, i64::MAX);

@@ -7,7 +7,8 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, evaluate_all};
+use crate::dynamic_mesh::evaluator::{Evaluator, FaceMeasure};
+use crate::dynamic_mesh::half_edges::sort_with_polls;
 use crate::removal::Removal;
 
 /// A batch takes at most one in this many of the vertices that are left.
@@ -27,60 +28,54 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
     mut on_change: impl FnMut(&[u32]),
     control: &dyn Control,
 ) -> Result<Vec<Removal>, Cancelled> {
-    let mut is_outdated = vec![false; mesh.triangulation().points.len()];
+    let mut is_outdated = vec![false; mesh.triangulation.points.len()];
     let mut outdated: Vec<u32> = (0..is_outdated.len() as u32).collect();
     let mut costs = Vec::<Cost>::new();
     let mut removals = Vec::new();
     while removals.len() < count {
-        outdated.retain(|&v| mesh.is_movable(v));
-        costs.extend(evaluate(mesh, &outdated, control)?);
+        outdated.retain(|&v| mesh.triangulation.is_movable(v));
+        let changes = mesh.evaluate_all(&outdated, Evaluator::removal_change, control)?;
+        costs.extend(changes.into_iter().zip(outdated.iter().copied()));
         outdated.clear();
         if costs.is_empty() {
             break;
         }
         let batch = (count - removals.len()).min(costs.len().div_ceil(LARGEST_BATCH));
-        for &(change, vertex) in cheapest(&mut costs, batch) {
+        for &(change, vertex) in cheapest(&mut costs, batch, control)? {
             if is_outdated[vertex as usize] {
                 continue;
             }
             control.poll(Stage::Refine, 0, 1)?;
-            removals.push(Removal { point: mesh.triangulation().points[vertex as usize], change });
+            removals.push(Removal { point: mesh.triangulation.points[vertex as usize], change });
             mesh.remove(vertex);
             on_change(mesh.link());
             outdated.extend(mesh.link().iter().filter(|&&v| !is_outdated[v as usize]));
             mesh.link().iter().for_each(|&v| is_outdated[v as usize] = true);
         }
-        costs.retain(|&(_, v)| mesh.is_movable(v) && !is_outdated[v as usize]);
+        costs.retain(|&(_, v)| mesh.triangulation.is_movable(v) && !is_outdated[v as usize]);
         outdated.iter().for_each(|&v| is_outdated[v as usize] = false);
     }
     Ok(removals)
 }
 
-/// The costs of some vertices.
-fn evaluate<M: FaceMeasure>(
-    mesh: &MeasuredMesh<M>,
-    vertices: &[u32],
+/// The `count` lowest costs in ascending order.
+fn cheapest<'c>(
+    costs: &'c mut [Cost],
+    count: usize,
     control: &dyn Control,
-) -> Result<impl Iterator<Item = Cost>, Cancelled> {
-    let (measured, new) = (mesh.measured(), || mesh.another_evaluator());
-    let change = |vertex, own: &mut _| Evaluator::removal_change(own, measured, vertex);
-    let changes = evaluate_all(vertices, new, change, control)?;
-    Ok(changes.into_iter().zip(vertices.iter().copied()))
-}
-
-/// The `count` lowest costs, or all, in ascending order.
-fn cheapest(costs: &mut [Cost], count: usize) -> &[Cost] {
+) -> Result<&'c [Cost], Cancelled> {
     if count < costs.len() {
         costs.select_nth_unstable(count);
     }
-    costs[..count].sort_unstable();
-    &costs[..count]
+    sort_with_polls(&mut costs[..count], control)?;
+    Ok(&costs[..count])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::control::OnThreads;
+    use crate::dynamic_mesh::half_edges::SortedMesh;
     use crate::image::{Image, Point, corner_points};
     use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
     use crate::triangulation::{Face, triangulate};
@@ -142,7 +137,7 @@ mod tests {
             prop_assert_eq!((removals.len(), changes), (count, count));
             let corners = corner_points(width, height);
             let expected = left_by_brute_force(&image, &points, &corners, count);
-            let (kept, faces, _) = mesh.triangulation().mesh();
+            let SortedMesh { points: kept, faces, .. } = mesh.triangulation.sorted(&()).unwrap();
             prop_assert_eq!(&kept, &expected);
             prop_assert_eq!(&faces, &triangulate(&expected));
             let before = sum_of_errors(&image, &points, &triangulate(&points)) as i64;
@@ -160,6 +155,6 @@ mod tests {
         let measure = measure_of(&image);
         let mut mesh = measured(&measure, &image, points);
         remove_in_batches(&mut mesh, usize::MAX, |_| (), &()).unwrap();
-        assert_eq!(mesh.vertex_count(), 4);
+        assert_eq!(mesh.triangulation.vertex_count(), 4);
     }
 }

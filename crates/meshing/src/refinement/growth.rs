@@ -5,10 +5,11 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::FaceMeasure;
+use crate::dynamic_mesh::evaluator::FaceMeasure;
+use crate::dynamic_mesh::patches::Cuts;
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::insertion_candidates::find_candidates;
-use crate::refinement::relocation::{Relocation, Scope, Search};
+use crate::refinement::relocation::{Relocation, Search};
 
 /// Faces searched for insertion candidates, for each vertex to be inserted.
 const FACES_PER_VERTEX: usize = 3;
@@ -25,22 +26,21 @@ pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
-    let (before, relocation_before) = (mesh.measured().copy(control)?, relocation.clone());
-    let error_before = mesh.total_error();
-    // What patches leave out while the mesh is large is relocated afterwards.
-    let (scope, last_scope, last_passes) = match search {
-        Search::Predicted => (Scope::OnePartition, Scope::TwoPartitions, 1),
-        Search::Exhaustive => (Scope::All, Scope::All, 2),
+    let (before, relocation_before) = (mesh.triangulation.copy(control)?, relocation.clone());
+    // A predicted search leaves vertices at the boundaries of patches to the last pass.
+    let (cuts, last_passes) = match search {
+        Search::Predicted => (&[Cuts::Straight][..], 1),
+        Search::Exhaustive => (&Cuts::BOTH[..], 2),
     };
-    let count = (mesh.vertex_count() * percent).div_ceil(100);
+    let count = (mesh.triangulation.vertex_count() * percent).div_ceil(100);
     let inserted = insert_best(mesh, count, relocation, control)?;
-    relocation.pass(mesh, search, scope, control)?;
+    relocation.pass(mesh, search, cuts, control)?;
     remove_in_batches(mesh, inserted, |neighbours| relocation.mark_outdated(neighbours), control)?;
     for _ in 0..last_passes {
-        relocation.pass(mesh, search, last_scope, control)?;
+        relocation.pass(mesh, search, &Cuts::BOTH, control)?;
     }
-    if mesh.total_error() >= error_before {
-        mesh.restore(before);
+    if mesh.total_error() >= before.total_error {
+        mesh.triangulation = before;
         *relocation = relocation_before;
     }
     Ok(())

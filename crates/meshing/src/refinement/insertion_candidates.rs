@@ -1,8 +1,9 @@
 //! Insertion candidates: positions where one more vertex would lower the error most.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::{Evaluator, FaceMeasure, MeasuredTriangulation, evaluate_all};
+use crate::dynamic_mesh::evaluator::{Evaluator, FaceMeasure};
+use crate::dynamic_mesh::half_edges::{DynamicTriangulation, sort_with_polls};
 use crate::image::Point;
 use std::cmp::Reverse;
 
@@ -25,7 +26,7 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// Inserts a vertex if the face is still there and the position vacant.
     pub(crate) fn insert<M: FaceMeasure>(&self, mesh: &mut MeasuredMesh<M>) -> Option<u32> {
-        let is_current = mesh.triangulation().corners(self.slot) == self.corners;
+        let is_current = mesh.triangulation.corners(self.slot) == self.corners;
         if is_current { mesh.add_vertex(self.position, self.slot) } else { None }
     }
 }
@@ -40,27 +41,25 @@ pub(crate) fn find_candidates<M: FaceMeasure>(
     face_count: usize,
     control: &dyn Control,
 ) -> Result<Vec<Candidate>, Cancelled> {
-    let faces = worst_faces(mesh, face_count);
-    control.poll(Stage::Refine, 0, 1)?;
-    let (measured, new) = (mesh.measured(), || mesh.another_evaluator());
-    let best = |slot, own: &mut _| best_in_face(measured, own, slot);
-    let found = evaluate_all(&faces, new, best, control)?;
+    let faces = worst_faces(&mesh.triangulation, face_count);
+    let found = mesh.evaluate_all(&faces, best_in_face, control)?;
     let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
-    candidates.sort_unstable_by_key(|&candidate| Reverse(candidate));
+    sort_with_polls(&mut candidates, control)?;
+    candidates.reverse();
     Ok(candidates)
 }
 
 /// The best position of a face that lowers the error.
 fn best_in_face<M: FaceMeasure>(
-    mesh: &MeasuredTriangulation,
     evaluator: &mut Evaluator<M>,
+    triangulation: &DynamicTriangulation,
     slot: u32,
 ) -> Option<Candidate> {
-    let corners = mesh.triangulation.corners(slot);
+    let corners = triangulation.corners(slot);
     let (mut limit, mut best) = (0, None);
     for weights in WEIGHTS {
         let position = weighted_mean(corners, weights);
-        if let Some(change) = evaluator.insertion_change(mesh, position, slot, limit) {
+        if let Some(change) = evaluator.insertion_change(triangulation, position, slot, limit) {
             (limit, best) = (change, Some(position));
         }
     }
@@ -68,15 +67,15 @@ fn best_in_face<M: FaceMeasure>(
 }
 
 /// Slots of the faces of largest error, not of faces without error.
-fn worst_faces<M: FaceMeasure>(mesh: &MeasuredMesh<M>, count: usize) -> Vec<u32> {
-    let slots = 0..mesh.triangulation().slot_count() as u32;
-    let mut errors: Vec<u64> = slots.clone().map(|slot| mesh.face_error(slot)).collect();
+fn worst_faces(triangulation: &DynamicTriangulation, count: usize) -> Vec<u32> {
+    let slots = 0..triangulation.slot_count() as u32;
+    let mut errors: Vec<u64> = slots.clone().map(|slot| triangulation.face_error(slot)).collect();
     let mut least = 1;
     if count < errors.len() {
         let (_, error, _) = errors.select_nth_unstable_by_key(count, |&error| Reverse(error));
         least = (*error).max(least);
     }
-    slots.filter(|&slot| mesh.face_error(slot) >= least).collect()
+    slots.filter(|&slot| triangulation.face_error(slot) >= least).collect()
 }
 
 /// The lattice point nearest to a weighted mean of a face's vertices, weights in eighths.
@@ -115,16 +114,16 @@ mod tests {
                 before as i64 - error(&more) as i64
             };
             // The best gain of every face that has one, faces of largest error first.
-            let mut slots: Vec<u32> = (0..mesh.triangulation().slot_count() as u32).collect();
-            slots.sort_by_key(|&slot| Reverse(mesh.face_error(slot)));
+            let mut slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
+            slots.sort_by_key(|&slot| Reverse(mesh.triangulation.face_error(slot)));
             let best = |&slot: &u32| {
-                let corners = mesh.triangulation().corners(slot);
+                let corners = mesh.triangulation.corners(slot);
                 let tried = WEIGHTS.iter().map(|&weights| weighted_mean(corners, weights));
                 let vacant = tried.filter(|position| !points.contains(position));
                 vacant.map(gain).filter(|&gain| gain > 0).max()
             };
-            let least = slots.get(face_count).map_or(0, |&slot| mesh.face_error(slot)).max(1);
-            slots.retain(|&slot| mesh.face_error(slot) >= least);
+            let least = slots.get(face_count).map_or(0, |&slot| mesh.triangulation.face_error(slot)).max(1);
+            slots.retain(|&slot| mesh.triangulation.face_error(slot) >= least);
             let mut expected: Vec<i64> = slots.iter().filter_map(best).collect();
             expected.sort_unstable_by_key(|&gain| Reverse(gain));
             let found = find_candidates(&mesh, face_count, &()).unwrap();

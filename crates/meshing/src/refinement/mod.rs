@@ -16,28 +16,31 @@ pub(crate) mod unconstrained;
 
 use crate::control::{Cancelled, Control};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::FaceMeasure;
+use crate::dynamic_mesh::evaluator::FaceMeasure;
+use crate::dynamic_mesh::half_edges::SortedMesh;
+use crate::dynamic_mesh::patches::Cuts;
 use growth::grow_and_shrink;
 use progress::StepProgress;
-use relocation::{Relocation, Scope, Search};
+use relocation::Relocation;
 use schedule::{Step, steps};
 
-/// Lowers the error of a mesh with an effort of 0 (nothing) to 9. The number of vertices stays.
+/// Lowers the error of a mesh with an effort of 0 (nothing) to 9, and returns its vertices and
+/// faces. The number of vertices stays.
 ///
 /// # Errors
 /// When the control cancels.
 pub(crate) fn refine<M: FaceMeasure>(
-    mut mesh: MeasuredMesh<M>,
+    mesh: &mut MeasuredMesh<M>,
     effort: u8,
     control: &dyn Control,
-) -> Result<MeasuredMesh<M>, Cancelled> {
-    let mut relocation = Relocation::new(&mesh);
+) -> Result<SortedMesh, Cancelled> {
+    let mut relocation = Relocation::new(mesh);
     let count = steps(effort).count();
     for (done, step) in steps(effort).enumerate() {
-        let progress = StepProgress::begin(control, done, count)?;
-        take_step(step, &mut mesh, &mut relocation, &progress)?;
+        let progress = StepProgress::begin(control, done, count + 1)?;
+        take_step(step, mesh, &mut relocation, &progress)?;
     }
-    Ok(mesh)
+    mesh.triangulation.sorted(&StepProgress::begin(control, count, count + 1)?)
 }
 
 fn take_step<M: FaceMeasure>(
@@ -46,15 +49,11 @@ fn take_step<M: FaceMeasure>(
     relocation: &mut Relocation,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
-    let scope = |search| match search {
-        Search::Predicted => Scope::TwoPartitions,
-        Search::Exhaustive => Scope::All,
-    };
     match step {
-        Step::Relocate(search) => relocation.pass(mesh, search, scope(search), control),
+        Step::Relocate(search) => relocation.pass(mesh, search, &Cuts::BOTH, control),
         Step::RelocateAll(search) => {
             relocation.restart();
-            relocation.pass(mesh, search, scope(search), control)
+            relocation.pass(mesh, search, &Cuts::BOTH, control)
         }
         Step::Grow(search, percent) => grow_and_shrink(mesh, percent, search, relocation, control),
     }
@@ -66,9 +65,9 @@ pub(crate) mod tests {
     use crate::control::Stage;
     use crate::face_error::{ErrorEvaluator, FaceErrors};
     use crate::image::{Image, Point, corner_points};
-    use crate::model::flat_color::{FlatFaces, RowSums};
     use crate::parameters::choices::ErrorMetric;
-    use crate::triangulation::{Face, triangulate};
+    use crate::refinement::relocation::Search;
+    use crate::triangulation::Face;
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
@@ -84,24 +83,7 @@ pub(crate) mod tests {
         Image::from_bottom_up(side, side, 8, vec![component(0), component(1)]).unwrap()
     }
 
-    #[test]
-    fn flat_faces_are_refined_by_their_own_errors() {
-        let image = shaded(40);
-        let sums = RowSums::new(&image, None);
-        let seeds = (0..60).map(|i| Point::new(i * 37 % 40, i * 23 % 39));
-        let points: BTreeSet<Point> = seeds.chain(corner_points(40, 40)).collect();
-        let points: Vec<Point> = points.into_iter().collect();
-        let errors = FlatFaces::new(&sums);
-        let mesh = MeasuredMesh::new(points, (40, 40), errors, Stage::Refine, &()).unwrap();
-        let before = mesh.total_error();
-        let refined = refine(mesh, 5, &()).unwrap();
-        let (points, faces, _) = refined.triangulation().mesh();
-        let error = |face: &Face| FlatFaces::new(&sums).error(face.map(|v| points[v as usize]));
-        assert_eq!(refined.total_error(), faces.iter().map(error).sum::<u64>());
-        assert!(refined.total_error() < before);
-    }
-
-    /// A picture of few levels in two components, and points of it, the corners among them.
+    /// A picture of two components of 8 levels, and points of it, the corners among them.
     pub(super) fn picture(
         width: usize,
         height: usize,
@@ -140,28 +122,7 @@ pub(crate) mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn more_effort_is_never_worse(
-            (width, height) in (2usize..12, 2usize..12),
-            samples in prop::collection::vec(0u16..64, 144),
-            seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
-        ) {
-            let (image, points) = picture(width, height, &samples, &seeds);
-            let (measure, count) = (measure_of(&image), points.len());
-            let mut last = measured(&measure, &image, points.clone()).total_error();
-            for effort in [0, 1, 3, 5, 9] {
-                let mesh = refine(measured(&measure, &image, points.clone()), effort, &()).unwrap();
-                let (points, faces, _) = mesh.triangulation().mesh();
-                prop_assert_eq!(points.len(), count);
-                prop_assert_eq!(&faces, &triangulate(&points));
-                let error = sum_of_errors(&image, &points, &faces);
-                prop_assert_eq!(mesh.total_error(), error);
-                prop_assert!(error <= last);
-                last = error;
-            }
-        }
-
-        #[test]
-        fn growth_that_does_not_pay_off_is_undone(
+        fn growth_without_gain_is_undone(
             (width, height) in (2usize..12, 2usize..12),
             samples in prop::collection::vec(0u16..3, 144),
             seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
@@ -171,12 +132,12 @@ pub(crate) mod tests {
             let mut mesh = measured(&measure, &image, points);
             let mut relocation = Relocation::new(&mesh);
             for _ in 0..4 {
-                let (error, before) = (mesh.total_error(), mesh.triangulation().mesh());
+                let (error, before) = (mesh.total_error(), mesh.triangulation.sorted(&()));
                 let step = Step::Grow(Search::Exhaustive, 30);
                 take_step(step, &mut mesh, &mut relocation, &()).unwrap();
                 prop_assert!(mesh.total_error() <= error);
                 if mesh.total_error() == error {
-                    prop_assert_eq!(mesh.triangulation().mesh(), before);
+                    prop_assert_eq!(mesh.triangulation.sorted(&()), before);
                 }
             }
         }

@@ -9,12 +9,14 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::FaceMeasure;
+use crate::dynamic_mesh::evaluator::FaceMeasure;
+use crate::dynamic_mesh::half_edges::DynamicTriangulation;
 use crate::dynamic_mesh::moves::{Acceptance, Outcome};
-use crate::dynamic_mesh::partition::{Cuts, Partition, PatchIndices};
+use crate::dynamic_mesh::patches::{Cuts, Partition, PatchIndices};
 use crate::image::Point;
 use crate::parallel::share_out;
 use crate::removal::vertex_order::tile_order;
+use crate::triangulation::NONE;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Positions that a predicted search tries at most.
@@ -45,17 +47,6 @@ pub(crate) enum Search {
     Exhaustive,
 }
 
-/// Which vertices of a mesh a pass visits. A mesh too small for patches is always visited wholly.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Scope {
-    /// Those inside the patches of one partition.
-    OnePartition,
-    /// Those inside the patches of one of two partitions with different cuts.
-    TwoPartitions,
-    /// All; those inside no patch on one thread.
-    All,
-}
-
 /// The state of passes over the vertices of a mesh.
 #[derive(Clone)]
 pub(crate) struct Relocation {
@@ -73,8 +64,8 @@ pub(crate) struct Relocation {
 impl Relocation {
     /// Visits every vertex in the first pass.
     pub(crate) fn new<M: FaceMeasure>(mesh: &MeasuredMesh<M>) -> Self {
-        let points = &mesh.triangulation().points;
-        let (width, height) = mesh.triangulation().size();
+        let points = &mesh.triangulation.points;
+        let (width, height) = mesh.triangulation.size();
         let count = points.len();
         Self {
             is_outdated: vec![true; count],
@@ -104,7 +95,9 @@ impl Relocation {
         }
     }
 
-    /// Visits once each outdated vertex in the scope. The result does not depend on the threads.
+    /// Visits once each outdated vertex inside a patch, first of the patches with the first cuts; an
+    /// exhaustive search then visits all others, on one thread. A small mesh is visited wholly. The
+    /// result does not depend on the number of threads.
     ///
     /// # Errors
     /// When the control cancels.
@@ -112,44 +105,44 @@ impl Relocation {
         &mut self,
         mesh: &mut MeasuredMesh<M>,
         search: Search,
-        scope: Scope,
+        cuts: &[Cuts],
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
-        let halvings = halvings(mesh.vertex_count());
+        let halvings = halvings(mesh.triangulation.vertex_count());
         if halvings > 0 {
-            self.visit_patches(mesh, search, Cuts::Straight, halvings, control)?;
+            for &cuts in cuts {
+                let partition = Partition::new(&mesh.triangulation, cuts, halvings, control)?;
+                let first = if cuts == Cuts::Straight { 0 } else { partition.patches.len() };
+                self.visit_patches(mesh, search, &partition, first, control)?;
+            }
         }
-        if halvings > 0 && scope >= Scope::TwoPartitions {
-            self.visit_patches(mesh, search, Cuts::Diagonal, halvings, control)?;
-        }
-        if halvings == 0 || scope == Scope::All {
+        if halvings == 0 || search == Search::Exhaustive {
             self.visit_in_order(mesh, search, control)?;
         }
         self.is_pending.fill(true);
         Ok(())
     }
 
-    /// Visits the pending vertices inside patches.
+    /// Visits the pending vertices inside patches. `done` is the number of patches before, to
+    /// report.
     fn visit_patches<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
         search: Search,
-        cuts: Cuts,
-        halvings: u32,
+        partition: &Partition,
+        done: usize,
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
-        let partition = Partition::new(mesh.triangulation(), cuts, halvings, control)?;
         let pending = self.order.iter().copied().filter(|&v| self.is_pending[v as usize]);
         let orders = partition.by_patch(pending);
-        let (count, done) = (orders.len(), AtomicUsize::new(0));
+        let (count, done) = (orders.len(), AtomicUsize::new(done));
         let mut visited: Vec<Option<(MeasuredMesh<M>, Self)>> = Vec::new();
         visited.resize_with(count, || None);
         let visit = |(number, (result, order)): (usize, (&mut Option<_>, _)),
                      control: &dyn Control| {
-            let done = done.fetch_add(1, Ordering::Relaxed);
-            control.poll(Stage::Refine, cuts as usize * count + done, 2 * count)?;
-            let (mut patch, is_inner) = mesh.patch(&partition, number as u32);
-            let mut own = self.of_patch(&partition.patches[number], order, &is_inner);
+            control.poll(Stage::Refine, done.fetch_add(1, Ordering::Relaxed), 2 * count)?;
+            let mut patch = mesh.patch(partition, number);
+            let mut own = self.of_patch(&partition.patches[number], &patch.triangulation, order);
             own.visit_in_order(&mut patch, search, control)?;
             *result = Some((patch, own));
             Ok(())
@@ -158,7 +151,7 @@ impl Relocation {
         for (indices, result) in partition.patches.iter().zip(visited) {
             control.poll(Stage::Refine, 0, 1)?;
             let (patch, own) = result.ok_or(Cancelled)?;
-            mesh.put_patch(indices, &patch);
+            mesh.triangulation.put_patch(indices, &patch.triangulation);
             for (i, &v) in indices.vertices.iter().enumerate() {
                 self.is_outdated[v as usize] = own.is_outdated[i];
                 self.is_pending[v as usize] = own.is_pending[i];
@@ -167,9 +160,14 @@ impl Relocation {
         Ok(())
     }
 
-    /// The state of a patch, to visit its inner vertices among those in `order`.
-    fn of_patch(&self, indices: &PatchIndices, mut order: Vec<u32>, is_inner: &[bool]) -> Self {
-        order.retain(|&v| is_inner[v as usize]);
+    /// The state of a patch, to visit those vertices in `order` that are in its mesh.
+    fn of_patch(
+        &self,
+        indices: &PatchIndices,
+        patch: &DynamicTriangulation,
+        mut order: Vec<u32>,
+    ) -> Self {
+        order.retain(|&v| patch.outgoing[v as usize] != NONE);
         let of_patch =
             |whole: &[bool]| indices.vertices.iter().map(|&v| whole[v as usize]).collect();
         Self {
@@ -194,7 +192,7 @@ impl Relocation {
             let vertex = self.order[i];
             if !std::mem::take(&mut self.is_pending[vertex as usize])
                 || !self.is_outdated[vertex as usize]
-                || !mesh.is_movable(vertex)
+                || !mesh.triangulation.is_movable(vertex)
             {
                 continue;
             }
@@ -242,7 +240,7 @@ fn move_to_best<M: FaceMeasure>(
     vertex: u32,
     offsets: &[(i32, i32)],
 ) -> Outcome {
-    let from = mesh.triangulation().points[vertex as usize];
+    let from = mesh.triangulation.points[vertex as usize];
     let positions = offsets.iter().map(|&(dx, dy)| Point::new(from.x + dx, from.y + dy));
     mesh.move_vertex(positions, Acceptance::Best)
 }

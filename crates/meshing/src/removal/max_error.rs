@@ -6,7 +6,7 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::measured::FaceMeasure;
+use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};
@@ -43,6 +43,7 @@ pub(crate) fn removals_within(
 }
 
 /// Counts the faces that hold a sample of too large an error.
+#[derive(Clone)]
 struct Breaches<'a> {
     image: &'a Image,
     most: u16,
@@ -66,10 +67,6 @@ impl FaceMeasure for Breaches<'_> {
             });
         }
         breaks.into()
-    }
-
-    fn another(&self) -> Self {
-        Self { ..*self }
     }
 }
 

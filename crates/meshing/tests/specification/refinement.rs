@@ -53,19 +53,22 @@ proptest! {
     }
 
     #[test]
-    fn refinement_keeps_size_and_samples(
+    fn more_effort_is_never_worse(
         image in pictures(2..=12, 1..=3),
         share in 0.0..0.4,
-        effort in 1u8..=9,
     ) {
         let own = Method::Mgprfs.parameters(size_target(&image, share));
         let plain = model(&image, &own);
-        let refined = model(&image, &own.effort(effort));
-        prop_assert_eq!(refined.mesh.points().len(), plain.mesh.points().len());
-        prop_assert!(refined.fidelity.squared_error <= plain.fidelity.squared_error);
-        for (v, p) in refined.mesh.points().iter().enumerate() {
-            for (c, &sample) in refined.mesh.vertex_samples(v).iter().enumerate() {
-                prop_assert_eq!(sample, image.sample(c, p.x as usize, p.y as usize));
+        let mut last = plain.fidelity.squared_error;
+        for effort in [1, 3, 5, 9] {
+            let refined = model(&image, &own.clone().effort(effort));
+            prop_assert_eq!(refined.mesh.points().len(), plain.mesh.points().len());
+            prop_assert!(refined.fidelity.squared_error <= last);
+            last = refined.fidelity.squared_error;
+            for (v, p) in refined.mesh.points().iter().enumerate() {
+                for (c, &sample) in refined.mesh.vertex_samples(v).iter().enumerate() {
+                    prop_assert_eq!(sample, image.sample(c, p.x as usize, p.y as usize));
+                }
             }
         }
     }
@@ -192,7 +195,13 @@ fn heavier_pixels_have_smaller_errors() {
     let own = Method::Mgprfs.parameters(target);
     let with_metric = |&metric| own.clone().error_metric(metric);
     let every_metric = ErrorMetric::ALL.iter().map(with_metric);
-    for parameters in every_metric.chain([Method::Flat.parameters(target)]) {
+    let refined = own.clone().effort(2);
+    let others = [
+        Method::Flat.parameters(target),
+        refined.clone().connectivity(Connectivity::Free),
+        refined.values(Values::Fitted),
+    ];
+    for parameters in every_metric.chain(others) {
         let [with, without] = [Some(weights.clone()), None].map(|weights| {
             let made = model(&image, &parameters.clone().weights(weights));
             let picture = made.flat.map(|flat| flat.picture);

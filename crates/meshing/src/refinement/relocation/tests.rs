@@ -8,7 +8,6 @@ use crate::parameters::choices::ErrorMetric;
 use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
 use crate::triangulation::triangulate;
 use proptest::prelude::*;
-use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 
 /// The positions after one visit of each vertex, with a fresh triangulation for each candidate.
@@ -23,7 +22,7 @@ fn relocated_by_brute_force(
     let error = |points: &[Point]| sum_of_errors(image, points, &triangulate(points));
     let (width, height) = (image.width() as i32, image.height() as i32);
     let inside = |p: &Point| (0..width).contains(&p.x) && (0..height).contains(&p.y);
-    for &v in order.iter().filter(|&&v| mesh.is_movable(v)) {
+    for &v in order.iter().filter(|&&v| mesh.triangulation.is_movable(v)) {
         let from = points[v as usize];
         let around = window(2).into_iter().map(|(x, y)| Point::new(from.x + x, from.y + y));
         let positions: Vec<Point> = match search {
@@ -73,16 +72,10 @@ proptest! {
         let mut mesh = measured(&measure, &image, points.clone());
         let mut relocation = Relocation::new(&mesh);
         let order = relocation.order.clone();
-        relocation.pass(&mut mesh, search, Scope::All, &()).unwrap();
+        relocation.pass(&mut mesh, search, &Cuts::BOTH, &()).unwrap();
         let expected = relocated_by_brute_force(&image, points, &order, search);
-        prop_assert_eq!(&mesh.triangulation().points, &expected);
-        let total = sum_of_errors(&image, &expected, &triangulate(&expected));
-        prop_assert_eq!(mesh.total_error(), total);
-        for slot in 0..mesh.triangulation().slot_count() as u32 {
-            let used = mesh.triangulation().is_used(slot);
-            let error = used.then(|| FaceErrors::new(&measure).error(mesh.triangulation().corners(slot)));
-            prop_assert_eq!(mesh.face_error(slot), error.unwrap_or(0));
-        }
+        prop_assert_eq!(&mesh.triangulation.points, &expected);
+        assert_measured(&mesh, &measure);
     }
 
     #[test]
@@ -101,11 +94,11 @@ proptest! {
         let mut in_patches = Relocation::new(&mesh);
         let mut in_turn = in_patches.clone();
         let all = in_turn.order.clone();
-        for cuts in [Cuts::Straight, Cuts::Diagonal] {
+        for cuts in Cuts::BOTH {
             let was_pending = in_patches.is_pending.clone();
-            in_patches.visit_patches(&mut mesh, search, cuts, halvings, &control).unwrap();
+            let partition = Partition::new(&mesh.triangulation, cuts, halvings, &()).unwrap();
+            in_patches.visit_patches(&mut mesh, search, &partition, 0, &control).unwrap();
             // The same visits on the whole mesh, one patch after the other.
-            let partition = Partition::new(whole.triangulation(), cuts, halvings, &()).unwrap();
             let orders = partition.by_patch(all.iter().copied());
             let by_patch = orders.iter().zip(&partition.patches).flat_map(|(order, patch)| {
                 order.iter().map(|&index| patch.vertices[index as usize])
@@ -115,15 +108,14 @@ proptest! {
             in_turn.visit_in_order(&mut whole, search, &()).unwrap();
             prop_assert_eq!(&in_turn.is_pending, &in_patches.is_pending);
             prop_assert_eq!(&in_turn.is_outdated, &in_patches.is_outdated);
-            assert_same(&mesh, &whole)?;
+            prop_assert_eq!(mesh.triangulation.sorted(&()), whole.triangulation.sorted(&()));
+            prop_assert_eq!(&mesh.triangulation.points, &whole.triangulation.points);
         }
-        let (left, faces, _) = mesh.triangulation().mesh();
-        prop_assert_eq!(&faces, &triangulate(&left));
-        prop_assert_eq!(mesh.total_error(), sum_of_errors(&image, &left, &faces));
+        assert_measured(&mesh, &measure);
     }
 
     #[test]
-    fn candidates_are_the_vacant_of_least_prediction(
+    fn candidates_ascend_by_predicted_change(
         samples in prop::collection::vec(0u16..64, 81),
         seeds in prop::collection::vec((0usize..9, 0usize..9), 1..8),
     ) {
@@ -131,58 +123,25 @@ proptest! {
         let measure = measure_of(&image);
         let mut mesh = measured(&measure, &image, points.clone());
         let (mut all, mut two, mut likely) = (Vec::new(), Vec::new(), Vec::new());
-        for v in (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect::<Vec<_>>() {
+        for (v, &from) in (0..).zip(&points) {
+            if !mesh.triangulation.is_movable(v) {
+                continue;
+            }
             mesh.begin_move(v);
             assert!(mesh.find_candidates(&window(2), 24, f32::MAX, &mut all));
             assert!(mesh.find_candidates(&window(2), 2, f32::MAX, &mut two));
             assert!(mesh.find_candidates(&window(2), 24, TOLERANCE, &mut likely));
-            let from = points[v as usize];
-            let near = |p: &Point| (p.x - from.x).abs() <= 2 && (p.y - from.y).abs() <= 2;
-            let lattice = (0..9).flat_map(|y| (0..9).map(move |x| Point::new(x, y)));
-            let vacant = lattice.filter(near).filter(|p| !points.contains(p)).count();
-            // Where there is no error nothing can be gained, though rounding may predict a gain.
-            let slots = 0..mesh.triangulation().slot_count() as u32;
-            let around = slots.filter(|&t| mesh.triangulation().corners(t).contains(&from));
-            let error = around.map(|t| mesh.face_error(t)).sum::<u64>();
-            if error == 0 {
-                prop_assert!(all.iter().all(|&(change, _)| change < 0.0));
-            } else {
-                // A vertex that is no neighbour may be in the window too.
-                prop_assert!(all.len() >= vacant);
-            }
+            let slots = 0..mesh.triangulation.slot_count() as u32;
+            let around = slots.filter(|&t| mesh.triangulation.corners(t).contains(&from));
+            let error = around.map(|t| mesh.triangulation.face_error(t)).sum::<u64>();
+            // Where there is no error, only rounding can predict a gain.
+            prop_assert!(error > 0 || all.iter().all(|&(change, _)| change < 0.0));
             prop_assert!(all.is_sorted_by(|a, b| a.0 <= b.0));
-            prop_assert_eq!(&two[..], &all[..two.len()]);
-            prop_assert_eq!(two.len(), all.len().min(2));
+            prop_assert_eq!(&two[..], &all[..all.len().min(2)]);
             all.retain(|&(change, _)| change < TOLERANCE * error as f32);
             prop_assert_eq!(&likely, &all);
         }
     }
-}
-
-#[test]
-fn equal_weights_change_no_candidates() {
-    let samples: Vec<u16> = (0..81).map(|i| (i * i / 3 % 64) as u16).collect();
-    let seeds: Vec<(usize, usize)> = (0..12).map(|i| (i * 5 % 9, i * 7 % 9)).collect();
-    let (plain, points) = picture(9, 9, &samples, &seeds);
-    let weights = [77; 81];
-    let measures = [None, Some(&weights[..])]
-        .map(|weights| ErrorEvaluator::new(&plain, ErrorMetric::MeanCompSe, weights).with_model());
-    let [mut plain_mesh, mut weighted_mesh] =
-        [0, 1].map(|i| measured(&measures[i], &plain, points.clone()));
-    assert_eq!(weighted_mesh.total_error(), 77 * plain_mesh.total_error());
-    let mut refused = 0;
-    for v in (0..points.len() as u32).filter(|&v| plain_mesh.is_movable(v)).collect::<Vec<_>>() {
-        let found = [&mut plain_mesh, &mut weighted_mesh].map(|mesh| {
-            let (mut any, mut likely) = (Vec::new(), Vec::new());
-            mesh.begin_move(v);
-            assert!(mesh.find_candidates(&window(2), 24, f32::MAX, &mut any));
-            assert!(mesh.find_candidates(&window(2), 24, TOLERANCE, &mut likely));
-            refused += any.len() - likely.len();
-            (any, likely)
-        });
-        assert_eq!(found[0], found[1]);
-    }
-    assert!(refused > 0);
 }
 
 /// A picture of one level but for some points, and its corners with other vertices.
@@ -210,19 +169,6 @@ fn equal_predictions_come_nearest_first() {
 }
 
 #[test]
-fn no_candidates_without_error() {
-    let (image, points) = level_but_for(&[], &[(5, 5), (3, 7)]);
-    let measure = measure_of(&image);
-    let mut mesh = measured(&measure, &image, points.clone());
-    for v in (0..points.len() as u32).filter(|&v| mesh.is_movable(v)).collect::<Vec<_>>() {
-        let mut candidates = Vec::new();
-        mesh.begin_move(v);
-        assert!(mesh.find_candidates(&window(2), 24, f32::MAX, &mut candidates));
-        assert_eq!(candidates, []);
-    }
-}
-
-#[test]
 fn ties_take_the_nearest_then_the_leftmost() {
     // Wherever the vertex goes from its odd point, that alone is wrong then.
     for (taken, expected) in [
@@ -237,23 +183,8 @@ fn ties_take_the_nearest_then_the_leftmost() {
         let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
         assert!(mesh.begin_move(vertex as u32));
         assert_eq!(move_to_best(&mut mesh, vertex as u32, &window(2)), Outcome::Moved);
-        let moved = mesh.triangulation().points[vertex];
+        let moved = mesh.triangulation.points[vertex];
         assert_eq!((moved.x, moved.y), expected);
-    }
-}
-
-#[test]
-fn small_meshes_are_visited_wholly() {
-    let (image, points) = level_but_for(&[(5, 9)], &[(5, 5), (2, 3), (7, 8)]);
-    let measure = measure_of(&image);
-    for scope in [Scope::OnePartition, Scope::TwoPartitions, Scope::All] {
-        let mut mesh = measured(&measure, &image, points.clone());
-        let mut whole = measured(&measure, &image, points.clone());
-        let mut relocation = Relocation::new(&mesh);
-        let mut in_order = relocation.clone();
-        relocation.pass(&mut mesh, Search::Exhaustive, scope, &()).unwrap();
-        in_order.visit_in_order(&mut whole, Search::Exhaustive, &()).unwrap();
-        assert_eq!(mesh.triangulation().points, whole.triangulation().points);
     }
 }
 
@@ -279,29 +210,24 @@ fn predicted_search_skips_large_faces_in_dense_meshes() {
         let is_moved = |search| {
             let mut mesh = measured(&measure, &image, points.clone());
             let mut relocation = Relocation::new(&mesh);
-            relocation.pass(&mut mesh, search, Scope::All, &()).unwrap();
-            !mesh.triangulation().points.contains(&far)
+            relocation.pass(&mut mesh, search, &Cuts::BOTH, &()).unwrap();
+            !mesh.triangulation.points.contains(&far)
         };
         assert_eq!(is_moved(Search::Predicted), !skips, "{others} others, {precision} bits");
         assert!(is_moved(Search::Exhaustive));
     }
 }
 
-/// The meshes have the same vertices at the same positions, the same faces and the same errors.
-fn assert_same(
-    a: &MeasuredMesh<FaceErrors<'_>>,
-    b: &MeasuredMesh<FaceErrors<'_>>,
-) -> Result<(), TestCaseError> {
-    prop_assert_eq!(&a.triangulation().points, &b.triangulation().points);
-    prop_assert_eq!(a.triangulation().mesh(), b.triangulation().mesh());
-    prop_assert_eq!(a.total_error(), b.total_error());
-    let errors = |mesh: &MeasuredMesh<FaceErrors<'_>>| {
-        let triangulation = mesh.triangulation();
-        let slots = 0..triangulation.slot_count() as u32;
-        let used = slots.filter(|&slot| triangulation.is_used(slot));
-        let error = |slot| (triangulation.corners(slot).into_iter().min(), mesh.face_error(slot));
-        used.map(error).collect::<BTreeSet<_>>()
-    };
-    prop_assert_eq!(errors(a), errors(b));
-    Ok(())
+/// The faces are those of a new triangulation, with their errors.
+fn assert_measured(mesh: &MeasuredMesh<FaceErrors<'_>>, measure: &ErrorEvaluator<'_>) {
+    let sorted = mesh.triangulation.sorted(&()).unwrap();
+    assert_eq!(sorted.faces, triangulate(&sorted.points));
+    for slot in 0..mesh.triangulation.slot_count() as u32 {
+        let is_used = mesh.triangulation.is_used(slot);
+        let corners = || mesh.triangulation.corners(slot);
+        let error = if is_used { FaceErrors::new(measure).error(corners()) } else { 0 };
+        assert_eq!(mesh.triangulation.face_error(slot), error);
+    }
+    let slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
+    assert_eq!(mesh.total_error(), mesh.triangulation.error_of(&slots));
 }

@@ -9,6 +9,7 @@ pub(crate) mod moves;
 pub(crate) mod valued_mesh;
 
 use crate::control::{Cancelled, Control};
+use crate::dynamic_mesh::half_edges::SortedMesh;
 use crate::refinement::progress::StepProgress;
 use crate::refinement::unconstrained::least_squares::fit_values;
 use crate::refinement::unconstrained::moves::{Freedom, VertexMoves};
@@ -27,7 +28,7 @@ const ROUNDS_PER_EFFORT: usize = 3;
 const PASSES: usize = 3;
 
 /// Flips edges, fits values and, with an effort above 0, moves vertices, in rounds. No step raises
-/// the error.
+/// the error. Returns the vertices and faces; the mesh's errors are then those without weights.
 ///
 /// # Errors
 /// When the control cancels.
@@ -36,14 +37,14 @@ pub(crate) fn refine_unconstrained(
     freedom: Freedom,
     effort: u8,
     control: &dyn Control,
-) -> Result<(), Cancelled> {
+) -> Result<SortedMesh, Cancelled> {
     let rounds = match effort {
         0 => ROUNDS_WITHOUT_MOVES,
         _ => ROUNDS_PER_EFFORT * usize::from(effort),
     };
-    let mut moves = VertexMoves::new(mesh.triangulation().points.len(), freedom);
+    let mut moves = VertexMoves::new(mesh.triangulation.points.len(), freedom);
     for done in 0..rounds {
-        let progress = StepProgress::begin(control, done, rounds)?;
+        let progress = StepProgress::begin(control, done, rounds + 1)?;
         let before = mesh.total_error();
         if freedom.connectivity {
             mesh.flip_edges(&progress)?;
@@ -61,7 +62,9 @@ pub(crate) fn refine_unconstrained(
             break;
         }
     }
-    Ok(())
+    let progress = StepProgress::begin(control, rounds, rounds + 1)?;
+    mesh.drop_weights(&progress)?;
+    mesh.triangulation.sorted(&progress)
 }
 
 #[cfg(test)]
@@ -105,7 +108,7 @@ mod tests {
             let refined = |effort| {
                 let mut mesh = valued(&image, points.clone());
                 refine_unconstrained(&mut mesh, freedom, effort, &()).unwrap();
-                let points = mesh.triangulation().points.clone();
+                let points = mesh.triangulation.points.clone();
                 let error = error_of_rebuilt(&image, &points, &mesh.values, &faces_of(&mesh));
                 assert_eq!(mesh.total_error(), error);
                 (error, points)
@@ -118,31 +121,6 @@ mod tests {
     }
 
     #[test]
-    fn weights_favour_the_half_they_mark() {
-        let (image, points) = picture();
-        let weights: Vec<u8> =
-            (0..SIDE * SIDE).map(|i| if i % SIDE < SIDE / 2 { 255 } else { 1 }).collect();
-        let [free, fitted, both] = FREEDOMS;
-        for (freedom, effort) in [(free, 2), (fitted, 0), (fitted, 2), (both, 2)] {
-            let error_of_half = |weights: Option<&[u8]>| {
-                let pixels = WeightedPixels { image: &image, weights };
-                let mut mesh = ValuedMesh::new(pixels, points.clone(), &()).unwrap();
-                refine_unconstrained(&mut mesh, freedom, effort, &()).unwrap();
-                let positions = &mesh.triangulation().points;
-                let error = error_of_rebuilt(&image, positions, &mesh.values, &faces_of(&mesh));
-                assert_eq!(mesh.squared_error(&()), Ok(error));
-                let half: Vec<u8> =
-                    (0..SIDE * SIDE).map(|i| u8::from(i % SIDE < SIDE / 2)).collect();
-                mesh.pixels = WeightedPixels { image: &image, weights: Some(&half) };
-                mesh.measure(&()).unwrap();
-                mesh.total_error()
-            };
-            let [plain, weighted] = [None, Some(&weights[..])].map(error_of_half);
-            assert!(weighted < plain, "{freedom:?}, {effort}: {weighted} and {plain}");
-        }
-    }
-
-    #[test]
     fn pixels_of_weight_zero_do_not_count() {
         let (image, points) = picture();
         let weights = vec![0; SIDE * SIDE];
@@ -150,8 +128,8 @@ mod tests {
         let mut mesh = ValuedMesh::new(pixels, points.clone(), &()).unwrap();
         let values = mesh.values.clone();
         refine_unconstrained(&mut mesh, FREEDOMS[2], 1, &()).unwrap();
-        assert_eq!((mesh.total_error(), &mesh.values), (0, &values));
-        assert_eq!(mesh.triangulation().points, points);
+        assert_eq!(mesh.values, values);
+        assert_eq!(mesh.triangulation.points, points);
     }
 
     #[test]

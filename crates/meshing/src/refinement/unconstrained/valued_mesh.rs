@@ -2,7 +2,6 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
-use crate::dynamic_mesh::measured::MeasuredTriangulation;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};
@@ -12,7 +11,7 @@ use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 /// A triangulation with values at its vertices and the squared errors of its faces.
 pub(crate) struct ValuedMesh<'a> {
     pub(crate) pixels: WeightedPixels<'a>,
-    pub(crate) measured: MeasuredTriangulation,
+    pub(crate) triangulation: DynamicTriangulation,
     /// Component `c` of vertex `v` is at `v * components + c`.
     pub(crate) values: Vec<u16>,
 }
@@ -40,11 +39,8 @@ impl<'a> ValuedMesh<'a> {
         };
         let values = points.iter().flat_map(sample).collect();
         let triangulation = Triangulation::new(points, control)?;
-        let (width, height) = (image.width(), image.height());
-        let triangulation = DynamicTriangulation::new(triangulation, width, height, control)?;
-        let errors = vec![0; triangulation.slot_count()];
-        let measured = MeasuredTriangulation::new(triangulation, errors);
-        let mut mesh = Self { pixels, measured, values };
+        let triangulation = DynamicTriangulation::new(triangulation, image.sides(), control)?;
+        let mut mesh = Self { pixels, triangulation, values };
         mesh.measure(control)?;
         Ok(mesh)
     }
@@ -54,40 +50,25 @@ impl<'a> ValuedMesh<'a> {
     /// # Errors
     /// When the control cancels.
     pub(crate) fn measure(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
-        for slot in 0..self.triangulation().slot_count() as u32 {
+        for slot in 0..self.triangulation.slot_count() as u32 {
             control.poll(Stage::Refine, 0, 1)?;
-            let error = self.error_of(self.triangulation().vertices_of(slot));
-            self.measured.set_face_error(slot, error);
+            let error = self.error_of(self.triangulation.vertices_of(slot));
+            self.triangulation.set_face_error(slot, error);
         }
         Ok(())
     }
 
-    /// The squared error without weights.
+    /// Measures the faces without weights from now on.
     ///
     /// # Errors
     /// When the control cancels.
-    pub(crate) fn squared_error(&self, control: &dyn Control) -> Result<u64, Cancelled> {
-        if self.pixels.weights.is_none() {
-            return Ok(self.total_error());
-        }
-        let unweighted = WeightedPixels { weights: None, ..self.pixels };
-        let mut sum = 0;
-        for slot in 0..self.triangulation().slot_count() as u32 {
-            control.poll(Stage::Measure, 0, 1)?;
-            let values = self.triangulation().vertices_of(slot).map(|v| self.values_of(v));
-            sum += unweighted.squared_error(self.triangulation().corners(slot), values);
-        }
-        Ok(sum)
+    pub(crate) fn drop_weights(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
+        if self.pixels.weights.take().is_some() { self.measure(control) } else { Ok(()) }
     }
 
     /// The sum of the errors of all faces.
     pub(crate) fn total_error(&self) -> u64 {
-        self.measured.total_error()
-    }
-
-    /// The triangulation.
-    pub(crate) fn triangulation(&self) -> &DynamicTriangulation {
-        &self.measured.triangulation
+        self.triangulation.total_error
     }
 
     /// The values of a vertex.
@@ -98,7 +79,7 @@ impl<'a> ValuedMesh<'a> {
 
     /// The error of the face of three vertices.
     pub(crate) fn error_of(&self, face: Face) -> u64 {
-        let corners = face.map(|v| self.triangulation().points[v as usize]);
+        let corners = face.map(|v| self.triangulation.points[v as usize]);
         self.pixels.squared_error(corners, face.map(|v| self.values_of(v)))
     }
 
@@ -107,10 +88,10 @@ impl<'a> ValuedMesh<'a> {
     /// # Errors
     /// When the control cancels.
     pub(crate) fn flip_edges(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
-        let mut untried: Vec<u32> = (0..self.triangulation().twins.len() as u32).rev().collect();
+        let mut untried: Vec<u32> = (0..self.triangulation.twins.len() as u32).rev().collect();
         while let Some(h) = untried.pop() {
             control.poll(Stage::Refine, 0, 1)?;
-            let twin = self.triangulation().twins[h as usize];
+            let twin = self.triangulation.twins[h as usize];
             if twin != NONE && self.flip_if_better(h, twin) {
                 untried.extend([h, next(h), twin, next(twin)]);
             }
@@ -120,7 +101,7 @@ impl<'a> ValuedMesh<'a> {
 
     /// Flips the edge `h` with its twin if the quadrilateral is convex and the error falls.
     fn flip_if_better(&mut self, h: u32, twin: u32) -> bool {
-        let triangulation = self.triangulation();
+        let triangulation = &self.triangulation;
         let [a, b, c, d] =
             [h, next(h), previous(h), previous(twin)].map(|h| triangulation.origins[h as usize]);
         let point = |v: u32| triangulation.points[v as usize];
@@ -130,7 +111,7 @@ impl<'a> ValuedMesh<'a> {
             return false;
         }
         let slots = [h / 3, twin / 3];
-        let before = self.measured.error_of(&slots);
+        let before = self.triangulation.error_of(&slots);
         let first_error = self.error_of(first);
         if first_error >= before {
             return false;
@@ -139,9 +120,9 @@ impl<'a> ValuedMesh<'a> {
         if errors[0] + errors[1] >= before {
             return false;
         }
-        self.measured.triangulation.flip(h);
+        self.triangulation.flip(h);
         for (slot, error) in slots.into_iter().zip(errors) {
-            self.measured.set_face_error(slot, error);
+            self.triangulation.set_face_error(slot, error);
         }
         true
     }
@@ -149,7 +130,7 @@ impl<'a> ValuedMesh<'a> {
     /// Whether the faces around a vertex are still those of the preferred-directions Delaunay
     /// triangulation with the vertex at `at`, where they turn counter-clockwise; `star` is its star.
     pub(crate) fn stays_delaunay(&self, star: &Link, at: Point) -> bool {
-        let triangulation = self.triangulation();
+        let triangulation = &self.triangulation;
         let point = |v: u32| triangulation.points[v as usize];
         let is_delaunay = |((from, to), &outer): ((u32, u32), &u32)| {
             outer == NONE || {
@@ -232,8 +213,8 @@ pub(crate) mod tests {
 
     /// The faces, each by its vertices as the mesh numbers them.
     pub(in crate::refinement) fn faces_of(mesh: &ValuedMesh<'_>) -> Vec<Face> {
-        let slots = 0..mesh.triangulation().slot_count() as u32;
-        slots.map(|slot| mesh.triangulation().vertices_of(slot)).collect()
+        let slots = 0..mesh.triangulation.slot_count() as u32;
+        slots.map(|slot| mesh.triangulation.vertices_of(slot)).collect()
     }
 
     /// All faces with one edge flipped, for each edge between two faces whose quadrilateral is

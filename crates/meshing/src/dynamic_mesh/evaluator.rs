@@ -1,0 +1,162 @@
+//! Evaluation of changes: what a removal or an insertion would do to the error of a mesh.
+
+use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
+use crate::face_error::FaceErrors;
+use crate::face_error::quadratic_model::ModelPixels;
+use crate::image::Point;
+use crate::triangulation::hole::{HoleFiller, HoleTriangle};
+
+/// The error of a face, a whole number that depends on the positions of its vertices alone. A clone
+/// measures the same errors on another thread.
+pub(crate) trait FaceMeasure: Clone + Send + Sync {
+    /// Sum of the errors of the lattice points of a counter-clockwise face.
+    fn error(&mut self, corners: [Point; 3]) -> u64;
+
+    /// Measures faces in order until the sum of their errors reaches `limit`, and returns the sum.
+    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        let mut sum = 0;
+        errors.clear();
+        for &face in faces {
+            let error = self.error(face);
+            errors.push(error);
+            sum += error;
+            if sum >= limit {
+                break;
+            }
+        }
+        sum
+    }
+
+    /// The pixels of the quadratic model, where it predicts changes of the error.
+    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+        None
+    }
+
+    /// The error without weights, whose changes the model predicts, of a face with some error.
+    fn unweighted_error(&mut self, _corners: [Point; 3], error: u64) -> u64 {
+        error
+    }
+}
+
+impl FaceMeasure for FaceErrors<'_> {
+    fn error(&mut self, corners: [Point; 3]) -> u64 {
+        Self::error(self, corners)
+    }
+
+    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        Self::errors_below(self, faces, limit, errors)
+    }
+
+    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+        Self::model_pixels(self)
+    }
+
+    fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
+        Self::unweighted_error(self, corners, error)
+    }
+}
+
+/// Evaluates changes; keeps its memory from one to the next.
+pub(crate) struct Evaluator<M> {
+    pub(crate) measure: M,
+    /// The star of the vertex evaluated last, and the positions of its link's vertices.
+    pub(super) star: Link,
+    pub(super) boundary: Vec<Point>,
+    pub(super) filler: HoleFiller,
+    /// The cavity of the position evaluated last.
+    pub(super) cavity: Link,
+    /// The faces measured last, those of a fan or a fill, and their errors.
+    faces: Vec<[Point; 3]>,
+    pub(super) errors: Vec<u64>,
+}
+
+/// A vertex whose star is filled while positions for it are tried.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Detached {
+    /// Number of triangles of the fill, which have the first slots of the star.
+    pub(super) fill_count: usize,
+    /// Sum of the errors of the faces that the vertex had.
+    pub(super) error: u64,
+}
+
+/// A change would reach beyond the boundary of the patch.
+pub(super) struct LeavesPatch;
+
+impl<M: FaceMeasure> Evaluator<M> {
+    pub(super) fn new(measure: M) -> Self {
+        Self {
+            measure,
+            star: Link::default(),
+            boundary: Vec::new(),
+            filler: HoleFiller::default(),
+            cavity: Link::default(),
+            faces: Vec::new(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// Gathers the star of a vertex and the positions of its neighbours.
+    pub(super) fn gather_star(&mut self, triangulation: &DynamicTriangulation, vertex: u32) {
+        triangulation.star(vertex, &mut self.star);
+        self.boundary.clear();
+        let neighbours = self.star.vertices.iter();
+        self.boundary.extend(neighbours.map(|&v| triangulation.points[v as usize]));
+    }
+
+    /// By how much the error changes when a movable vertex is removed.
+    pub(crate) fn removal_change(
+        &mut self,
+        triangulation: &DynamicTriangulation,
+        vertex: u32,
+    ) -> i64 {
+        self.gather_star(triangulation, vertex);
+        let Self { boundary, filler, faces, .. } = self;
+        let corners = |triangle: &HoleTriangle| triangle.map(|i| boundary[i as usize]);
+        faces.clear();
+        faces.extend(filler.fill(boundary).iter().map(corners));
+        let after = self.measure.errors_below(faces, u64::MAX, &mut self.errors);
+        after as i64 - triangulation.error_of(&self.star.triangles) as i64
+    }
+
+    /// By how much the error would change with a vertex at a position in the image, if by less than
+    /// `limit`; `hint` is a slot near it. `None` too where another vertex is.
+    pub(crate) fn insertion_change(
+        &mut self,
+        triangulation: &DynamicTriangulation,
+        at: Point,
+        hint: u32,
+        limit: i64,
+    ) -> Option<i64> {
+        let change = self.fan_change(triangulation, at, hint, Detached::default(), limit);
+        change.ok().flatten()
+    }
+
+    /// The same while the vertex that moves there is detached: errors of its fill do not count.
+    pub(super) fn fan_change(
+        &mut self,
+        triangulation: &DynamicTriangulation,
+        at: Point,
+        hint: u32,
+        detached: Detached,
+        limit: i64,
+    ) -> Result<Option<i64>, LeavesPatch> {
+        let Self { measure, star, cavity, faces, errors, .. } = self;
+        let slot = triangulation.locate(at, hint).ok_or(LeavesPatch)?;
+        if triangulation.corners(slot).contains(&at) {
+            return Ok(None);
+        }
+        triangulation.cavity(at, slot, cavity);
+        if cavity.touches_patch_boundary() {
+            return Err(LeavesPatch);
+        }
+        let fill = &star.triangles[..detached.fill_count];
+        let replaced = cavity.triangles.iter().filter(|slot| !fill.contains(slot));
+        let replaced_error: u64 = replaced.map(|&slot| triangulation.face_error(slot)).sum();
+        let before = detached.error + replaced_error;
+        faces.clear();
+        faces.extend(triangulation.fan_around(at, cavity));
+        let most = limit.saturating_add_unsigned(before).max(0) as u64;
+        let change = measure.errors_below(faces, most, errors) as i64 - before as i64;
+        Ok((change < limit).then_some(change))
+    }
+}
