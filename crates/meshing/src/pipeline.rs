@@ -21,7 +21,7 @@ use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
 use crate::refinement::unconstrained::moves::Freedom;
 use crate::refinement::unconstrained::refine_unconstrained;
-use crate::refinement::unconstrained::valued_mesh::{ValuedMesh, WeightedPixels};
+use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::removal::featureless::remove_featureless;
 use crate::removal::max_error::removals_within;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
@@ -263,11 +263,18 @@ fn unconstrain(
         connectivity: parameters.connectivity == Connectivity::Free,
         values: parameters.values == Values::Fitted,
     };
-    let pixels = WeightedPixels { image, weights: guided.weights() };
-    let mut mesh = ValuedMesh::new(pixels, points, control)?;
+    let evaluator = |weights| ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, weights);
+    let (unweighted, weights) = (evaluator(None), guided.weights());
+    let weighted = weights.map(|weights| evaluator(Some(weights)));
+    let guide = weighted.as_ref().unwrap_or(&unweighted);
+    let mut mesh = ValuedMesh::new(image, weights, guide, points, control)?;
     let SortedMesh { points, faces, order } =
         refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
-    let squared_error = Some(mesh.triangulation.total_error);
+    if weighted.is_some() {
+        mesh.errors = FaceErrors::new(&unweighted);
+        mesh.measure(Stage::Measure, control)?;
+    }
+    let squared_error = Some(mesh.total_error());
     let samples = order.iter().flat_map(|&v| mesh.values_of(v).iter().copied()).collect();
     Ok(Valued { mesh: Mesh::from_kernel(image.shape(), points, samples, faces), squared_error })
 }
@@ -357,6 +364,7 @@ fn squared_error_of(mesh: &Mesh, image: &Image, control: &dyn Control) -> Result
 mod tests {
     use super::*;
     use crate::control::tests::Recorder;
+    use crate::face_error::FaceMeasure;
     use crate::parameters::{Method, Weights};
 
     /// A square of slopes, 24 points a side.

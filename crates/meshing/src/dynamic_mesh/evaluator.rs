@@ -1,60 +1,9 @@
 //! Evaluation of changes: what a removal or an insertion would do to the error of a mesh.
 
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
-use crate::face_error::FaceErrors;
-use crate::face_error::quadratic_model::ModelPixels;
+use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::triangulation::hole::{HoleFiller, HoleTriangle};
-
-/// The error of a face, a whole number that depends on the positions of its vertices alone. A clone
-/// measures the same errors on another thread.
-pub(crate) trait FaceMeasure: Clone + Send + Sync {
-    /// Sum of the errors of the lattice points of a counter-clockwise face.
-    fn error(&mut self, corners: [Point; 3]) -> u64;
-
-    /// Measures faces in order until the sum of their errors reaches `limit`, and returns the sum.
-    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
-        let mut sum = 0;
-        errors.clear();
-        for &face in faces {
-            let error = self.error(face);
-            errors.push(error);
-            sum += error;
-            if sum >= limit {
-                break;
-            }
-        }
-        sum
-    }
-
-    /// The pixels of the quadratic model, where it predicts changes of the error.
-    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
-        None
-    }
-
-    /// The error without weights, whose changes the model predicts, of a face with some error.
-    fn unweighted_error(&mut self, _corners: [Point; 3], error: u64) -> u64 {
-        error
-    }
-}
-
-impl FaceMeasure for FaceErrors<'_> {
-    fn error(&mut self, corners: [Point; 3]) -> u64 {
-        Self::error(self, corners)
-    }
-
-    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
-        Self::errors_below(self, faces, limit, errors)
-    }
-
-    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
-        Self::model_pixels(self)
-    }
-
-    fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
-        Self::unweighted_error(self, corners, error)
-    }
-}
 
 /// Evaluates changes; keeps its memory from one to the next.
 pub(crate) struct Evaluator<M> {

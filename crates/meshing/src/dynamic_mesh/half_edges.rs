@@ -472,7 +472,7 @@ pub(crate) struct SortedMesh {
 }
 
 /// Polls at the first of every [`ITEMS_PER_POLL`] indices.
-pub(super) fn poll_at(index: usize, control: &dyn Control) -> Result<(), Cancelled> {
+pub(crate) fn poll_at(index: usize, control: &dyn Control) -> Result<(), Cancelled> {
     if index.is_multiple_of(ITEMS_PER_POLL) { control.poll(Stage::Refine, 0, 1) } else { Ok(()) }
 }
 

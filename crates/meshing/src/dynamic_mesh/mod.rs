@@ -10,8 +10,9 @@ pub(crate) mod moves;
 pub(crate) mod patches;
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::evaluator::{Detached, Evaluator, FaceMeasure};
+use crate::dynamic_mesh::evaluator::{Detached, Evaluator};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
+use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::parallel::share_out;
 use crate::triangulation::Triangulation;

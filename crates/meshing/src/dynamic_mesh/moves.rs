@@ -4,8 +4,9 @@
 //! face of the fill is measured only where it would stay, and at most once. The vertex then commits
 //! to the best position, where the errors of its faces are known already, or rolls back.
 
-use crate::dynamic_mesh::evaluator::{Detached, Evaluator, FaceMeasure, LeavesPatch};
+use crate::dynamic_mesh::evaluator::{Detached, Evaluator, LeavesPatch};
 use crate::dynamic_mesh::{MeasuredMesh, TentativeMove};
+use crate::face_error::FaceMeasure;
 use crate::image::Point;
 
 /// The error of a face of a fill that has not been measured.

@@ -8,8 +8,8 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, PATCH_BOUNDARY, poll_at};
+use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::triangulation::{NONE, next};
 

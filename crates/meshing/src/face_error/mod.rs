@@ -66,6 +66,39 @@ impl<'a> ErrorEvaluator<'a> {
     }
 }
 
+/// The error of a face, a whole number that depends on the positions of its vertices alone. A clone
+/// measures the same errors on another thread.
+pub(crate) trait FaceMeasure: Clone + Send + Sync {
+    /// Sum of the errors of the lattice points of a counter-clockwise face.
+    fn error(&mut self, corners: [Point; 3]) -> u64;
+
+    /// Measures faces in order until the sum of their errors reaches `limit`. Returns the sum, which
+    /// is exact below the limit; the last error may be too low where the sum reaches it.
+    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        let mut sum = 0;
+        errors.clear();
+        for &face in faces {
+            let error = self.error(face);
+            errors.push(error);
+            sum += error;
+            if sum >= limit {
+                break;
+            }
+        }
+        sum
+    }
+
+    /// The pixels of the quadratic model, where it predicts changes of the error.
+    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+        None
+    }
+
+    /// The error without weights, whose changes the model predicts, of a face with some error.
+    fn unweighted_error(&mut self, _corners: [Point; 3], error: u64) -> u64 {
+        error
+    }
+}
+
 /// Computes errors of faces on one thread; keeps its memory from one face to the next.
 #[derive(Clone)]
 pub(crate) struct FaceErrors<'e> {
@@ -88,67 +121,27 @@ impl<'e> FaceErrors<'e> {
         }
     }
 
-    /// The error of a counter-clockwise face: the sum of its pixels' errors.
-    pub(crate) fn error(&mut self, corners: [Point; 3]) -> u64 {
-        let mut single = std::mem::take(&mut self.single);
-        let error = self.errors_below(&[corners], u64::MAX, &mut single);
-        self.single = single;
-        error
-    }
-
     /// The errors of faces.
     pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
         self.errors_below(faces, u64::MAX, errors);
     }
 
-    /// The errors of faces in order as long as their sum is less than `limit`. Returns the sum,
-    /// which is exact below the limit; the last error may be too low where the sum reaches it.
-    pub(crate) fn errors_below(
-        &mut self,
-        faces: &[[Point; 3]],
-        limit: u64,
-        errors: &mut Vec<u64>,
-    ) -> u64 {
-        let (evaluator, mut sum) = (self.evaluator, 0);
-        errors.clear();
-        while sum < limit
-            && let Some(&face) = faces.get(errors.len())
-        {
-            if let Kind::Squared(pixels) = &evaluator.kind {
-                let count = errors.len();
-                sum += pixels.errors(&faces[count..], limit - sum, errors);
-                if errors.len() > count {
-                    continue;
-                }
-            }
-            let error = self.error_of_any(face, limit - sum);
-            errors.push(error);
-            sum += error;
-        }
-        sum
-    }
-
-    /// The pixels of the quadratic model, where it predicts changes of the error.
-    pub(crate) fn model_pixels(&self) -> Option<ModelPixels<'_>> {
-        match &self.evaluator.kind {
-            Kind::Squared(pixels) => Some(ModelPixels::Bits8(pixels)),
-            Kind::SquaredWide { model } => model.as_ref().map(ModelPixels::Bits16),
-            Kind::ByPixel { model, .. } => model.as_ref().map(ModelPixels::Bits8),
-        }
-    }
-
-    /// The error without weights, whose changes the model predicts, of a face of some error.
-    pub(crate) fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
-        if !matches!(self.evaluator.kind, Kind::ByPixel { model: Some(_), .. }) {
-            return error;
-        }
-        self.set_interpolants(corners);
-        self.squared_error(corners, u64::MAX)
-    }
-
     /// The error of a face of any size; `limit` or more where it is not less.
     fn error_of_any(&mut self, corners: [Point; 3], limit: u64) -> u64 {
         self.set_interpolants(corners);
+        self.error_of_interpolants(corners, limit)
+    }
+
+    /// The error of a face with any values at its corners, one for each component.
+    pub(crate) fn error_of_values(&mut self, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
+        let components = 0..self.evaluator.image.component_count();
+        let interpolant = |c| Interpolant::new(corners, values.map(|values| values[c]));
+        self.interpolants.clear();
+        self.interpolants.extend(components.map(interpolant));
+        self.error_of_interpolants(corners, u64::MAX)
+    }
+
+    fn error_of_interpolants(&mut self, corners: [Point; 3], limit: u64) -> u64 {
         match self.evaluator.kind {
             Kind::ByPixel { metric, weights, .. } => self.error_by_pixel(metric, weights, corners),
             Kind::Squared(_) | Kind::SquaredWide { .. } => self.squared_error(corners, limit),
@@ -215,6 +208,51 @@ impl<'e> FaceErrors<'e> {
         });
         let shift = weights.map_or(0, |_| metric.weighted_shift(image.precision()));
         (sum >> shift) as u64
+    }
+}
+
+impl FaceMeasure for FaceErrors<'_> {
+    fn error(&mut self, corners: [Point; 3]) -> u64 {
+        let mut single = std::mem::take(&mut self.single);
+        let error = self.errors_below(&[corners], u64::MAX, &mut single);
+        self.single = single;
+        error
+    }
+
+    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+        let (evaluator, mut sum) = (self.evaluator, 0);
+        errors.clear();
+        while sum < limit
+            && let Some(&face) = faces.get(errors.len())
+        {
+            if let Kind::Squared(pixels) = &evaluator.kind {
+                let count = errors.len();
+                sum += pixels.errors(&faces[count..], limit - sum, errors);
+                if errors.len() > count {
+                    continue;
+                }
+            }
+            let error = self.error_of_any(face, limit - sum);
+            errors.push(error);
+            sum += error;
+        }
+        sum
+    }
+
+    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+        match &self.evaluator.kind {
+            Kind::Squared(pixels) => Some(ModelPixels::Bits8(pixels)),
+            Kind::SquaredWide { model } => model.as_ref().map(ModelPixels::Bits16),
+            Kind::ByPixel { model, .. } => model.as_ref().map(ModelPixels::Bits8),
+        }
+    }
+
+    fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
+        if !matches!(self.evaluator.kind, Kind::ByPixel { model: Some(_), .. }) {
+            return error;
+        }
+        self.set_interpolants(corners);
+        self.squared_error(corners, u64::MAX)
     }
 }
 

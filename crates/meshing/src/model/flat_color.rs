@@ -5,8 +5,8 @@
 //! face is measured in a time proportional to its rows, whatever its columns.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::error::MeshingError;
+use crate::face_error::FaceMeasure;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point, ShapeMismatch};
 use crate::model::mesh::Mesh;

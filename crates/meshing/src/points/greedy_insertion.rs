@@ -157,6 +157,7 @@ fn places(image: &Image, weights: Option<&[u8]>, corners: [Point; 3]) -> [Option
 mod tests {
     use super::*;
     use crate::control::tests::Recorder;
+    use crate::face_error::FaceMeasure;
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
 

@@ -7,8 +7,9 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::{Evaluator, FaceMeasure};
+use crate::dynamic_mesh::evaluator::Evaluator;
 use crate::dynamic_mesh::half_edges::sort_with_polls;
+use crate::face_error::FaceMeasure;
 use crate::removal::Removal;
 
 /// A batch takes at most one in this many of the vertices that are left.

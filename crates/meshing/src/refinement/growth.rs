@@ -5,8 +5,8 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::dynamic_mesh::patches::Cuts;
+use crate::face_error::FaceMeasure;
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::insertion_candidates::find_candidates;
 use crate::refinement::relocation::{Relocation, Search};

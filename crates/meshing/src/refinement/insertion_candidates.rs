@@ -2,8 +2,9 @@
 
 use crate::control::{Cancelled, Control};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::{Evaluator, FaceMeasure};
+use crate::dynamic_mesh::evaluator::Evaluator;
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, sort_with_polls};
+use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use std::cmp::Reverse;
 

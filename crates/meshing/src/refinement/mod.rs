@@ -16,9 +16,9 @@ pub(crate) mod unconstrained;
 
 use crate::control::{Cancelled, Control};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::dynamic_mesh::half_edges::SortedMesh;
 use crate::dynamic_mesh::patches::Cuts;
+use crate::face_error::FaceMeasure;
 use growth::grow_and_shrink;
 use progress::StepProgress;
 use relocation::Relocation;

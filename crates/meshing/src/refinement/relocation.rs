@@ -9,10 +9,10 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::FaceMeasure;
 use crate::dynamic_mesh::half_edges::DynamicTriangulation;
 use crate::dynamic_mesh::moves::{Acceptance, Outcome};
 use crate::dynamic_mesh::patches::{Cuts, Partition, PatchIndices};
+use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::parallel::share_out;
 use crate::removal::vertex_order::tile_order;

@@ -6,7 +6,7 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::evaluator::FaceMeasure;
+use crate::face_error::FaceMeasure;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point};

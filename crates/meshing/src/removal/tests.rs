@@ -1,7 +1,7 @@
 //! What is cached during removal against what is computed afresh.
 
 use super::*;
-use crate::face_error::FaceErrors;
+use crate::face_error::{FaceErrors, FaceMeasure};
 use crate::parameters::choices::ErrorMetric;
 use crate::removal::candidate::Evaluator;
 use crate::removal::fill_cache::FillCache;

@@ -8,7 +8,7 @@
 //! machine; libraries that choose vector instructions at run time do not promise that.
 
 use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::half_edges::DynamicTriangulation;
+use crate::dynamic_mesh::half_edges::poll_at;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::Point;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
@@ -21,9 +21,6 @@ const TOLERANCE: f64 = 1e-6;
 /// The largest number of steps.
 const MAX_STEPS: usize = 200;
 
-/// Edges multiplied between two polls of the control.
-const EDGES_PER_POLL: usize = 1 << 18;
-
 /// Fits the values of all vertices at once, if that lowers the error after rounding.
 ///
 /// # Errors
@@ -33,85 +30,108 @@ pub(crate) fn fit_values(
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
     let equations = NormalEquations::new(mesh, control)?;
-    let count = mesh.pixels.image.component_count();
-    let largest = f64::from(mesh.pixels.image.max_sample());
-    let (values_before, triangulation_before) =
-        (mesh.values.clone(), mesh.triangulation.copy(control)?);
+    let (count, largest) = (mesh.image.component_count(), f64::from(mesh.image.max_sample()));
+    let (values_before, error_before) = (mesh.values.clone(), mesh.total_error());
     for c in 0..count {
-        let mut values: Vec<f64> =
-            values_before.iter().skip(c).step_by(count).map(|&value| value.into()).collect();
+        let before = values_before.iter().skip(c).step_by(count);
+        let mut values: Vec<f64> = before.map(|&value| value.into()).collect();
         equations.solve(c, &mut values, control)?;
         for (rounded, value) in mesh.values.iter_mut().skip(c).step_by(count).zip(&values) {
             *rounded = (value + 0.5).floor().clamp(0.0, largest) as u16;
         }
     }
-    mesh.measure(control)?;
-    if mesh.total_error() >= triangulation_before.total_error {
+    mesh.measure(Stage::Refine, control)?;
+    if mesh.total_error() >= error_before {
         mesh.values = values_before;
-        mesh.triangulation = triangulation_before;
+        mesh.measure(Stage::Refine, control)?;
     }
     Ok(())
 }
 
-/// The matrix, symmetric, and a right-hand side for each component.
+/// The matrix, symmetric, and a right-hand side for each component: sums over all pixels, each
+/// times its weight, of the interpolation weights of the vertices of the pixel's face.
 struct NormalEquations {
-    /// Entry of each vertex with itself.
+    /// Sums of the squares of each vertex's weight.
     diagonal: Vec<f64>,
-    /// Entries of the edges: their ends and the entry.
+    /// For each edge its ends and the sum of the products of their weights, over both faces.
     edges: Vec<(u32, u32, f64)>,
+    /// Sums of the weights times the samples.
     right_hand_sides: Vec<Vec<f64>>,
 }
 
 impl NormalEquations {
-    /// Sums the products of the interpolation weights over all pixels.
     fn new(mesh: &ValuedMesh<'_>, control: &dyn Control) -> Result<Self, Cancelled> {
         let triangulation = &mesh.triangulation;
-        let count = triangulation.points.len();
-        let components = mesh.pixels.image.component_count();
-        let mut diagonal = vec![0.0; count];
-        let mut right_hand_sides = vec![vec![0.0; count]; components];
-        let mut products: Vec<[f64; 3]> = Vec::with_capacity(triangulation.slot_count());
+        let zeros = vec![0.0; triangulation.points.len()];
+        let right_hand_sides = vec![zeros.clone(); mesh.image.component_count()];
+        let mut made = Self { diagonal: zeros, edges: Vec::new(), right_hand_sides };
+        let mut products = Vec::with_capacity(triangulation.slot_count());
         for slot in 0..triangulation.slot_count() as u32 {
             control.poll(Stage::Refine, 0, 1)?;
-            let face = triangulation.vertices_of(slot);
-            let moments = Moments::of_face(mesh, face);
-            for (i, v) in face.into_iter().enumerate() {
-                diagonal[v as usize] += moments.squares[i];
-                for (c, side) in right_hand_sides.iter_mut().enumerate() {
-                    side[v as usize] += moments.with_samples[c][i];
+            products.push(made.add_face(mesh, triangulation.vertices_of(slot)));
+        }
+        let product = |h: u32| products[h as usize / 3][h as usize % 3];
+        for (h, &twin) in (0..).zip(&triangulation.twins) {
+            poll_at(h as usize, control)?;
+            if twin == NONE || h < twin {
+                let other = if twin == NONE { 0.0 } else { product(twin) };
+                let [from, to] = [h, next(h)].map(|h| triangulation.origins[h as usize]);
+                made.edges.push((from, to, product(h) + other));
+            }
+        }
+        Ok(made)
+    }
+
+    /// Adds the pixels of a face; returns the sums of products of each corner and the next.
+    fn add_face(&mut self, mesh: &ValuedMesh<'_>, face: Face) -> [f64; 3] {
+        let corners = face.map(|v| mesh.triangulation.points[v as usize]);
+        let [a, b, c] = corners;
+        let reciprocal = 1.0 / orientation(a, b, c) as f64;
+        let (mut squares, mut products) = ([0.0; 3], [0.0; 3]);
+        let mut sides = vec![[0.0; 3]; self.right_hand_sides.len()];
+        for_each_row(corners, |y, first, end| {
+            let pixel_weights = mesh.weights_of_row(y, first, end);
+            for x in first..end {
+                let p = Point::new(x, y);
+                let count = pixel_weights.map_or(1.0, |row| f64::from(row[(x - first) as usize]));
+                let weights = [orientation(b, c, p), orientation(c, a, p), orientation(a, b, p)]
+                    .map(|weight| weight as f64 * reciprocal);
+                for i in 0..3 {
+                    squares[i] += count * weights[i] * weights[i];
+                    products[i] += count * weights[i] * weights[(i + 1) % 3];
+                }
+                for (c, side) in sides.iter_mut().enumerate() {
+                    let sample = f64::from(mesh.image.sample(c, x as usize, y as usize));
+                    for i in 0..3 {
+                        side[i] += count * weights[i] * sample;
+                    }
                 }
             }
-            products.push(moments.products);
+        });
+        for (i, v) in face.into_iter().enumerate() {
+            self.diagonal[v as usize] += squares[i];
+            for (all, side) in self.right_hand_sides.iter_mut().zip(&sides) {
+                all[v as usize] += side[i];
+            }
         }
-        let edges = edges(triangulation, &products, control)?;
-        Ok(Self { diagonal, edges, right_hand_sides })
+        products
     }
 
     /// The product of the matrix with a vector.
-    fn multiply(
-        &self,
-        vector: &[f64],
-        product: &mut [f64],
-        control: &dyn Control,
-    ) -> Result<(), Cancelled> {
-        for ((product, entry), value) in product.iter_mut().zip(&self.diagonal).zip(vector) {
-            *product = entry * value;
+    fn multiply(&self, vector: &[f64], control: &dyn Control) -> Result<Vec<f64>, Cancelled> {
+        let mut product: Vec<f64> = self.diagonal.iter().zip(vector).map(|(d, v)| d * v).collect();
+        for (i, &(a, b, entry)) in self.edges.iter().enumerate() {
+            poll_at(i, control)?;
+            product[a as usize] += entry * vector[b as usize];
+            product[b as usize] += entry * vector[a as usize];
         }
-        for edges in self.edges.chunks(EDGES_PER_POLL) {
-            control.poll(Stage::Refine, 0, 1)?;
-            for &(a, b, entry) in edges {
-                product[a as usize] += entry * vector[b as usize];
-                product[b as usize] += entry * vector[a as usize];
-            }
-        }
-        Ok(())
+        Ok(product)
     }
 
     /// Improves the values of a component until they solve its equations.
     fn solve(&self, c: usize, values: &mut [f64], control: &dyn Control) -> Result<(), Cancelled> {
         let side = &self.right_hand_sides[c];
-        let mut product = vec![0.0; values.len()];
-        self.multiply(values, &mut product, control)?;
+        let product = self.multiply(values, control)?;
         let mut residual: Vec<f64> = side.iter().zip(&product).map(|(b, p)| b - p).collect();
         // Where all weights around a vertex are 0, its diagonal entry is, and its value stays.
         let divide = |(r, d): (&f64, &f64)| if *d > 0.0 { r / d } else { 0.0 };
@@ -126,7 +146,7 @@ impl NormalEquations {
             if slope <= enough {
                 break;
             }
-            self.multiply(&direction, &mut product, control)?;
+            let product = self.multiply(&direction, control)?;
             let curvature = dot(&direction, &product);
             if curvature <= 0.0 {
                 break;
@@ -152,74 +172,6 @@ impl NormalEquations {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// The entries of all edges, each the sum over its faces. `products[slot][i]` is that of the face's
-/// side from corner `i` to the next.
-fn edges(
-    triangulation: &DynamicTriangulation,
-    products: &[[f64; 3]],
-    control: &dyn Control,
-) -> Result<Vec<(u32, u32, f64)>, Cancelled> {
-    let product = |h: u32| products[h as usize / 3][h as usize % 3];
-    let mut edges = Vec::new();
-    for (h, &twin) in (0..).zip(&triangulation.twins) {
-        if (h as usize).is_multiple_of(EDGES_PER_POLL) {
-            control.poll(Stage::Refine, 0, 1)?;
-        }
-        if twin == NONE || h < twin {
-            let other = if twin == NONE { 0.0 } else { product(twin) };
-            let [from, to] = [h, next(h)].map(|h| triangulation.origins[h as usize]);
-            edges.push((from, to, product(h) + other));
-        }
-    }
-    Ok(edges)
-}
-
-/// Sums over the pixels of a face, each as often as its weight says.
-struct Moments {
-    /// Of the squares of the weights of each corner.
-    squares: [f64; 3],
-    /// Of the products of the weights of each corner and the next.
-    products: [f64; 3],
-    /// Of the weights times the samples, for each component and corner.
-    with_samples: Vec<[f64; 3]>,
-}
-
-impl Moments {
-    fn of_face(mesh: &ValuedMesh<'_>, face: Face) -> Self {
-        let corners = face.map(|v| mesh.triangulation.points[v as usize]);
-        let [a, b, c] = corners;
-        let reciprocal = 1.0 / orientation(a, b, c) as f64;
-        let image = mesh.pixels.image;
-        let components = image.component_count();
-        let mut moments = Self {
-            squares: [0.0; 3],
-            products: [0.0; 3],
-            with_samples: vec![[0.0; 3]; components],
-        };
-        for_each_row(corners, |y, first, end| {
-            let pixel_weights = mesh.pixels.weights_of_row(y, first, end);
-            for x in first..end {
-                let p = Point::new(x, y);
-                let count = pixel_weights
-                    .map_or(1.0, |pixel_weights| f64::from(pixel_weights[(x - first) as usize]));
-                let weights = [orientation(b, c, p), orientation(c, a, p), orientation(a, b, p)]
-                    .map(|weight| weight as f64 * reciprocal);
-                for i in 0..3 {
-                    moments.squares[i] += count * weights[i] * weights[i];
-                    moments.products[i] += count * weights[i] * weights[(i + 1) % 3];
-                }
-                for (component, sums) in moments.with_samples.iter_mut().enumerate() {
-                    let sample = f64::from(image.sample(component, x as usize, y as usize));
-                    for i in 0..3 {
-                        sums[i] += count * weights[i] * sample;
-                    }
-                }
-            }
-        });
-        moments
-    }
 }
 
 #[cfg(test)]
@@ -255,7 +207,7 @@ mod tests {
         let count = mesh.triangulation.points.len();
         let mut matrix = vec![vec![0.0; count + 1]; count];
         for (p, weights) in weights_of_points(mesh) {
-            let sample = f64::from(mesh.pixels.image.sample(c, p.x as usize, p.y as usize));
+            let sample = f64::from(mesh.image.sample(c, p.x as usize, p.y as usize));
             for (u, weight) in weights {
                 for (v, other) in weights {
                     matrix[u as usize][v as usize] += weight * other;
@@ -288,7 +240,7 @@ mod tests {
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let mut mesh = valued(&image, points.clone());
+            let mut mesh = valued(&image, None, points.clone());
             let [first, second] = [0, 1].map(|c| solved_by_elimination(&mesh, c));
             let best: Vec<f64> = first.iter().zip(&second).flat_map(|(a, b)| [*a, *b]).collect();
             // Where one is as near to another whole number either will do.

@@ -28,7 +28,7 @@ const ROUNDS_PER_EFFORT: usize = 3;
 const PASSES: usize = 3;
 
 /// Flips edges, fits values and, with an effort above 0, moves vertices, in rounds. No step raises
-/// the error. Returns the vertices and faces; the mesh's errors are then those without weights.
+/// the error. Returns the vertices and faces.
 ///
 /// # Errors
 /// When the control cancels.
@@ -62,9 +62,7 @@ pub(crate) fn refine_unconstrained(
             break;
         }
     }
-    let progress = StepProgress::begin(control, rounds, rounds + 1)?;
-    mesh.drop_weights(&progress)?;
-    mesh.triangulation.sorted(&progress)
+    mesh.triangulation.sorted(&StepProgress::begin(control, rounds, rounds + 1)?)
 }
 
 #[cfg(test)]
@@ -73,7 +71,6 @@ mod tests {
     use crate::control::Stage;
     use crate::control::tests::Recorder;
     use crate::image::{Image, Point};
-    use crate::refinement::unconstrained::valued_mesh::WeightedPixels;
     use crate::refinement::unconstrained::valued_mesh::tests::{
         error_of_rebuilt, faces_of, valued,
     };
@@ -103,10 +100,10 @@ mod tests {
     #[test]
     fn each_freedom_lowers_the_error() {
         let (image, points) = picture();
-        let before = valued(&image, points.clone()).total_error();
+        let before = valued(&image, None, points.clone()).total_error();
         for freedom in FREEDOMS {
             let refined = |effort| {
-                let mut mesh = valued(&image, points.clone());
+                let mut mesh = valued(&image, None, points.clone());
                 refine_unconstrained(&mut mesh, freedom, effort, &()).unwrap();
                 let points = mesh.triangulation.points.clone();
                 let error = error_of_rebuilt(&image, &points, &mesh.values, &faces_of(&mesh));
@@ -124,11 +121,10 @@ mod tests {
     fn pixels_of_weight_zero_do_not_count() {
         let (image, points) = picture();
         let weights = vec![0; SIDE * SIDE];
-        let pixels = WeightedPixels { image: &image, weights: Some(&weights) };
-        let mut mesh = ValuedMesh::new(pixels, points.clone(), &()).unwrap();
+        let mut mesh = valued(&image, Some(&weights), points.clone());
         let values = mesh.values.clone();
         refine_unconstrained(&mut mesh, FREEDOMS[2], 1, &()).unwrap();
-        assert_eq!(mesh.values, values);
+        assert_eq!((mesh.total_error(), &mesh.values), (0, &values));
         assert_eq!(mesh.triangulation.points, points);
     }
 
@@ -136,7 +132,7 @@ mod tests {
     fn every_part_can_be_cancelled() {
         let (image, points) = picture();
         for poll in [0, 1, 50, 200, 1000] {
-            let mut mesh = valued(&image, points.clone());
+            let mut mesh = valued(&image, None, points.clone());
             let control = Recorder::cancelling_at(poll);
             let ended = refine_unconstrained(&mut mesh, FREEDOMS[2], 1, &control);
             assert_eq!(ended, Err(Cancelled));

@@ -137,7 +137,7 @@ impl VertexMoves {
 
     /// Sets the values at a position, and estimates the error of the vertex's faces.
     fn estimate(&mut self, mesh: &ValuedMesh<'_>, at: Point) -> f64 {
-        let image = mesh.pixels.image;
+        let image = mesh.image;
         self.parabolas.clear();
         self.parabolas.resize(image.component_count(), Parabola::default());
         for (a, b) in self.star.edges() {
@@ -162,10 +162,7 @@ impl VertexMoves {
         self.errors.clear();
         let mut after = 0;
         for (a, b) in self.star.edges() {
-            let [from, to] = [a, b].map(|v| mesh.triangulation.points[v as usize]);
-            let [first, second] = [a, b].map(|v| mesh.values_of(v));
-            let values = [first, second, &self.best_values];
-            let error = mesh.pixels.squared_error([from, to, at], values);
+            let error = mesh.error_at([a, b], at, &self.best_values);
             self.errors.push(error);
             after += error;
             if after >= before {
@@ -201,9 +198,9 @@ fn add_face(
         let weight = orientation(a, b, start) as f64 * reciprocal;
         let first_weight = orientation(b, apex, start) as f64 * reciprocal;
         let second_weight = orientation(apex, a, start) as f64 * reciprocal;
-        let pixel_weights = mesh.pixels.weights_of_row(y, left, end);
+        let pixel_weights = mesh.weights_of_row(y, left, end);
         for (c, parabola) in parabolas.iter_mut().enumerate() {
-            let samples = &mesh.pixels.image.row(c, y as usize)[left as usize..end as usize];
+            let samples = &mesh.image.row(c, y as usize)[left as usize..end as usize];
             let (za, zb) = (f64::from(first[c]), f64::from(second[c]));
             let rest = za * first_weight + zb * second_weight;
             let rest_step = za * first_step + zb * second_step;
@@ -249,7 +246,7 @@ mod tests {
                     let p = Point::new(x, y);
                     let weight = |from, to| orientation(from, to, p) as f64 / area;
                     let value = za * weight(b, at) + zb * weight(at, a) + z * weight(a, b);
-                    let sample = f64::from(mesh.pixels.image.sample(c, x as usize, y as usize));
+                    let sample = f64::from(mesh.image.sample(c, x as usize, y as usize));
                     sum += (sample - value).powi(2);
                 }
             });
@@ -266,7 +263,7 @@ mod tests {
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..8),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let mesh = valued(&image, points.clone());
+            let mesh = valued(&image, None, points.clone());
             let freedom = Freedom { connectivity: true, values: true };
             let mut moves = VertexMoves::new(points.len(), freedom);
             for vertex in 0..points.len() as u32 {
@@ -319,7 +316,7 @@ mod tests {
         ] {
             let points = points_with_corners(&image, &[&[(5, 5)], taken].concat());
             let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
-            let mut mesh = valued(&image, points.clone());
+            let mut mesh = valued(&image, None, points.clone());
             let freedom = Freedom { connectivity: true, values: false };
             VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
             let at = mesh.triangulation.points[vertex];
@@ -336,7 +333,7 @@ mod tests {
         let points = points_with_corners(&image, &[(5, 0), (4, 5), (5, 10)]);
         let vertex = points.iter().position(|p| (p.x, p.y) == (4, 5)).unwrap();
         for values in [false, true] {
-            let mut mesh = valued(&image, points.clone());
+            let mut mesh = valued(&image, None, points.clone());
             assert!(mesh.total_error() > 0);
             let freedom = Freedom { connectivity: true, values };
             VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
@@ -362,7 +359,7 @@ mod tests {
     #[test]
     fn a_displaced_vertex_returns() {
         let (points, image) = modelled();
-        let plain = valued(&image, points.clone());
+        let plain = valued(&image, None, points.clone());
         for (vertex, &from) in points.iter().enumerate() {
             for (dx, dy) in window(1) {
                 let to = Point::new(from.x + dx, from.y + dy);
@@ -371,13 +368,13 @@ mod tests {
                     continue;
                 }
                 for values in [false, true] {
-                    let mut mesh = valued(&image, points.clone());
+                    let mut mesh = valued(&image, None, points.clone());
                     mesh.triangulation.points[vertex] = to;
                     for c in 0..2 {
                         let sample = image.sample(c, to.x as usize, to.y as usize);
                         mesh.values[2 * vertex + c] = sample;
                     }
-                    mesh.measure(&()).unwrap();
+                    mesh.measure(Stage::Refine, &()).unwrap();
                     assert!(mesh.total_error() > 0);
                     let freedom = Freedom { connectivity: true, values };
                     let mut moves = VertexMoves::new(points.len(), freedom);

@@ -2,46 +2,44 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
-use crate::face_error::interpolant::Interpolant;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point};
 use crate::triangulation::predicates::{in_circle, orientation};
 use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 
 /// A triangulation with values at its vertices and the squared errors of its faces.
 pub(crate) struct ValuedMesh<'a> {
-    pub(crate) pixels: WeightedPixels<'a>,
+    pub(crate) image: &'a Image,
+    /// How often the squared error of each lattice point counts: once without weights.
+    weights: Option<&'a [u8]>,
+    pub(crate) errors: FaceErrors<'a>,
     pub(crate) triangulation: DynamicTriangulation,
     /// Component `c` of vertex `v` is at `v * components + c`.
     pub(crate) values: Vec<u16>,
 }
 
-/// An image, and how often the squared error of each lattice point counts: once without weights.
-#[derive(Clone, Copy)]
-pub(crate) struct WeightedPixels<'a> {
-    pub(crate) image: &'a Image,
-    pub(crate) weights: Option<&'a [u8]>,
-}
-
 impl<'a> ValuedMesh<'a> {
-    /// The Delaunay mesh of points given by row, then column, with the samples of the image.
+    /// The Delaunay mesh of points given by row, then column, with the samples of the image;
+    /// `evaluator` has the squared errors with these weights.
     ///
     /// # Errors
     /// When the control cancels.
     pub(crate) fn new(
-        pixels: WeightedPixels<'a>,
+        image: &'a Image,
+        weights: Option<&'a [u8]>,
+        evaluator: &'a ErrorEvaluator<'a>,
         points: Vec<Point>,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let image = pixels.image;
         let sample = |&Point { x, y }: &Point| {
             (0..image.component_count()).map(move |c| image.sample(c, x as usize, y as usize))
         };
         let values = points.iter().flat_map(sample).collect();
         let triangulation = Triangulation::new(points, control)?;
         let triangulation = DynamicTriangulation::new(triangulation, image.sides(), control)?;
-        let mut mesh = Self { pixels, triangulation, values };
-        mesh.measure(control)?;
+        let errors = FaceErrors::new(evaluator);
+        let mut mesh = Self { image, weights, errors, triangulation, values };
+        mesh.measure(Stage::Refine, control)?;
         Ok(mesh)
     }
 
@@ -49,21 +47,13 @@ impl<'a> ValuedMesh<'a> {
     ///
     /// # Errors
     /// When the control cancels.
-    pub(crate) fn measure(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
+    pub(crate) fn measure(&mut self, stage: Stage, control: &dyn Control) -> Result<(), Cancelled> {
         for slot in 0..self.triangulation.slot_count() as u32 {
-            control.poll(Stage::Refine, 0, 1)?;
+            control.poll(stage, 0, 1)?;
             let error = self.error_of(self.triangulation.vertices_of(slot));
             self.triangulation.set_face_error(slot, error);
         }
         Ok(())
-    }
-
-    /// Measures the faces without weights from now on.
-    ///
-    /// # Errors
-    /// When the control cancels.
-    pub(crate) fn drop_weights(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
-        if self.pixels.weights.take().is_some() { self.measure(control) } else { Ok(()) }
     }
 
     /// The sum of the errors of all faces.
@@ -73,14 +63,21 @@ impl<'a> ValuedMesh<'a> {
 
     /// The values of a vertex.
     pub(crate) fn values_of(&self, vertex: u32) -> &[u16] {
-        let count = self.pixels.image.component_count();
-        &self.values[vertex as usize * count..][..count]
+        values_of(&self.values, self.image, vertex)
     }
 
     /// The error of the face of three vertices.
-    pub(crate) fn error_of(&self, face: Face) -> u64 {
+    fn error_of(&mut self, face: Face) -> u64 {
         let corners = face.map(|v| self.triangulation.points[v as usize]);
-        self.pixels.squared_error(corners, face.map(|v| self.values_of(v)))
+        let values = face.map(|v| values_of(&self.values, self.image, v));
+        self.errors.error_of_values(corners, values)
+    }
+
+    /// The error of the face of two vertices and a position with some values.
+    pub(crate) fn error_at(&mut self, [a, b]: [u32; 2], at: Point, values: &[u16]) -> u64 {
+        let [from, to] = [a, b].map(|v| self.triangulation.points[v as usize]);
+        let [first, second] = [a, b].map(|v| values_of(&self.values, self.image, v));
+        self.errors.error_of_values([from, to, at], [first, second, values])
     }
 
     /// Flips edges while that lowers the error; tries the edges around a flipped one again.
@@ -147,33 +144,6 @@ impl<'a> ValuedMesh<'a> {
                 !in_circle(before, end, at, after)
             })
     }
-}
-
-impl WeightedPixels<'_> {
-    /// The weighted squared error of a face with any values at its corners. With weights, samples
-    /// of more than 8 bits count in units of 8 bits, so that no sum overflows.
-    pub(crate) fn squared_error(self, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
-        let image = self.image;
-        let shift = 2 * image.precision().saturating_sub(8);
-        let (mut sum, mut approximation) = (0, Vec::new());
-        for c in 0..image.component_count() {
-            let interpolant = Interpolant::new(corners, values.map(|values| values[c]));
-            for_each_row(corners, |y, first, end| {
-                let samples = &image.row(c, y as usize)[first as usize..end as usize];
-                let Some(weights) = self.weights_of_row(y, first, end) else {
-                    sum += interpolant.squared_error(first, y, samples);
-                    return;
-                };
-                approximation.resize(samples.len(), 0);
-                interpolant.fill(first, y, &mut approximation);
-                let pairs = samples.iter().zip(&approximation).zip(weights);
-                let error = pairs
-                    .map(|((a, b), &weight)| u64::from(a.abs_diff(*b)).pow(2) * u64::from(weight));
-                sum += error.sum::<u64>() >> shift;
-            });
-        }
-        sum
-    }
 
     /// The weights of the columns from `first` to before `end` of a row.
     pub(crate) fn weights_of_row(&self, y: i32, first: i32, end: i32) -> Option<&[u8]> {
@@ -182,20 +152,32 @@ impl WeightedPixels<'_> {
     }
 }
 
+fn values_of<'v>(values: &'v [u16], image: &Image, vertex: u32) -> &'v [u16] {
+    let count = image.component_count();
+    &values[vertex as usize * count..][..count]
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
+    use crate::parameters::choices::ErrorMetric;
     use crate::quality::fidelity::Fidelity;
     use crate::refinement::tests::picture;
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
     use std::collections::HashMap;
 
-    /// The mesh of points with the samples of an image without weights.
-    pub(in crate::refinement) fn valued(image: &Image, points: Vec<Point>) -> ValuedMesh<'_> {
-        ValuedMesh::new(WeightedPixels { image, weights: None }, points, &()).unwrap()
+    /// The mesh of points with the samples of an image; its evaluator is leaked.
+    pub(in crate::refinement) fn valued<'a>(
+        image: &'a Image,
+        weights: Option<&'a [u8]>,
+        points: Vec<Point>,
+    ) -> ValuedMesh<'a> {
+        let evaluator = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, weights);
+        let evaluator = Box::leak(Box::new(evaluator));
+        ValuedMesh::new(image, weights, evaluator, points, &()).unwrap()
     }
 
     /// The squared error of a picture rebuilt from faces and values, sample by sample.
@@ -256,7 +238,7 @@ pub(crate) mod tests {
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
             let faces = triangulate(&points);
-            let mut mesh = valued(&image, points.clone());
+            let mut mesh = valued(&image, None, points.clone());
             let error = |mesh: &ValuedMesh<'_>, faces: &[Face]| {
                 error_of_rebuilt(&image, &points, &mesh.values, faces)
             };
