@@ -50,7 +50,6 @@ macro_rules! problems {
 
 problems! {
     BadRequest = BAD_REQUEST "bad-request" "The request cannot be read";
-    AmbiguousLength = BAD_REQUEST "ambiguous-length" "The end of the request's body is ambiguous";
     QueryMalformed = BAD_REQUEST "query-malformed" "The query is not correctly encoded";
     UnknownParameter = BAD_REQUEST "unknown-parameter" "There is no such parameter";
     DuplicateParameter = BAD_REQUEST "duplicate-parameter" "A parameter is given twice";

@@ -124,10 +124,10 @@ pub fn public(service: Arc<Service>) -> Router {
         ServiceBuilder::new()
             .layer(from_fn(identify))
             .layer(from_fn(observe::observe))
-            .option_layer(cors)
             .layer(from_fn(problem::render))
-            .layer(CatchPanicLayer::custom(panicked))
             .layer(from_fn(guard::guard))
+            .option_layer(cors)
+            .layer(CatchPanicLayer::custom(panicked))
             .layer(authenticate),
     )
 }
@@ -144,8 +144,8 @@ pub fn operations(operations: Operations) -> Router {
         ServiceBuilder::new()
             .layer(from_fn(identify))
             .layer(from_fn(problem::render))
-            .layer(CatchPanicLayer::custom(panicked))
-            .layer(from_fn(guard::guard)),
+            .layer(from_fn(guard::guard))
+            .layer(CatchPanicLayer::custom(panicked)),
     )
 }
 

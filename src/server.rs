@@ -7,13 +7,8 @@
 //! [`LAST_WORDS`] more the process exits all the same.
 
 mod descriptors;
-mod framing;
 mod listener;
-mod preface;
 mod stream;
-mod unreadable;
-
-pub use framing::{Framing, HeadDefect};
 
 use crate::access::KeyRing;
 use crate::config::{self, BESIDE_BUDGET, Settings};

@@ -118,10 +118,7 @@ impl Problem {
 
     /// Whether what is left of the request cannot or shall not be read.
     fn ends_connection(&self) -> bool {
-        matches!(
-            self.kind,
-            Kind::AmbiguousLength | Kind::RequestTimeout | Kind::BodyTooLarge | Kind::ShuttingDown
-        )
+        matches!(self.kind, Kind::RequestTimeout | Kind::BodyTooLarge | Kind::ShuttingDown)
     }
 }
 

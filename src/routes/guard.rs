@@ -1,13 +1,12 @@
-//! What no request may be like, whatever its route, and what every answer says.
+//! Limits that hold for every request, and headers that every response has.
 
 use crate::problem::{Kind, Problem};
-use crate::server::{Framing, HeadDefect};
 use axum::extract::Request;
 use axum::http::header::{
-    CONNECTION, CONTENT_SECURITY_POLICY, REFERRER_POLICY, TRANSFER_ENCODING,
+    CONNECTION, CONTENT_SECURITY_POLICY, HOST, REFERRER_POLICY, TRANSFER_ENCODING,
     X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, Version};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -18,23 +17,24 @@ const MAX_HEADER: usize = 16 * 1024;
 /// The most lines of a request's header.
 const MAX_HEADER_LINES: usize = 100;
 
-/// What every answer says: no guessing of types, no other site's frames, no word to other sites
-/// about the page one came from.
+/// Headers of every response: no guessing of types, no frames, no referrer.
 const ALWAYS: [(HeaderName, &str); 4] = [
     (X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (X_FRAME_OPTIONS, "DENY"),
     (REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
-/// What is said of an answer that is no page of ours: a browser that shows it runs nothing in it.
+/// The policy of a response that is no page of ours: a browser that shows it runs nothing in it.
 const NO_CONTENT_LOADED: &str = "default-src 'none'; frame-ancestors 'none'";
 
-/// The layer that refuses ambiguous and oversized requests, and says what browsers may do with answers.
+/// The layer that refuses oversized requests and those without one host, and sets the headers that
+/// restrict what browsers do with a response.
 ///
-/// A request with `Transfer-Encoding` is the last one of its connection, so that nothing that
-/// follows its body can be taken for a request (RFC 9112, section 6.1), and so is an ambiguous one.
+/// The connection ends with a request that has `Transfer-Encoding`: bytes after its body are never
+/// taken for a request (RFC 9112, section 6.1). Where `Content-Length` is there too, hyper reads the
+/// body by `Transfer-Encoding` and closes the connection as well.
 pub(super) async fn guard(request: Request, next: Next) -> Response {
-    let is_last = request.headers().contains_key(TRANSFER_ENCODING) || defect(&request).is_some();
+    let is_last = request.headers().contains_key(TRANSFER_ENCODING) || !names_its_host(&request);
     let mut response = match refusal(&request) {
         Some(problem) => problem.into_response(),
         None => next.run(request).await,
@@ -53,8 +53,9 @@ pub(super) async fn guard(request: Request, next: Next) -> Response {
 }
 
 fn refusal(request: &Request) -> Option<Problem> {
-    if let Some(defect) = defect(request) {
-        return Some(ambiguous(defect));
+    if !names_its_host(request) {
+        let detail = "send exactly one Host header; HTTP/1.1 requires it";
+        return Some(Problem::new(Kind::BadRequest, detail));
     }
     let target = length_of(request.uri());
     if target > MAX_TARGET {
@@ -64,21 +65,9 @@ fn refusal(request: &Request) -> Option<Problem> {
     oversized(request.headers())
 }
 
-/// What was seen to be wrong with the request's head.
-fn defect(request: &Request) -> Option<HeadDefect> {
-    request.extensions().get::<Framing>()?.defect()
-}
-
-fn ambiguous(defect: HeadDefect) -> Problem {
-    match defect {
-        HeadDefect::Length => {
-            let detail = "Content-Length together with Transfer-Encoding, or a line without CR LF";
-            Problem::new(Kind::AmbiguousLength, detail)
-        }
-        HeadDefect::Host => {
-            Problem::new(Kind::BadRequest, "a request of HTTP/1.1 must have one header Host")
-        }
-    }
+/// Whether a request names one host, as HTTP/1.1 requires (RFC 9112, section 3.2).
+fn names_its_host(request: &Request) -> bool {
+    request.version() != Version::HTTP_11 || request.headers().get_all(HOST).iter().count() == 1
 }
 
 fn length_of(target: &Uri) -> usize {

@@ -1,29 +1,29 @@
-//! Accepts connections up to a number, and serves HTTP/1.1 on each with timeouts.
+//! Accepts connections up to a number and serves HTTP/1.1 and HTTP/2 on each, with timeouts.
 //!
-//! HTTP/2 is not spoken: a connection that begins with its preface is told 400 and closed. A
-//! connection whose request header does not arrive in time is closed, also an idle one. What comes
-//! over the number of connections is told 503 and closed; when many are being told so, the rest is
-//! closed untold.
+//! HTTP/2 is spoken with prior knowledge: a connection that begins with its preface. A connection
+//! whose first request, or in HTTP/1.1 whose next request, does not arrive within the header timeout
+//! is closed; an HTTP/2 client that is idle must answer pings. Connections over the number get 503
+//! and are closed; beyond [`REFUSED_AT_A_TIME`] such refusals at a time they are closed without one.
+//! What hyper cannot parse it answers itself, with 400, 414 or 431 and no body.
 //!
-//! A client that goes away while its request is worked on is noticed when its end of the connection
-//! is read, and its work is stopped. That is not promised to one that sends bytes of a further
-//! request before the answer: these are left unread until then, and the end of the connection
-//! behind them, so that the work goes on to its end or its deadline. A client that ends its half of
-//! the connection before it has its answer is taken for one that went away, and gets none.
+//! A task is cancelled when its client closes the connection. In HTTP/1.1 that is noticed when the
+//! end of the connection is read, which bytes of a further request delay: a client that pipelines
+//! keeps its task running to its end or its deadline. A client that closes only its sending half
+//! counts as gone and gets no response.
 
-use super::framing::Framing;
 use super::stream::Stream;
 use crate::problem::{Kind, Problem};
 use axum::Router;
 use axum::body::Body;
 use hyper::body::Incoming;
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::conn::auto;
 use hyper_util::server::graceful::GracefulShutdown;
 use std::io;
 use std::net::TcpListener as StdListener;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
@@ -34,10 +34,15 @@ use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
 /// The most bytes and lines of a request's header that are read at all. The routes refuse much less
-/// than that, with a problem document; beyond these the library answers 431 with nothing more.
+/// than that, with a problem document.
 const MAX_BUFFER: usize = 128 * 1024;
 const MAX_HEADER_LINES: usize = 1100;
-/// The most connections over the number that are being told so at a time.
+/// The most bytes of bodies in HTTP/2 that a connection, and one request, may have unread.
+const MAX_UNREAD_OF_CONNECTION: u32 = 256 * 1024;
+const MAX_UNREAD_OF_REQUEST: u32 = 128 * 1024;
+/// The most requests in progress on one connection in HTTP/2.
+const MAX_STREAMS: u32 = 100;
+/// The most connections that are refused with a response at a time.
 pub(super) const REFUSED_AT_A_TIME: usize = 16;
 /// The pause after the system has refused a connection, for instance for want of descriptors.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_millis(50);
@@ -47,16 +52,17 @@ pub(super) struct Listener {
     socket: StdListener,
     routes: Router,
     timeouts: Timeouts,
-    places: Arc<Semaphore>,
+    http: auto::Builder<TokioExecutor>,
+    permits: Arc<Semaphore>,
     refusals: Arc<Semaphore>,
 }
 
-/// How slow a client may be.
+/// Limits on slow clients.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timeouts {
     /// Longest time for a request's header to arrive.
     pub(super) header: Duration,
-    /// Longest time for nothing of an answer to be taken.
+    /// Longest time for the socket to accept no bytes of a response.
     pub(super) stall: Duration,
 }
 
@@ -68,9 +74,9 @@ impl Listener {
         connections: usize,
         timeouts: Timeouts,
     ) -> Self {
-        let places = Arc::new(Semaphore::new(connections.min(Semaphore::MAX_PERMITS)));
+        let permits = Arc::new(Semaphore::new(connections.min(Semaphore::MAX_PERMITS)));
         let refusals = Arc::new(Semaphore::new(REFUSED_AT_A_TIME));
-        Self { socket, routes, timeouts, places, refusals }
+        Self { socket, routes, timeouts, http: http(timeouts), permits, refusals }
     }
 
     /// Accepts connections until `stop`, and returns those that are still open.
@@ -96,44 +102,66 @@ impl Listener {
         Ok(Draining(tokio::spawn(open.shutdown())))
     }
 
-    /// Serves a connection when there is a place for it.
+    /// Serves a connection if the limit on connections allows.
     fn admit(&self, connection: TcpStream, open: &GracefulShutdown) {
         let _ = connection.set_nodelay(true);
-        let framing = Framing::default();
-        let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
+        let Ok(permit) = Arc::clone(&self.permits).try_acquire_owned() else {
             self.refuse(connection);
             return;
         };
-        let stream = Stream::new(connection, self.timeouts.stall, framing.clone(), place);
+        let stream = Stream::new(connection, self.timeouts.stall, permit);
         let routes = self.routes.clone();
-        let service = hyper::service::service_fn(move |mut request: hyper::Request<Incoming>| {
-            request.extensions_mut().insert(framing.clone());
+        let begun = Arc::new(AtomicBool::new(false));
+        let has_begun = Arc::clone(&begun);
+        let service = hyper::service::service_fn(move |request: hyper::Request<Incoming>| {
+            begun.store(true, Ordering::Relaxed);
             routes.clone().oneshot(request.map(Body::new))
         });
-        let served = http1::Builder::new()
-            .timer(TokioTimer::new())
-            .header_read_timeout(self.timeouts.header)
-            .max_buf_size(MAX_BUFFER)
-            .max_headers(MAX_HEADER_LINES)
-            .serve_connection(TokioIo::new(stream), service);
-        let served = open.watch(served);
+        let connection = self.http.serve_connection(TokioIo::new(stream), service).into_owned();
+        let served = open.watch(connection);
+        let header_timeout = self.timeouts.header;
         tokio::spawn(async move {
-            if let Err(error) = served.await {
+            let mut served = pin!(served);
+            let ended = match timeout(header_timeout, &mut served).await {
+                Err(_) if !has_begun.load(Ordering::Relaxed) => return,
+                Err(_) => served.await,
+                Ok(ended) => ended,
+            };
+            if let Err(error) = ended {
                 tracing::debug!(%error, "a connection ended early");
             }
         });
     }
 
-    /// Tells a connection that there is no place for it, or closes it when too many are being told.
+    /// Refuses a connection with 503, or closes it when many are being refused.
     fn refuse(&self, connection: TcpStream) {
-        if let Ok(place) = Arc::clone(&self.refusals).try_acquire_owned() {
-            let stream = Stream::new(connection, self.timeouts.stall, Framing::default(), place);
+        if let Ok(permit) = Arc::clone(&self.refusals).try_acquire_owned() {
+            let stream = Stream::new(connection, self.timeouts.stall, permit);
             tokio::spawn(turn_away(stream, self.timeouts.header));
         }
     }
 }
 
-/// Tells a connection over the number that there is no place for it.
+/// How requests are read and responses written.
+fn http(timeouts: Timeouts) -> auto::Builder<TokioExecutor> {
+    let mut http = auto::Builder::new(TokioExecutor::new());
+    http.http1()
+        .timer(TokioTimer::new())
+        .header_read_timeout(timeouts.header)
+        .max_buf_size(MAX_BUFFER)
+        .max_headers(MAX_HEADER_LINES);
+    http.http2()
+        .timer(TokioTimer::new())
+        .keep_alive_interval(timeouts.header)
+        .keep_alive_timeout(timeouts.header)
+        .max_header_list_size(MAX_BUFFER as u32)
+        .max_concurrent_streams(MAX_STREAMS)
+        .initial_connection_window_size(MAX_UNREAD_OF_CONNECTION)
+        .initial_stream_window_size(MAX_UNREAD_OF_REQUEST);
+    http
+}
+
+/// Answers a connection over the limit with 503.
 async fn turn_away(mut stream: Stream, limit: Duration) {
     let document = Problem::new(Kind::Overloaded, "too many connections are open")
         .setting("--max-connections")

@@ -1,18 +1,14 @@
-//! A connection's bytes: shown to the [`Framing`] on their way in, and never left unread at the end.
+//! A connection's bytes, with a limit on stalls and an orderly end.
 //!
 //! A socket that is closed while bytes of the client are unread resets the connection, and the
-//! client may never see the answer it was just sent. So a stream that is dropped reads on for a
-//! moment, and throws away what comes.
+//! client may lose the response it was just sent. A dropped stream therefore reads on for up to
+//! [`LINGER`] and discards what arrives.
 //!
-//! A client that stalls loses its connection: one that for too long does not take as much of an
-//! answer as makes the system accept more of it. The system buffers up to some megabytes and says
-//! that there is room only when about a third of that is free again, so that also a client that
-//! reads steadily, but tens of kilobytes a second or fewer, may be cut. There is no limit on the
-//! time that an answer takes in all.
+//! A connection is closed when the socket accepts no response bytes for the stall timeout. The
+//! system buffers up to some megabytes and reports the socket writable only when about a third of
+//! that is free again, so a client that reads some tens of kilobytes a second or fewer may be cut.
+//! The time of a response as a whole has no limit.
 
-use super::framing::Framing;
-use super::preface::Preface;
-use super::unreadable;
 use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
@@ -31,78 +27,26 @@ const LINGER: Duration = Duration::from_secs(2);
 pub(super) struct Stream {
     /// Taken when dropped.
     socket: Option<TcpStream>,
-    framing: Framing,
-    preface: Preface,
     stall_timeout: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
-    /// What is being sent in place of bytes of the HTTP library.
-    replaced: Option<Replaced>,
-    /// The connection's place among those open, kept until it is closed.
-    place: Option<OwnedSemaphorePermit>,
-}
-
-/// Bytes that are sent in place of others.
-struct Replaced {
-    bytes: Vec<u8>,
-    sent: usize,
-    /// The number of those others.
-    original: usize,
+    /// Counts the connection as open until its socket is closed.
+    permit: Option<OwnedSemaphorePermit>,
 }
 
 impl Stream {
     pub(super) fn new(
         socket: TcpStream,
         stall_timeout: Duration,
-        framing: Framing,
-        place: OwnedSemaphorePermit,
+        permit: OwnedSemaphorePermit,
     ) -> Self {
-        Self {
-            socket: Some(socket),
-            framing,
-            preface: Preface::default(),
-            stall_timeout,
-            stalled: None,
-            replaced: None,
-            place: Some(place),
-        }
+        Self { socket: Some(socket), stall_timeout, stalled: None, permit: Some(permit) }
     }
 
     fn socket(&mut self) -> io::Result<Pin<&mut TcpStream>> {
         self.socket.as_mut().map(Pin::new).ok_or_else(|| ErrorKind::NotConnected.into())
     }
 
-    /// Sends what is to be sent in place of `bytes`; `None` when these are sent themselves.
-    fn poll_replaced(
-        &mut self,
-        context: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Option<Poll<io::Result<usize>>> {
-        let mut replaced = self.replaced.take().or_else(|| {
-            let original = bytes.len();
-            unreadable::in_place_of(bytes, self.framing.is_countless()).map(|bytes| Replaced {
-                bytes,
-                sent: 0,
-                original,
-            })
-        })?;
-        while replaced.sent < replaced.bytes.len() {
-            let socket = match self.socket() {
-                Ok(socket) => socket,
-                Err(error) => return Some(Poll::Ready(Err(error))),
-            };
-            match socket.poll_write(context, &replaced.bytes[replaced.sent..]) {
-                Poll::Ready(Ok(count)) => replaced.sent += count,
-                Poll::Ready(Err(error)) => return Some(Poll::Ready(Err(error))),
-                Poll::Pending => {
-                    self.replaced = Some(replaced);
-                    return Some(Poll::Pending);
-                }
-            }
-        }
-        Some(Poll::Ready(Ok(replaced.original)))
-    }
-
-    /// Passes on what became of writing, and an error when nothing could be written for too long.
+    /// Passes on the result of a write, or an error when nothing could be written for too long.
     fn unless_stalled<T>(
         &mut self,
         written: Poll<io::Result<T>>,
@@ -125,12 +69,7 @@ impl AsyncRead for Stream {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        let before = buffer.filled().len();
-        ready!(self.socket()?.poll_read(context, buffer))?;
-        let arrived = buffer.filled_mut().get_mut(before..).unwrap_or_default();
-        self.preface.see(arrived);
-        self.framing.see(arrived);
-        Poll::Ready(Ok(()))
+        self.socket()?.poll_read(context, buffer)
     }
 }
 
@@ -140,10 +79,7 @@ impl AsyncWrite for Stream {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        let written = match self.poll_replaced(context, bytes) {
-            Some(written) => written,
-            None => self.socket()?.poll_write(context, bytes),
-        };
+        let written = self.socket()?.poll_write(context, bytes);
         self.unless_stalled(written, context)
     }
 
@@ -161,11 +97,7 @@ impl AsyncWrite for Stream {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        let only = if let [only] = slices { only } else { &io::IoSlice::new(&[]) };
-        let written = match self.poll_replaced(context, only) {
-            Some(written) => written,
-            None => self.socket()?.poll_write_vectored(context, slices),
-        };
+        let written = self.socket()?.poll_write_vectored(context, slices);
         self.unless_stalled(written, context)
     }
 
@@ -176,17 +108,17 @@ impl AsyncWrite for Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        let place = self.place.take();
+        let permit = self.permit.take();
         if let (Some(socket), Ok(runtime)) = (self.socket.take(), Handle::try_current()) {
             runtime.spawn(async move {
                 let _ = timeout(LINGER, linger(socket)).await;
-                drop(place);
+                drop(permit);
             });
         }
     }
 }
 
-/// Ends our half of a connection, and reads what comes until the client ends its own.
+/// Closes our half of a connection and reads until the client closes its own.
 async fn linger(mut socket: TcpStream) -> io::Result<()> {
     socket.shutdown().await?;
     let mut ignored = vec![0; 16 * 1024];

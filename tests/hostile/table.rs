@@ -32,6 +32,8 @@ pub(crate) enum Expected {
     Served,
     /// A status with the slug of its problem.
     Refused(u16, &'static str),
+    /// A status without a body: the request cannot be parsed as HTTP.
+    Unparsed(u16),
     /// One of several refusals.
     OneOf(&'static [(u16, &'static str)]),
     /// 200, or one of several refusals.
@@ -220,6 +222,9 @@ impl Row {
         };
         match self.expected {
             Expected::Refused(status, slug) => refusal(&[(status, slug)]),
+            Expected::Unparsed(status) => {
+                assert_eq!((answer.status, answer.text().as_str()), (status, ""), "{}", self.id);
+            }
             Expected::OneOf(allowed) => refusal(allowed),
             Expected::ServedOr(allowed) if answer.status != 200 => refusal(allowed),
             Expected::Served | Expected::ServedOr(_) => {
@@ -253,6 +258,7 @@ impl fmt::Display for Expected {
         match self {
             Self::Served => formatter.write_str("200"),
             Self::Refused(status, slug) => write!(formatter, "{status} `{slug}`"),
+            Self::Unparsed(status) => write!(formatter, "{status} without a body"),
             Self::OneOf(allowed) => formatter.write_str(&refusals(allowed)),
             Self::ServedOr(allowed) => write!(formatter, "200, or {}", refusals(allowed)),
             Self::Told(told) => formatter.write_str(told),

