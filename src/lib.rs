@@ -11,7 +11,7 @@
 //! | [`extract`] | from a request to typed values: upload, parameters, accepted format |
 //! | [`access`] | keys, and how many requests each may send |
 //! | [`admission`] | what may run now, what waits, and what is turned away at once |
-//! | [`pool`] | one piece of work on blocking threads, with its deadline |
+//! | [`pool`] | the threads that run tasks, with deadline and cancellation |
 //! | [`decoding`] | pictures from their files, where need be in a process of its own |
 //! | [`pipeline`] | from an upload to the bytes of the answer |
 //! | [`jobs`] | work that is kept until it is done, whatever happens to the process |

@@ -1,18 +1,14 @@
-//! One piece of work on a thread of its own: its ticket moves in, and it ends at its deadline.
+//! The threads that run tasks: as many as there are workers, started at boot.
 //!
-//! The threads are a pool of their own, which yields to the threads that answer requests and write
-//! jobs: these have little to do and must not wait for it, while work takes every core. How many
-//! pieces work at a time, the tickets of [`crate::admission`] decide; while there are fewer, kernels
-//! start threads of their own, as many as are the work's share of the cores. When the deadline passes
-//! or the client goes away, the waiting future is dropped, and with it a guard that raises the work's
-//! flag; kernels, decoders and encoders look at it through [`Watch`] and stop within milliseconds.
-//! Only then is the ticket given back.
+//! A task takes its ticket along and gives it back when it ends, so there is always a free thread for
+//! a task with a ticket. The threads have a lower priority than those that serve requests and write
+//! jobs, which have little to do and must not wait. While fewer tasks run than there are cores, the
+//! meshing kernels start further threads, see [`Watch::share_threads`].
 //!
-//! Three decoders, which are others' code, do not read while they work, and cannot be stopped there:
-//! large pictures of those kinds are decoded by processes that are killed instead, see
-//! [`crate::decoding`].
+//! When the deadline passes or the client goes away, the waiting future is dropped and the task's
+//! [`Watch`] is cancelled. Kernels, decoders and encoders poll it and stop within milliseconds; three
+//! decoders need up to 0.6 s, see [`pixmesh_codec::DecodeOptions::decode_while`].
 
-mod threads;
 mod watch;
 
 pub use watch::Watch;
@@ -22,110 +18,111 @@ use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
 use rustix::process::{getpriority_process, setpriority_process};
 use std::io;
-use std::sync::Arc;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Builder;
-use std::time::{Duration, Instant};
-use threads::{Threads, Work};
-use tokio::sync::oneshot::{self, Receiver};
-use tokio::time::{sleep, timeout_at};
+use std::time::Instant;
+use tokio::sync::oneshot;
+use tokio::time::timeout_at;
 use tracing::Span;
 
-/// Runs `work` and waits for it until `deadline`; the work may keep memory of its ticket.
-///
-/// # Errors
-/// The work's own refusal, `deadline-exceeded`, `overloaded` when the system has no thread for it, or
-/// `internal` when it panicked.
-pub async fn run<T: Send + 'static>(
-    ticket: Ticket,
-    deadline: Instant,
-    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
-) -> Result<T, Problem> {
-    let watch = Arc::new(Watch::new(deadline));
-    let _guard = CancelOnDrop(Arc::clone(&watch));
-    let (work, heard) = reporting(ticket, watch, work);
-    THREADS.run(work).map_err(|refusal| no_thread(&refusal.error))?;
-    result(heard, deadline).await
-}
-
-/// The same under a watch that others look at too, of work that nobody waits for at the moment: while
-/// the system has no thread for it, it is tried again and again until the deadline, ticket in hand.
-///
-/// # Errors
-/// As [`run`].
-pub async fn run_patiently<T: Send + 'static>(
-    ticket: Ticket,
-    watch: Arc<Watch>,
-    deadline: Instant,
-    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
-) -> Result<T, Problem> {
-    let _guard = CancelOnDrop(Arc::clone(&watch));
-    let (mut work, heard) = reporting(ticket, watch, work);
-    while let Err(refusal) = THREADS.run(work) {
-        let problem = no_thread(&refusal.error);
-        if Instant::now() + PAUSE_WITHOUT_THREAD >= deadline {
-            return Err(problem);
-        }
-        sleep(PAUSE_WITHOUT_THREAD).await;
-        work = refusal.work;
-    }
-    result(heard, deadline).await
-}
-
-/// The work as a thread does it, and where its result is heard of.
-fn reporting<T: Send + 'static>(
-    mut ticket: Ticket,
-    watch: Arc<Watch>,
-    work: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
-) -> (Work, Receiver<Result<T, Problem>>) {
-    watch.share_threads(ticket.share());
-    let span = Span::current();
-    let (said, heard) = oneshot::channel();
-    let work = move || {
-        let result = span.in_scope(|| {
-            watch.record("queue", ticket.waited);
-            let result = work(&watch, &mut ticket);
-            match &result {
-                Ok(_) => ticket.completed(),
-                Err(_) => ticket.stopped(),
-            }
-            result
-        });
-        drop((ticket, span));
-        // Whoever waited for it may have gone away.
-        let _ = said.send(result);
-    };
-    (Box::new(work), heard)
-}
-
-/// What comes of work that has begun, or of its deadline.
-async fn result<T>(heard: Receiver<Result<T, Problem>>, deadline: Instant) -> Result<T, Problem> {
-    match timeout_at(deadline.into(), heard).await {
-        Ok(Ok(Err(problem))) if problem.kind() == Kind::DeadlineExceeded => Err(too_slow()),
-        Ok(heard) => heard.unwrap_or_else(|_| Err(panicked())),
-        Err(_) => Err(too_slow()),
-    }
-}
-
-/// When a client should try again whose work found no thread, in seconds.
-const RETRY_AFTER_S: u64 = 5;
-
-/// The pause before work that found no thread is tried again.
-const PAUSE_WITHOUT_THREAD: Duration = Duration::from_secs(1);
-
-/// How much nicer than the process the threads that work are.
+/// By how much the priority of the threads is below the process's.
 const NICENESS: i32 = 5;
 
-/// The threads that work.
-static THREADS: Threads = Threads::new(|| Builder::new().name("work".into()), be_nicer);
+type Task = Box<dyn FnOnce() + Send>;
 
-/// Lets other threads of the process go first, as far as the system knows of that.
-fn be_nicer() {
-    // On Linux this is the priority of the calling thread alone.
+/// The threads that run tasks.
+#[derive(Clone, Debug)]
+pub struct Workers {
+    tasks: Sender<Task>,
+}
+
+impl Workers {
+    /// Starts `count` threads. They end when the last clone of this is dropped.
+    ///
+    /// # Errors
+    /// When the system does not start a thread.
+    pub fn start(count: usize) -> io::Result<Self> {
+        let (tasks, received) = channel();
+        let received = Arc::new(Mutex::new(received));
+        for _ in 0..count {
+            let received = Arc::clone(&received);
+            Builder::new().name("worker".into()).spawn(move || {
+                lower_priority();
+                while let Some(task) = next(&received) {
+                    // A panic ends the task, not the thread; the hook has logged it.
+                    let _ = catch_unwind(AssertUnwindSafe(task));
+                }
+            })?;
+        }
+        Ok(Self { tasks })
+    }
+
+    /// Runs `task` and waits for it until `deadline`; the task may keep memory of its ticket.
+    ///
+    /// # Errors
+    /// The task's own problem, `deadline-exceeded`, or `internal` when it panicked.
+    pub async fn run<T: Send + 'static>(
+        &self,
+        ticket: Ticket,
+        deadline: Instant,
+        task: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        self.run_watched(ticket, Arc::new(Watch::new(deadline)), deadline, task).await
+    }
+
+    /// Runs `task` as [`run`](Self::run) does, under a watch that others observe too.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub async fn run_watched<T: Send + 'static>(
+        &self,
+        mut ticket: Ticket,
+        watch: Arc<Watch>,
+        deadline: Instant,
+        task: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let _guard = CancelOnDrop(Arc::clone(&watch));
+        watch.share_threads(ticket.share());
+        let span = Span::current();
+        let (sender, receiver) = oneshot::channel();
+        let task = move || {
+            let result = span.in_scope(|| {
+                watch.record("queue", ticket.waited);
+                let result = task(&watch, &mut ticket);
+                match &result {
+                    Ok(_) => ticket.completed(),
+                    Err(_) => ticket.stopped(),
+                }
+                result
+            });
+            drop((ticket, span));
+            // The receiver is gone when the client is.
+            let _ = sender.send(result);
+        };
+        // Without threads the task is dropped and the receiver fails as after a panic.
+        let _ = self.tasks.send(Box::new(task));
+        match timeout_at(deadline.into(), receiver).await {
+            Ok(Ok(Err(problem))) if problem.kind() == Kind::DeadlineExceeded => Err(too_slow()),
+            Ok(received) => received.unwrap_or_else(|_| Err(panicked())),
+            Err(_) => Err(too_slow()),
+        }
+    }
+}
+
+/// The next task, or `None` when no more can come.
+fn next(received: &Mutex<Receiver<Task>>) -> Option<Task> {
+    received.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
+}
+
+/// Lowers the priority of the calling thread, where the system has priorities of threads.
+fn lower_priority() {
     let present = getpriority_process(None).unwrap_or(0);
     let _ = setpriority_process(None, present.saturating_add(NICENESS));
 }
 
-/// Raises the flag when the one who waits for the work goes away.
+/// Cancels the task when nobody waits for it any more.
 struct CancelOnDrop(Arc<Watch>);
 
 impl Drop for CancelOnDrop {
@@ -136,15 +133,9 @@ impl Drop for CancelOnDrop {
 
 fn too_slow() -> Problem {
     telemetry::shed(Shed::Deadline);
-    let detail = "the work was not done by its deadline: send a smaller image, or ask for fewer \
+    let detail = "the mesh was not done by the deadline: send a smaller image, or ask for fewer \
                   vertices or a faster method such as med";
     Problem::new(Kind::DeadlineExceeded, detail).setting("--sync-deadline")
-}
-
-fn no_thread(error: &io::Error) -> Problem {
-    tracing::error!(%error, "no thread could be started");
-    let detail = "the system has no thread for the work now";
-    Problem::new(Kind::Overloaded, detail).retry_after_s(RETRY_AFTER_S)
 }
 
 /// The panic itself is in the log already, by the hook.
@@ -161,6 +152,7 @@ mod tests {
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Control, Method, Target};
     use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::Duration;
 
     const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
 
@@ -184,11 +176,12 @@ mod tests {
 
     #[tokio::test]
     async fn a_panic_is_an_internal_failure_and_gives_the_ticket_back() {
-        let gate = gate();
+        let (gate, workers) = (gate(), Workers::start(1).unwrap());
         let deadline = Instant::now() + Duration::from_secs(60);
         for _ in 0..3 {
             let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
-            let result: Result<(), _> = run(ticket, deadline, |_, _| panic!("on purpose")).await;
+            let result: Result<(), _> =
+                workers.run(ticket, deadline, |_, _| panic!("on purpose")).await;
             let problem = result.unwrap_err();
             assert_eq!(problem.kind(), Kind::Internal);
             assert!(!problem.document(None).contains("on purpose"));
@@ -205,10 +198,11 @@ mod tests {
             running_per_key: 4,
             queued_per_key: 1,
         });
+        let workers = Workers::start(4).unwrap();
         let deadline = Instant::now() + Duration::from_secs(60);
         let admit = async || gate.admit(&Owner::anonymous(), cost(), deadline).await;
         let threads = async |ticket| {
-            run(ticket, deadline, |watch, _| Ok(watch.threads().get())).await.unwrap()
+            workers.run(ticket, deadline, |watch, _| Ok(watch.threads().get())).await.unwrap()
         };
         assert_eq!(threads(admit().await.unwrap()).await, 3);
         let other = admit().await.unwrap();
@@ -220,12 +214,12 @@ mod tests {
 
     #[tokio::test]
     async fn dropping_the_wait_stops_the_work_and_only_then_gives_the_ticket_back() {
-        let gate = gate();
+        let (gate, workers) = (gate(), Workers::start(1).unwrap());
         let deadline = Instant::now() + Duration::from_secs(60);
         let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
         let has_ended = Arc::new(AtomicBool::new(false));
         let ends = Arc::clone(&has_ended);
-        let work = run(ticket, deadline, move |watch, _| -> Result<(), Problem> {
+        let work = workers.run(ticket, deadline, move |watch, _| -> Result<(), Problem> {
             while watch.check().is_ok() {
                 std::thread::sleep(Duration::from_millis(1));
             }

@@ -25,6 +25,7 @@ use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::jobs::Jobs;
+use crate::pool::Workers;
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
@@ -50,8 +51,10 @@ pub struct Service {
     pub keys: Option<Arc<KeyRing>>,
     /// The origins whose pages may use the service.
     pub origins: Vec<String>,
-    /// The gate that all work passes.
+    /// Admits every task.
     pub admission: Admission,
+    /// The threads that tasks run on.
+    pub workers: Workers,
     /// The longest time from the end of the upload to the answer.
     pub deadline: Duration,
     /// The jobs.
@@ -76,8 +79,14 @@ pub struct Operations {
 impl Service {
     /// What the settings make of it, with the keys that requests need one of.
     #[must_use]
-    pub fn new(settings: &Settings, jobs: Jobs, keys: Option<Arc<KeyRing>>) -> Self {
+    pub fn new(
+        settings: &Settings,
+        jobs: Jobs,
+        keys: Option<Arc<KeyRing>>,
+        workers: Workers,
+    ) -> Self {
         Self {
+            workers,
             keys,
             origins: settings.access.cors_origins.clone(),
             intake: Intake {

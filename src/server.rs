@@ -16,6 +16,7 @@ use crate::jobs::Jobs;
 use crate::jobs::retention;
 use crate::jobs::worker::Worker;
 use crate::pipeline;
+use crate::pool::Workers;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
 use descriptors::OPERATIONS_CONNECTIONS;
@@ -197,7 +198,8 @@ async fn serve(
     if let Some(keys) = &keys {
         tokio::spawn(Arc::clone(keys).keep_up());
     }
-    let service = Arc::new(Service::new(settings, jobs, keys));
+    let workers = Workers::start(settings.worker_count())?;
+    let service = Arc::new(Service::new(settings, jobs, keys, workers));
     let stop = stop_on_signal(lifecycle.clone(), service.stop.clone())?;
     let work = start_jobs(&service, settings);
     lifecycle.enter(Stage::Ready);
@@ -235,6 +237,7 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
     let worker = Worker {
         jobs: jobs.clone(),
         admission: service.admission.clone(),
+        workers: service.workers.clone(),
         pictures: service.pictures,
         deadline: settings.jobs.job_deadline.0,
         make: pipeline::mesh_of_job,

@@ -43,6 +43,6 @@ fn receive(body: &[u8], length: usize) -> Outcome {
     let received = RUNTIME.with(|runtime| runtime.block_on(receiving));
     let source = received.map_err(|problem| problem.kind().slug())?;
     let order = parameters.finish().map_err(|problem| problem.kind().slug())?;
-    let weights = source.weights.map(|weights| weights.bytes);
-    Ok((source.image.bytes, weights, order.query()))
+    let weights = source.weights.map(|weights| weights.bytes.to_vec());
+    Ok((source.image.bytes.to_vec(), weights, order.query()))
 }

@@ -1,15 +1,16 @@
 //! Receives the upload: the bytes of its files, and with a form the parameters beside them.
 //!
 //! A body is the image itself, or `multipart/form-data` with one part `image`, and the parameters
-//! as fields or as one JSON part `params`, perhaps with a part `weights`; for a job it may also be a JSON object with the image in
-//! base64. Other resources want other files, as their [`Wanted`] says. Every byte is counted against the body limit and charged
-//! to the memory for bodies as it arrives, and all of them must arrive in time. The label of the
-//! body only tells a form from a file: what the file is, its content decides.
+//! as fields or as one JSON part `params`, perhaps with a part `weights`. A job also takes a JSON
+//! object with the image in base64. Other resources take other files, as their [`Wanted`] says.
+//!
+//! The whole body is collected first, then read. Every byte counts against the body limit and the
+//! memory for bodies as it arrives, and the body must arrive within the timeout. Content-Type only
+//! tells a form from a file: the content decides the file's format.
 
 mod form;
 mod json;
 mod meter;
-mod pace;
 
 pub use meter::{BodyLimit, BodyMemory, Charge};
 
@@ -19,10 +20,10 @@ use crate::problem::{Kind, Problem, internal};
 use axum::body::Body;
 use axum::http::HeaderMap;
 use axum::http::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
+use bytes::Bytes;
 use http_body::Body as _;
 use http_body_util::BodyExt;
-use meter::Metered;
-use std::error::Error;
+use meter::Meter;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::spawn_blocking;
@@ -82,7 +83,7 @@ pub const COMPARED: Wanted<2> = Wanted {
 #[derive(Debug)]
 pub struct Upload {
     /// The file's bytes, of any format.
-    pub bytes: Vec<u8>,
+    pub bytes: Bytes,
     /// Freed with the bytes.
     pub charge: Arc<Charge>,
 }
@@ -110,8 +111,7 @@ impl Upload {
     pub fn append(&mut self, other: &Self) -> Result<(), Problem> {
         let both = (self.bytes.len() + other.bytes.len()) as u64;
         self.charge.grow_or_refuse(2 * both)?;
-        self.bytes.reserve_exact(other.bytes.len());
-        self.bytes.extend_from_slice(&other.bytes);
+        self.bytes = [&self.bytes[..], &other.bytes].concat().into();
         Ok(())
     }
 }
@@ -166,8 +166,11 @@ impl Intake {
         let label = wanted.label(headers)?;
         self.refuse_announced(headers)?;
         let charge = Arc::new(self.memory.charge(owner));
-        let body = Metered::new(body, self.max_body, Arc::clone(&charge));
-        let receiving = wanted.receive(&label, headers, body, &charge, fields);
+        let meter = Meter::new(self.max_body, Arc::clone(&charge));
+        let receiving = async {
+            let body = collect(body, meter).await?;
+            wanted.read(&label, headers, body, &charge, fields).await
+        };
         tokio::time::timeout(self.timeout, receiving).await.map_err(|_| self.too_slow())?
     }
 
@@ -194,15 +197,15 @@ fn missing(name: &str) -> Problem {
 /// Reads a JSON object: its files lie in memory beside its text, and its length takes its time.
 async fn read_json<const N: usize>(
     files: [&'static str; N],
-    body: Vec<u8>,
+    body: Bytes,
     charge: &Charge,
     fields: &mut dyn Fields,
-) -> Result<[Option<Vec<u8>>; N], Problem> {
+) -> Result<[Option<Bytes>; N], Problem> {
     charge.grow_or_refuse(2 * body.len() as u64)?;
     let read = spawn_blocking(move || json::read(files, &body)).await;
     let (found, pairs) = read.map_err(|error| internal("a body could not be read", &error))??;
     pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
-    Ok(found)
+    Ok(found.map(|file| file.map(Bytes::from)))
 }
 
 /// What a body says it is.
@@ -214,22 +217,22 @@ enum Label {
 
 impl<const N: usize> Wanted<N> {
     /// The files of a body of this label.
-    async fn receive(
+    async fn read(
         &self,
         label: &Label,
         headers: &HeaderMap,
-        body: Metered,
+        body: Bytes,
         charge: &Arc<Charge>,
         fields: &mut dyn Fields,
     ) -> Result<[Option<Upload>; N], Problem> {
         let found = match label {
             Label::File => {
                 let mut files = [const { None }; N];
-                files[0] = Some(collect(body).await?);
+                files[0] = Some(body);
                 files
             }
-            Label::Form => form::receive(self, headers, body, fields).await?,
-            Label::Json => read_json(self.files, collect(body).await?, charge, fields).await?,
+            Label::Form => form::read(self, headers, body, fields).await?,
+            Label::Json => read_json(self.files, body, charge, fields).await?,
         };
         let upload = |bytes| Upload { bytes, charge: Arc::clone(charge) };
         Ok(found.map(|file| file.map(upload)))
@@ -299,28 +302,23 @@ fn refuse_encoded(headers: &HeaderMap) -> Result<(), Problem> {
     Err(Problem::new(Kind::UnsupportedEncoding, detail).allowed(&["identity"]))
 }
 
-/// How much of a body must have come before there is room made for all that it announces.
+/// How much of a body must have arrived before memory for all that it announces is reserved.
 const TRUSTED_AFTER: usize = 256 * 1024;
 
-/// The whole of a body, which is copied as it grows, but a large one only once.
-async fn collect(mut body: Metered) -> Result<Vec<u8>, Problem> {
+/// The whole of a body. A large one is copied only once as it grows.
+async fn collect(mut body: Body, mut meter: Meter) -> Result<Bytes, Problem> {
     let announced = usize::try_from(body.size_hint().lower()).unwrap_or_default();
     let mut bytes = Vec::new();
     while let Some(frame) = body.frame().await {
-        let frame = frame.map_err(|error| refusal_in(&*error).unwrap_or_else(broken_off))?;
+        let Ok(data) = frame.map_err(|_| broken_off())?.into_data() else { continue };
+        meter.count(data.len())?;
         if bytes.len() >= TRUSTED_AFTER {
-            // Without so much room at once it grows as it can.
+            // Without that much memory at once the buffer grows step by step.
             let _ = bytes.try_reserve_exact(announced.saturating_sub(bytes.len()));
         }
-        bytes.extend_from_slice(frame.data_ref().map_or(&[], |data| data));
+        bytes.extend_from_slice(&data);
     }
-    Ok(bytes)
-}
-
-/// The problem that the meter ended a body with, wherever it is among an error's causes.
-fn refusal_in(error: &(dyn Error + 'static)) -> Option<Problem> {
-    let mut causes = std::iter::successors(Some(error), |&error| error.source());
-    causes.find_map(|cause| cause.downcast_ref::<meter::Refused>()).map(|refused| refused.0.clone())
+    Ok(bytes.into())
 }
 
 fn broken_off() -> Problem {

@@ -15,7 +15,7 @@ use crate::extract::accept::Format;
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::upload::Weighed;
 use crate::pipeline::Answer;
-use crate::pool::{self, Watch};
+use crate::pool::{Watch, Workers};
 use crate::problem::{Kind, Problem};
 use crate::telemetry;
 use bytes::Bytes;
@@ -42,8 +42,10 @@ const HANDING_BACK: Duration = Duration::from_secs(2);
 pub struct Worker {
     /// The jobs.
     pub jobs: Jobs,
-    /// The gate that all work passes.
+    /// Admits each attempt.
     pub admission: Admission,
+    /// The threads that attempts run on.
+    pub workers: Workers,
     /// What images may be like.
     pub pictures: Limits,
     /// The longest time of an attempt.
@@ -216,10 +218,11 @@ impl Worker {
         drop(file);
         let ticket = self.admission.admit_to(slot, cost, deadline).await?;
         let (limits, make) = (self.pictures, self.make);
-        let answer = pool::run_patiently(ticket, Arc::clone(watch), deadline, move |watch, _| {
-            let made = make(source, &order, keeps_progression, &limits, watch)?;
-            Ok(Product::new(made, watch)?)
-        });
+        let answer =
+            self.workers.run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
+                let made = make(source, &order, keeps_progression, &limits, watch)?;
+                Ok(Product::new(made, watch)?)
+            });
         let product = answer.await.map_err(too_slow_for_a_job)?;
         self.store(product, deadline).await
     }

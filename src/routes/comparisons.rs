@@ -7,7 +7,6 @@ use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
 use crate::extract::upload::{COMPARED, Upload};
 use crate::pipeline::{self, Comparison, Pair};
-use crate::pool;
 use crate::problem::{Kind, Problem};
 use axum::Json;
 use axum::extract::{Request, State};
@@ -113,12 +112,15 @@ async fn run(
     let cost = Cost::of_comparison(header, compared);
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
-    pool::run(ticket, deadline, move |watch, _| {
-        let compared = pipeline::compare(Pair { picture, approximation, is_model }, &limits, watch);
-        let _ = watch.finish();
-        compared
-    })
-    .await
+    service
+        .workers
+        .run(ticket, deadline, move |watch, _| {
+            let compared =
+                pipeline::compare(Pair { picture, approximation, is_model }, &limits, watch);
+            let _ = watch.finish();
+            compared
+        })
+        .await
 }
 
 /// The figures; there is no number for the PSNR of a perfect copy.

@@ -9,7 +9,6 @@ use crate::extract::params::{Order, ParameterSet};
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE, Upload, Weighed};
 use crate::pipeline::{self, Answer};
-use crate::pool;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -87,12 +86,14 @@ async fn run(
     let cost = with_weights(cost, upload.weights.as_ref(), &header, &limits)?;
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
-    pool::run(ticket, deadline, move |watch, ticket| {
-        let answer = pipeline::mesh(upload, &order, representation.format, &limits, watch)?;
-        let memory = ticket.keep(answer.bytes.len());
-        Ok((answer, memory))
-    })
-    .await
+    service
+        .workers
+        .run(ticket, deadline, move |watch, ticket| {
+            let answer = pipeline::mesh(upload, &order, representation.format, &limits, watch)?;
+            let memory = ticket.keep(answer.bytes.len());
+            Ok((answer, memory))
+        })
+        .await
 }
 
 /// The cost with that of the weights, which must fit the image.

@@ -9,7 +9,6 @@ use crate::extract::owner::Owner;
 use crate::extract::params::Output;
 use crate::extract::upload::{MODEL, Upload};
 use crate::pipeline;
-use crate::pool;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -75,13 +74,15 @@ async fn run(
     let cost = Cost::of_conversion(shape, 0, upload.bytes.len() as u64, format);
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
-    pool::run(ticket, deadline, move |watch, ticket| {
-        let bytes = pipeline::convert(upload, format, &Output::default(), &limits, watch)?;
-        let digest = Digest::of_while(&bytes, || watch.check())?;
-        let _ = watch.finish();
-        let memory = ticket.keep(bytes.len());
-        Ok((digest, bytes, memory))
-    })
-    .await
-    .map(|(digest, bytes, memory)| (bytes, digest, memory))
+    service
+        .workers
+        .run(ticket, deadline, move |watch, ticket| {
+            let bytes = pipeline::convert(upload, format, &Output::default(), &limits, watch)?;
+            let digest = Digest::of_while(&bytes, || watch.check())?;
+            let _ = watch.finish();
+            let memory = ticket.keep(bytes.len());
+            Ok((digest, bytes, memory))
+        })
+        .await
+        .map(|(digest, bytes, memory)| (bytes, digest, memory))
 }

@@ -7,7 +7,6 @@ mod disks;
 mod failing_disk;
 mod growth;
 mod stops;
-mod threads;
 
 use crate::server::Server;
 use std::time::{Duration, Instant};

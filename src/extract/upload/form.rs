@@ -1,8 +1,6 @@
 //! Reads a form: one part for each file, and the parameters as fields or as one JSON part `params`.
 
-use super::meter::Metered;
-use super::pace::{Allowance, Paced};
-use super::{Wanted, refusal_in};
+use super::Wanted;
 use crate::extract::fields::Fields;
 use crate::extract::params::pairs_of_json;
 use crate::problem::{Kind, Problem};
@@ -11,42 +9,41 @@ use axum::extract::multipart::{Field, MultipartError};
 use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Request};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
+use bytes::Bytes;
 
 /// The most parts of a form.
 const MAX_PARTS: usize = 16;
 /// The longest field in bytes; a file is only bound by the body's limit.
 const MAX_FIELD: usize = 64 * 1024;
 
-/// Receives a form: adds its parameters, and returns the bytes of its files.
-pub(super) async fn receive<const N: usize>(
+/// Reads a form: adds its parameters to `fields` and returns the bytes of its files, which share the
+/// memory of the body.
+pub(super) async fn read<const N: usize>(
     wanted: &Wanted<N>,
     headers: &HeaderMap,
-    body: Metered,
+    body: Bytes,
     fields: &mut dyn Fields,
-) -> Result<[Option<Vec<u8>>; N], Problem> {
-    let allowance = Allowance::new();
-    let mut form = parts_of(headers, Paced::new(body, allowance.clone())).await?;
+) -> Result<[Option<Bytes>; N], Problem> {
+    let mut form = parts_of(headers, body).await?;
     let mut contents = Contents { wanted, files: [const { None }; N], has_params: false };
     let mut count = 0;
     while let Some(field) = form.next_field().await.map_err(|error| malformed(&error))? {
-        allowance.lift();
         count += 1;
         if count > MAX_PARTS {
             return Err(too_many_parts());
         }
         contents.take(field, fields).await?;
-        allowance.limit();
     }
     Ok(contents.files)
 }
 
 /// The parts of a body, split at the boundary that its label names.
-async fn parts_of(headers: &HeaderMap, body: Paced) -> Result<Multipart, Problem> {
-    let mut request = Request::new(Body::new(body));
+async fn parts_of(headers: &HeaderMap, body: Bytes) -> Result<Multipart, Problem> {
+    let mut request = Request::new(Body::from(body));
     if let Some(label) = headers.get(CONTENT_TYPE) {
         request.headers_mut().insert(CONTENT_TYPE, label.clone());
     }
-    // The meter counts the body; the framework has a limit of its own, of 2 MiB.
+    // The body is within the service's own limit; the framework has another, of 2 MiB.
     DefaultBodyLimit::disable().apply(&mut request);
     Multipart::from_request(request, &()).await.map_err(|_| {
         Problem::new(Kind::MultipartMalformed, "the form's Content-Type names no boundary")
@@ -56,7 +53,7 @@ async fn parts_of(headers: &HeaderMap, body: Paced) -> Result<Multipart, Problem
 /// What was found in a form so far.
 struct Contents<'a, const N: usize> {
     wanted: &'a Wanted<N>,
-    files: [Option<Vec<u8>>; N],
+    files: [Option<Bytes>; N],
     has_params: bool,
 }
 
@@ -71,47 +68,47 @@ impl<const N: usize> Contents<'_, N> {
             if let Some(label) = field.content_type() {
                 self.wanted.accept_label(label)?;
             }
-            self.files[index] = Some(read(field, usize::MAX).await?);
+            self.files[index] = Some(file_of(field).await?);
             return Ok(());
         }
         match name.as_str() {
             "params" if self.has_params => return Err(repeated("params")),
             "params" => {
                 self.has_params = true;
-                let pairs = pairs_of_json(&read(field, MAX_FIELD).await?)?;
+                let pairs = pairs_of_json(&bytes_of(field).await?)?;
                 pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
             }
-            _ => fields.add(&name, &text(read(field, MAX_FIELD).await?, &name)?)?,
+            _ => fields.add(&name, text(&bytes_of(field).await?, &name)?)?,
         }
         Ok(())
     }
 }
 
-/// The bytes of a part, up to `limit` of them.
-async fn read(mut field: Field<'_>, limit: usize) -> Result<Vec<u8>, Problem> {
-    let mut bytes = Vec::new();
-    while let Some(chunk) = field.chunk().await.map_err(|error| malformed(&error))? {
-        if bytes.len() + chunk.len() > limit {
-            let detail = format!("a field of the form is longer than {limit} bytes");
-            return Err(Problem::new(Kind::MultipartMalformed, detail));
-        }
-        bytes.extend_from_slice(&chunk);
+/// The bytes of a field that is no file.
+async fn bytes_of(field: Field<'_>) -> Result<Bytes, Problem> {
+    let bytes = file_of(field).await?;
+    if bytes.len() > MAX_FIELD {
+        let detail = format!("a field of the form is longer than {MAX_FIELD} bytes");
+        return Err(Problem::new(Kind::MultipartMalformed, detail));
     }
     Ok(bytes)
 }
 
-fn text(bytes: Vec<u8>, name: &str) -> Result<String, Problem> {
-    String::from_utf8(bytes).map_err(|_| {
+/// The bytes of a file.
+async fn file_of(field: Field<'_>) -> Result<Bytes, Problem> {
+    field.bytes().await.map_err(|error| malformed(&error))
+}
+
+fn text<'b>(bytes: &'b [u8], name: &str) -> Result<&'b str, Problem> {
+    str::from_utf8(bytes).map_err(|_| {
         let name: String = name.chars().take(64).collect();
         Problem::new(Kind::ParameterMalformed, format!("{name} is not UTF-8")).param(name)
     })
 }
 
 fn malformed(error: &MultipartError) -> Problem {
-    refusal_in(error).unwrap_or_else(|| {
-        let detail = format!("the form cannot be read: {}", error.body_text());
-        Problem::new(Kind::MultipartMalformed, detail)
-    })
+    let detail = format!("the form cannot be read: {}", error.body_text());
+    Problem::new(Kind::MultipartMalformed, detail)
 }
 
 fn nameless() -> Problem {

@@ -1,18 +1,11 @@
-//! Counts a body as it arrives: against the limit of one, and against the memory for all of them.
+//! Counts a body as it arrives, against the limit of one body and the memory for all bodies.
 
 use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Shed};
-use axum::body::Body;
-use bytes::Bytes;
-use http_body::{Frame, SizeHint};
 use std::collections::HashMap;
-use std::error::Error;
-use std::fmt;
-use std::pin::Pin;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Poll, ready};
 
 /// Seconds after which a client may try again when bodies take all of their memory.
 const RETRY_AFTER_S: u64 = 2;
@@ -40,8 +33,8 @@ impl BodyLimit {
 
 /// The memory that all bodies share, in KiB.
 ///
-/// The owner of a key may fill it to where as much is left to others as it takes itself, so that
-/// the uploads of one never keep those of another out; a single body may take all of it.
+/// One key may use at most as much body memory as stays free for others. A key's only upload may use
+/// all of it.
 #[derive(Clone, Debug)]
 pub struct BodyMemory(Arc<Mutex<Shared>>);
 
@@ -132,64 +125,28 @@ impl Drop for Charge {
     }
 }
 
-/// A body that ends with a [`Refused`] when it is too long or there is no memory for it.
-pub(super) struct Metered {
-    body: Body,
+/// Counts one body against both.
+pub(super) struct Meter {
     received: u64,
     limit: BodyLimit,
     charge: Arc<Charge>,
 }
 
-impl Metered {
-    pub(super) fn new(body: Body, limit: BodyLimit, charge: Arc<Charge>) -> Self {
-        Self { body, received: 0, limit, charge }
+impl Meter {
+    pub(super) fn new(limit: BodyLimit, charge: Arc<Charge>) -> Self {
+        Self { received: 0, limit, charge }
     }
 
     /// Counts `length` more bytes.
-    fn count(&mut self, length: usize) -> Result<(), Refused> {
+    ///
+    /// # Errors
+    /// `body-too-large` over the limit, `overloaded` without memory.
+    pub(super) fn count(&mut self, length: usize) -> Result<(), Problem> {
         self.received = self.received.saturating_add(length as u64);
-        self.limit.check(self.received).map_err(Refused)?;
-        if !self.charge.grow_to(self.received) {
-            return Err(Refused(no_memory()));
-        }
-        Ok(())
+        self.limit.check(self.received)?;
+        self.charge.grow_or_refuse(self.received)
     }
 }
-
-impl http_body::Body for Metered {
-    type Data = Bytes;
-    type Error = Box<dyn Error + Send + Sync>;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, Self::Error>>> {
-        let frame = ready!(Pin::new(&mut self.body).poll_frame(context)).transpose()?;
-        let length = frame.as_ref().and_then(Frame::data_ref).map_or(0, Bytes::len);
-        self.count(length)?;
-        Poll::Ready(frame.map(Ok))
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.body.is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
-    }
-}
-
-/// A refusal on its way through code that only knows errors.
-#[derive(Clone, Debug)]
-pub(super) struct Refused(pub(super) Problem);
-
-impl fmt::Display for Refused {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.0.kind().slug())
-    }
-}
-
-impl Error for Refused {}
 
 fn no_memory() -> Problem {
     telemetry::shed(Shed::Memory);

@@ -112,6 +112,7 @@ fn worker(jobs: &Jobs) -> Worker {
     Worker {
         jobs: jobs.clone(),
         admission,
+        workers: Workers::start(1).unwrap(),
         pictures: Limits::default(),
         deadline: Duration::from_mins(1),
         lease: Duration::from_mins(1),

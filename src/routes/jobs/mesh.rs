@@ -14,7 +14,6 @@ use crate::extract::owner::Owner;
 use crate::extract::params::{Output, ParameterSet, whole_between};
 use crate::jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use crate::pipeline;
-use crate::pool;
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
 use crate::routes::answer::{self, Figures};
@@ -197,13 +196,15 @@ impl Finished<'_> {
         let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
         let model = service.jobs.blobs.get_part(self.digest()?, 0..mesh.bytes).await?;
         let limits = service.pictures;
-        let (bytes, memory) = pool::run(ticket, deadline, move |watch, ticket| {
-            let bytes = pipeline::convert(model, format, &output, &limits, watch)?;
-            let _ = watch.finish();
-            let memory = ticket.keep(bytes.len());
-            Ok((bytes, memory))
-        })
-        .await?;
+        let (bytes, memory) = service
+            .workers
+            .run(ticket, deadline, move |watch, ticket| {
+                let bytes = pipeline::convert(model, format, &output, &limits, watch)?;
+                let _ = watch.finish();
+                let memory = ticket.keep(bytes.len());
+                Ok((bytes, memory))
+            })
+            .await?;
         Ok(answer::held(bytes, memory))
     }
 
@@ -218,13 +219,15 @@ impl Finished<'_> {
         let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
         let pmesh = service.jobs.blobs.get_part(self.digest()?, place).await?;
         let limits = service.pictures;
-        let (resized, timing, memory) = pool::run(ticket, deadline, move |watch, ticket| {
-            let resized = pipeline::resize(pmesh, size, format, &output, &limits, watch)?;
-            let timing = pipeline::server_timing(&watch.finish());
-            let memory = ticket.keep(resized.bytes.len());
-            Ok((resized, timing, memory))
-        })
-        .await?;
+        let (resized, timing, memory) = service
+            .workers
+            .run(ticket, deadline, move |watch, ticket| {
+                let resized = pipeline::resize(pmesh, size, format, &output, &limits, watch)?;
+                let timing = pipeline::server_timing(&watch.finish());
+                let memory = ticket.keep(resized.bytes.len());
+                Ok((resized, timing, memory))
+            })
+            .await?;
         let figures = Figures {
             vertices: size,
             faces: resized.faces,
