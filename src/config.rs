@@ -323,6 +323,11 @@ impl fmt::Display for Settings {
     }
 }
 
+/// Variables of clients, which an operator's shell may have too.
+const CLIENT_VARIABLES: [&str; 2] = ["PIXMESH_URL", "PIXMESH_KEY"];
+/// How the variables begin that Kubernetes sets in every pod beside a Service named `pixmesh`.
+const SERVICE_LINKS: [&str; 2] = ["PIXMESH_SERVICE_", "PIXMESH_PORT"];
+
 /// Refuses variables that look like settings and are none.
 ///
 /// # Errors
@@ -333,7 +338,10 @@ pub fn check_environment(
     let known = known_variables();
     for (name, _) in variables {
         let name = name.to_string_lossy();
-        if name.starts_with("PIXMESH_") && !known.iter().any(|known| *known == name) {
+        let is_foreign = CLIENT_VARIABLES.contains(&&*name)
+            || SERVICE_LINKS.iter().any(|start| name.starts_with(start));
+        if name.starts_with("PIXMESH_") && !is_foreign && !known.iter().any(|known| *known == name)
+        {
             let nearest = crate::extract::nearest_name(&name, known.iter().map(String::as_str));
             return Err(format!(
                 "there is no setting {name}: the nearest one is {}",
@@ -369,7 +377,9 @@ mod tests {
     #[test]
     fn a_misspelt_variable_is_refused_with_the_nearest_name() {
         assert_eq!(environment("PIXMESH_MAX_BODY"), Ok(()));
-        assert_eq!(environment("PATH"), Ok(()));
+        for foreign in ["PATH", "PIXMESH_URL", "PIXMESH_PORT_8080_TCP", "PIXMESH_SERVICE_HOST"] {
+            assert_eq!(environment(foreign), Ok(()), "{foreign}");
+        }
         let error = environment("PIXMESH_MAXBODY").unwrap_err();
         assert!(error.contains("PIXMESH_MAXBODY") && error.contains("PIXMESH_MAX_BODY"), "{error}");
     }

@@ -159,10 +159,8 @@ pub fn exhausted(attempts: u32) -> Problem {
 }
 
 impl From<QueueError> for Problem {
-    /// The log has what exactly failed.
     fn from(error: QueueError) -> Self {
-        tracing::error!(%error, "the storage of jobs failed");
-        match error {
+        let problem = match &error {
             QueueError::StorageFull(_) => {
                 Self::new(Kind::StorageFull, "there is no room left for jobs").setting("--data-dir")
             }
@@ -194,7 +192,8 @@ impl From<QueueError> for Problem {
                     .setting("--queue")
                     .retry_after_s(RETRY_AFTER_S)
             }
-        }
+        };
+        problem.caused_by(&error)
     }
 }
 

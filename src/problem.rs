@@ -136,13 +136,27 @@ pub struct Problem {
     kind: Kind,
     detail: String,
     members: Vec<(&'static str, Value)>,
+    /// What failed inside the service: for the log alone.
+    cause: Option<String>,
 }
 
 impl Problem {
     /// A refusal with its detail: what is wrong, with the parameter or limit and the numbers.
     #[must_use]
     pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: detail.into(), members: Vec::new() }
+        Self { kind, detail: detail.into(), members: Vec::new(), cause: None }
+    }
+
+    /// Adds what failed inside the service. The log gets it with the response; the client does not.
+    #[must_use]
+    pub fn caused_by(self, error: &dyn std::error::Error) -> Self {
+        Self { cause: Some(error.to_string()), ..self }
+    }
+
+    /// What failed inside the service.
+    #[must_use]
+    pub fn cause(&self) -> Option<&str> {
+        self.cause.as_deref()
     }
 
     /// What kind it is.

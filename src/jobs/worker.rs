@@ -105,7 +105,7 @@ impl Worker {
     async fn attempt(self, slot: Slot, claim: Claim, hand_back: &CancellationToken) {
         telemetry::job_attempt();
         let Claim { lease, attempt, .. } = claim;
-        tracing::info!(attempt, "begins");
+        tracing::info!(attempt, "attempt started");
         let began = Instant::now();
         let watch = Arc::new(Watch::new(Instant::now() + self.deadline));
         let work = self.work(slot, &claim, &watch);
@@ -117,12 +117,17 @@ impl Worker {
                     hold = Some(held);
                     outcome
                 }
-                Err(problem) => outcome_of(&problem),
+                Err(problem) => {
+                    if let Some(cause) = problem.cause() {
+                        tracing::error!(cause, attempt, "attempt failed in the service");
+                    }
+                    outcome_of(&problem)
+                }
             },
             interruption = self.attend(lease, &watch) => match interruption {
                 Renewal::CancelRequested => Outcome::Cancelled,
                 _ => {
-                    tracing::warn!("the job is somebody else's by now");
+                    tracing::warn!("lease lost to another worker");
                     return;
                 }
             },

@@ -37,6 +37,9 @@ pub async fn render(request: Request, next: Next) -> Response {
         .extensions_mut()
         .remove::<Problem>()
         .unwrap_or_else(|| Problem::of_status(response.status()));
+    if let Some(cause) = problem.cause() {
+        tracing::error!(cause, problem = problem.kind().slug(), "a request failed in the service");
+    }
     problem.write_into(response, id.as_ref())
 }
 

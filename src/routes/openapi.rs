@@ -11,9 +11,11 @@ use crate::extract::params::{Parameter as Row, TABLE, Takes};
 use crate::problem::Kind;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
+use bytes::Bytes;
 use serde_json::Value;
 #[cfg(test)]
 use serde_json::json;
+use std::sync::LazyLock;
 use utoipa::openapi::content::{Content, ContentBuilder};
 use utoipa::openapi::example::ExampleBuilder;
 use utoipa::openapi::header::{Header, HeaderBuilder};
@@ -40,7 +42,9 @@ const ABOUT: &str = "Pictures to triangle meshes. Every refusal is a problem doc
 
 /// Answers with the document.
 pub async fn show() -> impl IntoResponse {
-    ([(CONTENT_TYPE, "application/json")], document_text())
+    /// Made once: its examples are meshes that the kernels make.
+    static DOCUMENT: LazyLock<Bytes> = LazyLock::new(|| document_text().into());
+    ([(CONTENT_TYPE, "application/json")], DOCUMENT.clone())
 }
 
 /// The document as indented JSON, with a line feed at its end.
