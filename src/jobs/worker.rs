@@ -152,7 +152,7 @@ impl Worker {
                     return;
                 }
                 Ok(Finish::Fenced) => {
-                    tracing::warn!("the job was somebody else's when it ended");
+                    tracing::warn!("lease lost before the attempt finished");
                     return;
                 }
                 Err(error) => {

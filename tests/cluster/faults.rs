@@ -104,7 +104,7 @@ fn two_workers_that_end_one_job_have_one_effect() {
     assert!(cut.elapsed() < LEASE + RECOVERY, "{:?}", cut.elapsed());
     node.wait_until("the second has ended it", || ledger.ended(&node) == 1);
     wire.mend();
-    first.wait_until("the first has heard", || first.log().contains("somebody else's"));
+    first.wait_until("the first has heard", || first.log().contains("lease lost"));
     ledger.check(&node);
     assert_eq!((first.completions(), second.completions()), (0, 1));
     assert_eq!(ledger.attempts(&node), 2);

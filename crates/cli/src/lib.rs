@@ -1,13 +1,12 @@
-//! The command-line programs `make_model`, `rasterize_model` and `thesis_tables`.
+//! The command-line programs `make_model` and `rasterize_model`.
 //!
-//! The first two are filters: standard input to standard output, so that they stand in pipes as the
+//! Both are filters: standard input to standard output, so that they stand in pipes as the
 //! programs of the thesis do; `--input` and `--output` name files instead. They call the same
 //! functions as the service: `pixmesh-codec` at the borders, `pixmesh-meshing` in between.
 //!
-//! [`make_model`] and [`rasterize_model`] are the programs, [`options`] what the first one's words
-//! mean, [`output`] the formats that it writes, [`attendant`] its progress bar and clock, [`files`] where bytes come from and go to,
-//! [`document`] manual pages and completions. [`thesis`] prints the thesis's tables for a folder of
-//! pictures.
+//! [`make_model`] and [`rasterize_model`] are the programs. [`options`] reads the first one's
+//! parameters, [`output`] writes its formats, [`attendant`] shows its progress, [`files`] reads and
+//! writes files and streams, and [`document`] prints manual pages and completions.
 
 pub mod attendant;
 pub mod document;
@@ -16,8 +15,8 @@ pub mod make_model;
 pub mod options;
 pub mod output;
 pub mod rasterize_model;
-pub mod thesis;
 
+use std::fmt::Display;
 use std::io::{self, Write};
 use std::process::ExitCode;
 use thiserror::Error;
@@ -75,13 +74,10 @@ pub enum CliError {
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] pixmesh_meshing::Cancelled),
-    /// The tables of the thesis cannot be made.
-    #[error(transparent)]
-    Thesis(#[from] thesis::ThesisError),
 }
 
 /// Ends a program: status 0, or the error on standard error and status 1.
-pub fn exit(program: &str, result: Result<(), CliError>) -> ExitCode {
+pub fn exit(program: &str, result: Result<(), impl Display>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -1,8 +1,8 @@
 //! The tables of the thesis: which methods each compares, and how.
 
-use super::cases::{Case, DENSITIES, POLICIES, Series};
-use super::grid::Unit;
-use super::measure::Job;
+use crate::cases::{Case, DENSITIES, POLICIES, Series};
+use crate::grid::Unit;
+use crate::measure::Job;
 use pixmesh_meshing::Method;
 use pixmesh_meshing::parameters::{Policy, Startup};
 use std::collections::HashMap;

@@ -5,11 +5,11 @@
 //! shows are made after the others, one at a time, so that nothing else of this program runs
 //! beside them.
 
-use super::cases::Case;
-use super::journal::{Journal, Key, Outcome};
-use super::pictures::{self, Picture};
-use super::progress::Progress;
-use crate::CliError;
+use crate::cases::Case;
+use crate::journal::{Journal, Key, Outcome};
+use crate::pictures::{self, Picture};
+use crate::progress::Progress;
+use pixmesh_cli::CliError;
 use pixmesh_meshing::{Image, mesh_image};
 use std::cmp::Reverse;
 use std::collections::HashMap;

@@ -5,9 +5,9 @@
 //! Cases are known by the picture's name and checksum, so that a changed picture is not taken from
 //! the journal, and by the version of this crate, whose meshes another version need not make.
 
-use super::ThesisError;
-use super::csv;
-use crate::CliError;
+use crate::ThesisError;
+use crate::csv;
+use pixmesh_cli::CliError;
 use std::collections::HashMap;
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -54,7 +54,7 @@ impl Journal {
     /// # Errors
     /// When the file cannot be read or written, is something else than a journal, which is left
     /// as it is, or is used by another run.
-    pub fn open(path: &Path) -> Result<Self, CliError> {
+    pub fn open(path: &Path) -> Result<Self, ThesisError> {
         let name = path.display().to_string();
         let failed = |source| CliError::File { name: name.clone(), source };
         let mut options = File::options();
@@ -63,12 +63,12 @@ impl Journal {
         match file.try_lock() {
             // Where files cannot be locked, the user must see to it.
             Ok(()) | Err(TryLockError::Error(_)) => {}
-            Err(TryLockError::WouldBlock) => return Err(ThesisError::JournalInUse { name }.into()),
+            Err(TryLockError::WouldBlock) => return Err(ThesisError::JournalInUse { name }),
         }
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(failed)?;
         if !is_journal(&bytes) {
-            return Err(ThesisError::NotAJournal { name }.into());
+            return Err(ThesisError::NotAJournal { name });
         }
         let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
         let known = String::from_utf8_lossy(&bytes[..whole]).lines().filter_map(read).collect();

@@ -1,8 +1,8 @@
 //! The tables as text, Markdown and CSV.
 
-use super::cases::DENSITIES;
-use super::csv;
-use super::grid::{Figure, Grid, Row, Unit};
+use crate::cases::DENSITIES;
+use crate::csv;
+use crate::grid::{Figure, Grid, Row, Unit};
 use clap::ValueEnum;
 
 /// A form that the tables are written in.

@@ -1,10 +1,10 @@
 //! The published figures, from a CSV file with the columns table, image, components, method,
 //! density_percent, unit and value, the unit `psnr_db` or `seconds`.
 
-use super::ThesisError;
-use super::cases::{Case, Series};
-use super::csv;
-use super::grid::Unit;
+use crate::ThesisError;
+use crate::cases::{Case, Series};
+use crate::csv;
+use crate::grid::Unit;
 use std::collections::HashMap;
 
 /// A published figure.

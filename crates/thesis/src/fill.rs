@@ -1,11 +1,11 @@
 //! Fills the tables with the figures measured and published.
 
-use super::cases::{Case, Series};
-use super::grid::{Figure, Grid, Row, Unit, rank_columns, summarize};
-use super::measure::{PictureResults, Results};
-use super::published::Published;
-use super::statistics::{maximum, mean, median, minimum, win_percent};
-use super::tables::{Content, Table, cases_of};
+use crate::cases::{Case, Series};
+use crate::grid::{Figure, Grid, Row, Unit, rank_columns, summarize};
+use crate::measure::{PictureResults, Results};
+use crate::published::Published;
+use crate::statistics::{maximum, mean, median, minimum, win_percent};
+use crate::tables::{Content, Table, cases_of};
 
 /// A statistic of differences.
 type Statistic = fn(&[f64]) -> f64;

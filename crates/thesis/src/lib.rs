@@ -24,12 +24,12 @@ pub mod sheets;
 pub mod statistics;
 pub mod tables;
 
-use crate::{CliError, files};
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fill::Source;
 use journal::Journal;
 use measure::{Results, Survey};
+use pixmesh_cli::{CliError, files};
 use published::Published;
 use sheets::{Section, TableFormat};
 use std::fs::File;
@@ -43,6 +43,9 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ThesisError {
+    /// A file or a picture cannot be read, or a mesh cannot be made.
+    #[error(transparent)]
+    Program(#[from] CliError),
     /// The folder holds nothing that could be meshed.
     #[error("{name}: there is no picture of one or three components")]
     NoPictures {
@@ -120,7 +123,7 @@ impl ThesisTables {
     /// # Errors
     /// When the folder holds no picture, the published figures or the journal cannot be read, or
     /// the journal or the tables cannot be written.
-    pub fn run(&self) -> Result<(), CliError> {
+    pub fn run(&self) -> Result<(), ThesisError> {
         let published = self.read_published()?;
         let paths = pictures::files_of(&self.folder)?;
         self.output.as_deref().map_or(Ok(()), check_writable)?;
@@ -130,7 +133,7 @@ impl ThesisTables {
             return Err(ThesisError::NoPictures { name }.into());
         }
         let text = self.print(&Source { results: &results, published: &published });
-        files::write(self.output.as_ref(), text.as_bytes())
+        Ok(files::write(self.output.as_ref(), text.as_bytes())?)
     }
 
     /// The tables to print, in order.
@@ -140,7 +143,7 @@ impl ThesisTables {
     }
 
     /// Reads the published figures, if there are any.
-    fn read_published(&self) -> Result<Published, CliError> {
+    fn read_published(&self) -> Result<Published, ThesisError> {
         let Some(path) = &self.published else { return Ok(Published::default()) };
         let bytes = files::read(Some(path))?;
         let (text, name) = (String::from_utf8_lossy(&bytes), path.display().to_string());
@@ -148,11 +151,13 @@ impl ThesisTables {
     }
 
     /// Makes every mesh.
-    fn measure(&self, paths: &[PathBuf]) -> Result<Results, CliError> {
+    fn measure(&self, paths: &[PathBuf]) -> Result<Results, ThesisError> {
         let journal = self.journal.as_deref().map_or(Ok(Journal::default()), Journal::open)?;
         let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let threads = self.threads.map_or_else(cores, NonZeroUsize::get);
-        Survey { jobs: &tables::jobs(&self.tables()), threads, journal: &journal }.run(paths)
+        Survey { jobs: &tables::jobs(&self.tables()), threads, journal: &journal }
+            .run(paths)
+            .map_err(Into::into)
     }
 
     /// The tables in the format asked for.
@@ -181,7 +186,8 @@ impl ThesisTables {
 }
 
 /// Checks that a file can be written, before there is much to write; what it holds stays.
-fn check_writable(path: &Path) -> Result<(), CliError> {
+fn check_writable(path: &Path) -> Result<(), ThesisError> {
     let opened = File::options().append(true).create(true).open(path);
-    opened.map(drop).map_err(|source| CliError::File { name: path.display().to_string(), source })
+    opened.map_err(|source| CliError::File { name: path.display().to_string(), source })?;
+    Ok(())
 }

@@ -1,6 +1,6 @@
 //! Figures in rows and columns, each with the published one beside it.
 
-use super::statistics;
+use crate::statistics;
 
 /// What a figure measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,7 +164,7 @@ pub fn rank_columns(block: &[Vec<Figure>]) -> Vec<Vec<Figure>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::thesis::statistics::{median, minimum, win_percent};
+    use crate::statistics::{median, minimum, win_percent};
 
     fn row(values: [f64; 2], published: [Option<f64>; 2]) -> Vec<Figure> {
         let figure = |i: usize| Figure { value: values[i], published: published[i] };

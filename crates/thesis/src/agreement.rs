@@ -1,11 +1,11 @@
 //! How well the published PSNR figures are met, each rounded to the hundredth that the thesis
 //! prints.
 
-use super::cases::DENSITIES;
-use super::measure::Results;
-use super::published::{Published, PublishedFigure};
-use super::sheets::Sheet;
-use super::statistics::{maximum, mean};
+use crate::cases::DENSITIES;
+use crate::measure::Results;
+use crate::published::{Published, PublishedFigure};
+use crate::sheets::Sheet;
+use crate::statistics::{maximum, mean};
 
 /// Deviations from this many hundredths of a decibel are listed one by one.
 const LISTED_HUNDREDTHS: f64 = 5.0;

@@ -1,6 +1,6 @@
 //! The pictures of a folder, each in colour where it has colour, and in gray.
 
-use crate::{CliError, files};
+use pixmesh_cli::{CliError, files};
 use pixmesh_meshing::{Image, ImageError};
 use std::path::{Path, PathBuf};
 

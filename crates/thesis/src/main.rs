@@ -1,7 +1,7 @@
 //! The program `thesis_tables`.
 
 use clap::Parser;
-use pixmesh_cli::thesis::ThesisTables;
+use pixmesh_thesis::ThesisTables;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
