@@ -4,7 +4,7 @@ use crate::client::{Answer, connect, exchange, field, form, receive, send};
 use crate::pictures::{disc, flat};
 use crate::server::Server;
 use std::io::Write;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 const IMAGE: &str = "Content-Disposition: form-data; name=\"image\"; filename=\"../../etc/passwd\"";
 
