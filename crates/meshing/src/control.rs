@@ -102,6 +102,19 @@ pub trait Control: Sync {
 /// Lattice points that a kernel works on between two polls: some milliseconds at the most.
 pub(crate) const POINTS_PER_POLL: usize = 1 << 16;
 
+/// Collects items, with a poll for each [`POINTS_PER_POLL`] of them.
+pub(crate) fn collect<T>(
+    mut items: impl ExactSizeIterator<Item = T>,
+    poll: impl Fn() -> Result<(), Cancelled>,
+) -> Result<Vec<T>, Cancelled> {
+    let mut collected = Vec::with_capacity(items.len());
+    while items.len() > 0 {
+        poll()?;
+        collected.extend(items.by_ref().take(POINTS_PER_POLL));
+    }
+    Ok(collected)
+}
+
 /// Rows of this width that a kernel works on between two polls, at least one.
 pub(crate) fn rows_per_poll(width: usize) -> usize {
     (POINTS_PER_POLL / width).max(1)

@@ -168,8 +168,9 @@ fn remove(
         return Reduced::of_triangulation(triangulation, Vec::new(), control);
     }
     let surplus = triangulation.points.len().saturating_sub(size);
+    let lists_removals = guided.parameters.lists_removals;
     let (triangulation, featureless) =
-        remove_featureless(&guided.image, triangulation, surplus, control)?;
+        remove_featureless(&guided.image, triangulation, surplus, lists_removals, control)?;
     let mut reduced = remove_least_useful(guided, measure, triangulation, plan, control)?;
     reduced.removals.splice(0..0, featureless);
     Ok(reduced)
@@ -184,14 +185,16 @@ fn remove_least_useful(
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
     let Plan { size, bound, .. } = plan;
-    let Parameters { error_metric: metric, bad_point_removal, parallel, .. } = guided.parameters;
+    let Parameters { error_metric: metric, bad_point_removal, parallel, lists_removals, .. } =
+        guided.parameters;
     let most = match bound {
         Some(ErrorBound::PsnrDb(least)) => Some(largest_squared_error(least, guided.image.shape())),
         Some(ErrorBound::MeanError(most)) => Some(metric.largest_sum(most, &guided.image)),
         Some(ErrorBound::MaxError(_)) | None => None,
     };
-    let rule = StopRule { size, bound: most, metric, bad_point_removal };
+    let rule = StopRule { size, bound: most, metric, bad_point_removal, lists_removals };
     if let Some(ErrorBound::MaxError(most)) = bound {
+        let rule = StopRule { lists_removals: true, ..rule };
         let points = triangulation.points.clone();
         let exact = Parallel::Exact;
         let made = simplify_by(&guided.image, measure, triangulation, rule, exact, control)?;

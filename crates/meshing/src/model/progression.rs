@@ -15,6 +15,7 @@ use crate::model::mesh::{Mesh, MeshError, check_points, check_samples};
 use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
 use crate::quality::fidelity::Fidelity;
+use crate::removal::featureless::remove_featureless;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::triangulation::Triangulation;
 use std::collections::HashMap;
@@ -224,10 +225,15 @@ fn remove_all(
     let guided = Guided::new(image, parameters, control)?;
     let (image, metric) = (&guided.image, guided.parameters.error_metric);
     let triangulation = Triangulation::new(points, control)?;
-    let rule = StopRule { size: MIN_SIZE, bound: None, metric, bad_point_removal: false };
+    let surplus = triangulation.points.len() - MIN_SIZE;
+    let (triangulation, mut removals) =
+        remove_featureless(image, triangulation, surplus, true, control)?;
+    let (size, bad_point_removal, lists_removals) = (MIN_SIZE, false, true);
+    let rule = StopRule { size, bound: None, metric, bad_point_removal, lists_removals };
     let measure = ErrorEvaluator::new(image, metric, guided.weights());
-    let Simplified { removals, error, .. } =
+    let Simplified { removals: others, error, .. } =
         simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;
+    removals.extend(others);
     Ok(Removed { removals, squared_error: guided.has_squared_errors().then_some(error) })
 }
 

@@ -15,8 +15,9 @@ use crate::dynamic_mesh::patches::{Cuts, Partition, PatchIndices};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::parallel::share_out;
-use crate::removal::vertex_order::tile_order;
+use crate::removal::tile_order::tile_order;
 use crate::triangulation::NONE;
+use std::convert::Infallible;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Positions that a predicted search tries at most.
@@ -67,10 +68,11 @@ impl Relocation {
         let points = &mesh.triangulation.points;
         let (width, height) = mesh.triangulation.size();
         let count = points.len();
+        let Ok(order) = tile_order(points, width, height, || Ok::<_, Infallible>(()));
         Self {
             is_outdated: vec![true; count],
             is_pending: vec![true; count],
-            order: tile_order(points, width, height),
+            order,
             skips_unpredicted: mesh.has_model() && width * height <= DENSE * count,
             candidates: Vec::new(),
         }

@@ -3,25 +3,18 @@
 //! A removal fills the vertex's hole, which gives every neighbour a new star and a new key; nothing
 //! else changes.
 //!
-//! Nearly all stars are inline in their records. Their holes are filled in arrays of fixed size, with
-//! few branches that depend on the data (a misprediction costs about 40 instructions), errors of
-//! triangles are taken from the [`FillCache`], and the new faces around all neighbours of a vertex
-//! are measured together. Spilled stars, and holes whose fill is not cached as a whole, take lists
-//! and measure all their faces. The lists are the specification of the arrays: the test
-//! `arrays_and_lists_agree` compares them.
+//! Nearly all stars are inline. Their holes are filled in arrays of fixed size, with few branches
+//! that depend on the data: a misprediction costs about 40 instructions. The errors of triangles
+//! come from the [`FillCache`] where it holds them, and the other new faces around all neighbours of
+//! a vertex are measured together.
 
-use crate::face_error::{ErrorEvaluator, FaceErrors};
+use crate::face_error::{ErrorEvaluator, FaceErrors, FaceMeasure};
 use crate::image::Point;
-use crate::removal::fill_cache::{CACHED_TRIANGLES, FillCache};
-use crate::removal::star::{InlineReplacement, Packed, Record, Replacement, Star};
-use crate::removal::vertices::MeshView;
-use crate::triangulation::hole::{CAPACITY, HoleFiller, MOST_TRIANGLES, fill_small};
+use crate::removal::star::{CACHED_TRIANGLES, FillCache, InlineReplacement, Packed, Stars};
+use crate::triangulation::hole::{CAPACITY, HoleFiller, fill_small};
 
-/// The most neighbours of a vertex whose whole fill is cached.
+/// The most neighbours of a vertex whose whole fill is cached, a power of two.
 const MOST_CACHED: usize = CACHED_TRIANGLES + 2;
-
-/// The most triangles of the holes of that many neighbours.
-const BATCH: usize = MOST_CACHED * MOST_TRIANGLES;
 
 /// The state of a neighbour after a removal.
 pub(crate) struct Neighbour {
@@ -37,29 +30,19 @@ pub(crate) struct Evaluator<'m> {
     errors: FaceErrors<'m>,
     batch: Batch,
     filler: HoleFiller,
-    boundary: Vec<Point>,
-    /// The triangles of the last fill that are not cached.
-    unknown: Vec<usize>,
-    faces: Vec<[Point; 3]>,
-    face_errors: Vec<u64>,
-    /// The error of each triangle of the last fill.
-    errors_of_fill: Vec<u64>,
-    /// The star of the vertex to remove, and its fill as seen from each neighbour.
-    hole: Star,
-    wedges: Vec<Wedge>,
-    replacement: Replacement,
+    /// The directed edges of a fill that is not cached as a whole, in ascending order.
+    edges: Vec<Edge>,
+    /// What replaces a vertex in a star that is not inline.
+    successors: Vec<u32>,
+    between: Vec<u64>,
 }
 
-/// A triangle of a fill, as seen from one of its vertices; wedges sort counter-clockwise around the
-/// first vertex of the boundary, then the second and so on.
+/// A directed edge of a fill by indices of the boundary, and the triangle to its left.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Wedge {
-    /// The index of that vertex on the boundary.
-    at: usize,
-    /// How many vertices of the boundary after it the next vertex of the triangle comes.
-    offset: usize,
-    /// The index of the third vertex.
-    end: usize,
+struct Edge {
+    from: usize,
+    to: usize,
+    third: usize,
     error: u64,
 }
 
@@ -69,397 +52,294 @@ impl<'m> Evaluator<'m> {
             errors: FaceErrors::new(measure),
             batch: Batch::default(),
             filler: HoleFiller::default(),
-            boundary: Vec::new(),
-            unknown: Vec::new(),
-            faces: Vec::new(),
-            face_errors: Vec::new(),
-            errors_of_fill: Vec::new(),
-            hole: Star::default(),
-            wedges: Vec::new(),
-            replacement: Replacement::default(),
+            edges: Vec::new(),
+            successors: Vec::new(),
+            between: Vec::new(),
         }
     }
 
     /// By how much the error changes when a vertex is removed, and the cache of its fill.
-    pub(crate) fn evaluate(&mut self, vertex: u32, view: &MeshView<'_>) -> (i64, FillCache) {
-        let stars = view.stars(vertex);
-        let mut record = *stars.record(vertex);
-        if record.is_inline() {
-            let cache = record.fill;
-            self.batch.face_count = 0;
-            self.batch.add(0, &mut record, &cache, Former::SAME, view);
-            self.batch.measure(&mut self.errors);
-            (self.batch.finish(0, &mut record), record.fill)
-        } else {
-            self.fill_star(&stars.star(vertex), &record.fill, Former::SAME, view)
-        }
+    pub(crate) fn evaluate(&mut self, vertex: u32, stars: &Stars<'_>) -> (i64, FillCache) {
+        let mut star = stars.packed(vertex);
+        let cache = star.record.fill;
+        self.batch.clear();
+        self.batch.add(&mut star, &cache, Shift::NONE, stars, &mut self.filler);
+        self.batch.measure(&mut self.errors);
+        (Batch::finish(&mut star, &mut self.batch.errors.iter()), star.record.fill)
     }
 
     /// The states of all neighbours after the removal of a vertex.
     pub(crate) fn prepare(
         &mut self,
         vertex: u32,
-        view: &MeshView<'_>,
+        stars: &Stars<'_>,
         neighbours: &mut Vec<Neighbour>,
     ) {
+        let hole = stars.neighbours(vertex);
+        stars.prefetch(hole);
+        self.batch.clear();
         neighbours.clear();
-        let stars = view.stars(vertex);
-        stars.prefetch(stars.neighbours(vertex));
-        match Fans::of_cached_fill(stars.record(vertex), view.is_on_border(vertex)) {
-            Some(fans) => self.prepare_inline(vertex, &fans, view, neighbours),
-            None => self.prepare_list(vertex, view, neighbours),
-        }
-    }
-
-    /// The states of all neighbours of a vertex whose fill is cached.
-    #[inline]
-    fn prepare_inline(
-        &mut self,
-        vertex: u32,
-        fans: &Fans<'_>,
-        view: &MeshView<'_>,
-        neighbours: &mut Vec<Neighbour>,
-    ) {
-        self.batch.face_count = 0;
-        for (i, &neighbour) in fans.hole.neighbours().iter().enumerate() {
-            let replacement = fans.replacement(i);
-            let old = view.stars(neighbour).record(neighbour);
-            let (star, at) = match old.without(vertex, &replacement) {
-                Some((record, at)) => (Packed { record, spilled: None }, at),
-                None => {
-                    self.replacement.copy_from(&replacement);
-                    self.star_from_list(neighbour, vertex, view)
+        let triangle_count = hole.len() - 2;
+        if let Some(fill) = stars.record(vertex).fill.all(triangle_count) {
+            let mut thirds = [(0, 0); MOST_CACHED * MOST_CACHED];
+            for ([a, b, c], error) in fill {
+                for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
+                    let edge = usize::from(from) * MOST_CACHED + usize::from(to);
+                    thirds[edge % (MOST_CACHED * MOST_CACHED)] = (usize::from(third), error);
                 }
+            }
+            let third = |from: usize, to: usize| {
+                let (third, error) = thirds[(from * MOST_CACHED + to) % thirds.len()];
+                (third, error.into())
             };
-            let former = Former { at, count: replacement.count };
-            neighbours.push(self.begin(i, neighbour, star, former, view));
+            self.replace(vertex, hole, third, stars, neighbours);
+        } else {
+            self.list_edges(vertex, stars);
+            let edges = std::mem::take(&mut self.edges);
+            let third = |from: usize, to: usize| {
+                let edge = edges[edges.partition_point(|edge| (edge.from, edge.to) < (from, to))];
+                (edge.third, edge.error)
+            };
+            self.replace(vertex, hole, third, stars, neighbours);
+            self.edges = edges;
         }
         self.batch.measure(&mut self.errors);
-        for (i, neighbour) in neighbours.iter_mut().enumerate() {
-            self.finish(i, neighbour);
+        let mut errors = self.batch.errors.iter();
+        for Neighbour { star, change, .. } in neighbours {
+            if let Some(change) = change {
+                *change = Batch::finish(star, &mut errors);
+            }
         }
     }
 
-    /// The states of all neighbours of any vertex.
-    fn prepare_list(&mut self, vertex: u32, view: &MeshView<'_>, neighbours: &mut Vec<Neighbour>) {
-        let star = view.stars(vertex).star(vertex);
-        self.fill_star(&star, &view.stars(vertex).record(vertex).fill, Former::SAME, view);
-        self.collect_wedges(star.neighbours.len());
-        self.hole = star.into_owned();
-        let is_open = view.is_on_border(vertex);
-        let mut first = 0;
-        for at in 0..self.hole.neighbours.len() {
-            first = self.collect_replacement(at, first, is_open);
-            let neighbour = self.hole.neighbours[at];
-            let (star, at) = self.star_from_list(neighbour, vertex, view);
-            let former = Former { at, count: self.replacement.successors.len() };
-            self.batch.face_count = 0;
-            let mut neighbour = self.begin(0, neighbour, star, former, view);
-            self.batch.measure(&mut self.errors);
-            self.finish(0, &mut neighbour);
-            neighbours.push(neighbour);
-        }
-    }
-
-    /// The star of a neighbour after the removal of `removed`, with the replacement collected, and
-    /// the index of the removed vertex before.
-    fn star_from_list(&self, vertex: u32, removed: u32, view: &MeshView<'_>) -> (Packed, usize) {
-        let (mut star, at) = view.stars(vertex).star(vertex).without(removed, &self.replacement);
-        (star.pack(), at)
-    }
-
-    /// The state of a neighbour with a new star: the hole of an inline star joins the batch under a
-    /// number, and its change is not known yet.
+    /// Gives all neighbours of a vertex, the boundary of its hole, their new stars; `third` returns
+    /// the triangle to the left of an edge of the fill. Holes of the neighbours join the batch.
     #[inline]
-    fn begin(
+    fn replace(
         &mut self,
-        number: usize,
         vertex: u32,
-        mut star: Packed,
-        former: Former,
-        view: &MeshView<'_>,
-    ) -> Neighbour {
-        let cache = &view.stars(vertex).record(vertex).fill;
-        let change = match &star.spilled {
-            _ if view.is_corner(vertex) => None,
-            Some(spilled) => {
-                let (change, fill) = self.fill_star(spilled, cache, former, view);
-                star.record.fill = fill;
-                Some(change)
+        hole: &[u32],
+        third: impl Fn(usize, usize) -> (usize, u64),
+        stars: &Stars<'_>,
+        neighbours: &mut Vec<Neighbour>,
+    ) {
+        let is_open = stars.is_on_border(vertex);
+        for (i, &neighbour) in hole.iter().enumerate() {
+            let mut replacement = InlineReplacement::default();
+            let add = |third: usize, error| replacement.push(hole[third], error);
+            let last = walk_fan(i, hole.len(), is_open, &third, add);
+            replacement.end(last);
+            let old = stars.record(neighbour);
+            let (mut star, shift) = match old.without(vertex, &replacement) {
+                Some((record, at)) => {
+                    (Packed { record, spilled: None }, Shift::new(at, replacement.count))
+                }
+                None => {
+                    let Self { successors, between, .. } = self;
+                    successors.clear();
+                    between.clear();
+                    let last = walk_fan(i, hole.len(), is_open, &third, |third, error| {
+                        successors.push(hole[third]);
+                        between.push(error);
+                    });
+                    between.push(last);
+                    let (mut star, at) = stars.star(neighbour).without(vertex, successors, between);
+                    (star.pack(), Shift::new(at, successors.len()))
+                }
+            };
+            let is_removable = !stars.is_corner(neighbour);
+            if is_removable {
+                self.batch.add(&mut star, &old.fill, shift, stars, &mut self.filler);
             }
-            None => {
-                self.batch.add(number, &mut star.record, cache, former, view);
-                Some(0)
-            }
-        };
-        Neighbour { vertex, star, change }
+            let change = is_removable.then_some(0);
+            neighbours.push(Neighbour { vertex: neighbour, star, change });
+        }
     }
 
-    /// Finds the change of a neighbour whose hole has a number in the batch, which is measured.
-    #[inline]
-    fn finish(&self, number: usize, neighbour: &mut Neighbour) {
-        if let (Some(change), None) = (&mut neighbour.change, &neighbour.star.spilled) {
-            *change = self.batch.finish(number, &mut neighbour.star.record);
-        }
-    }
-
-    /// The change of error of any star, and the cache of its fill, by the cache of the star before.
-    /// Leaves the triangles in `filler` and their errors in `errors_of_fill`.
-    fn fill_star(
-        &mut self,
-        star: &Star,
-        cache: &FillCache,
-        former: Former,
-        view: &MeshView<'_>,
-    ) -> (i64, FillCache) {
-        self.boundary.clear();
-        self.boundary.extend(star.neighbours.iter().map(|&v| view.point(v)));
-        self.unknown.clear();
-        self.faces.clear();
-        self.errors_of_fill.clear();
-        let (mut fill, mut sum) = (FillCache::EMPTY, 0);
-        for (i, &triangle) in self.filler.fill(&self.boundary).iter().enumerate() {
-            let (is_cached, error) = cache.error(triangle.map(|at| former.of(at as usize)));
-            if !is_cached {
-                self.unknown.push(i);
-                self.faces.push(triangle.map(|at| self.boundary[at as usize]));
-            }
-            self.errors_of_fill.push(error.into());
-        }
-        self.errors.errors(&self.faces, &mut self.face_errors);
-        for (&i, &error) in self.unknown.iter().zip(&self.face_errors) {
-            self.errors_of_fill[i] = error;
-        }
-        for (i, (triangle, &error)) in
-            self.filler.triangles().iter().zip(&self.errors_of_fill).enumerate()
-        {
-            let indices = triangle.map(|at| Former::SAME.of(at as usize));
-            // The last index is the largest.
-            if indices[2] != Former::NEW {
-                fill.set_triangle(i, indices);
-                fill.set_error(i, error);
-            }
-            sum += error;
-        }
-        (sum as i64 - star.error() as i64, fill)
-    }
-
-    /// The last fill, of a hole of `degree` vertices, as seen from each of them.
-    fn collect_wedges(&mut self, degree: usize) {
-        self.wedges.clear();
-        for (triangle, &error) in self.filler.triangles().iter().zip(&self.errors_of_fill) {
-            let [a, b, c] = triangle.map(|at| at as usize);
-            for (at, next, end) in [(a, b, c), (b, c, a), (c, a, b)] {
-                let offset = if next > at { next - at } else { next + degree - at };
-                self.wedges.push(Wedge { at, offset, end, error });
+    /// Fills the hole of a vertex and lists the edges of the triangles.
+    fn list_edges(&mut self, vertex: u32, stars: &Stars<'_>) {
+        let boundary: Vec<Point> =
+            stars.neighbours(vertex).iter().map(|&v| stars.point(v)).collect();
+        let cache = &stars.record(vertex).fill;
+        self.edges.clear();
+        for triangle in self.filler.fill(&boundary) {
+            let corners = triangle.map(|at| at as usize);
+            let (is_cached, error) = cached_error(cache, Shift::NONE, corners);
+            let error = match is_cached {
+                true => error.into(),
+                false => self.errors.error(corners.map(|at| boundary[at])),
+            };
+            let [a, b, c] = corners;
+            for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
+                self.edges.push(Edge { from, to, third, error });
             }
         }
-        self.wedges.sort_unstable();
+        self.edges.sort_unstable();
     }
+}
 
-    /// Collects what replaces the vertex in the star of its neighbour at an index: the ends of that
-    /// one's wedges, which begin at `first`, but the last; along the border that one too, or the
-    /// start of the first. Returns where the wedges of the next neighbour begin.
-    fn collect_replacement(&mut self, at: usize, first: usize, is_open: bool) -> usize {
-        let Replacement { successors, errors } = &mut self.replacement;
-        successors.clear();
-        errors.clear();
-        if is_open && at + 1 == self.hole.neighbours.len() {
-            successors.push(self.hole.neighbours[0]);
-            errors.push(0);
+/// Walks through the triangles of a fill at one vertex of the boundary, counter-clockwise from the
+/// next vertex to the one before. Calls `add` with each new neighbour and the error of the face
+/// before it; returns that of the face after the last. Along the border of the image, where the hole
+/// is open, the first and the last vertex of the boundary become neighbours, and 0 stands for the
+/// face beyond their edge.
+#[inline(always)]
+fn walk_fan(
+    at: usize,
+    boundary_len: usize,
+    is_open: bool,
+    third: impl Fn(usize, usize) -> (usize, u64),
+    mut add: impl FnMut(usize, u64),
+) -> u64 {
+    let last = boundary_len - 1;
+    let end = if at == 0 { last } else { at - 1 };
+    let mut next = if at == last { 0 } else { at + 1 };
+    if is_open && at == last {
+        add(0, 0);
+    }
+    loop {
+        let (third, error) = third(at, next);
+        next = third;
+        if next == end && !(is_open && at == 0) {
+            return error;
         }
-        let own = self.wedges[first..].iter().take_while(|wedge| wedge.at == at);
-        let mut count = 0;
-        for wedge in own {
-            successors.push(self.hole.neighbours[wedge.end]);
-            errors.push(wedge.error);
-            count += 1;
+        add(next, error);
+        if next == end {
+            return 0;
         }
-        if is_open && at == 0 {
-            errors.push(0);
-        } else {
-            successors.pop();
-        }
-        first + count
     }
 }
 
 /// How the indices of a star's neighbours have shifted since its hole was last evaluated: the
-/// neighbour at `at` was replaced by `count` others.
+/// neighbour at `at` was replaced by those before `end`. Only the first 255 indices are followed.
 #[derive(Clone, Copy)]
-struct Former {
-    at: usize,
-    count: usize,
+struct Shift {
+    at: u8,
+    end: u8,
+    /// How many more indices there are.
+    growth: u8,
 }
 
-impl Former {
+impl Shift {
     /// Stands for an index that the cache does not hold, as that of a new neighbour.
     const NEW: u8 = u8::MAX;
 
     /// No neighbour was replaced.
-    const SAME: Self = Self { at: usize::MAX, count: 1 };
+    const NONE: Self = Self { at: Self::NEW, end: Self::NEW, growth: 0 };
 
-    /// The index that a neighbour had.
     #[inline]
-    fn of(self, index: usize) -> u8 {
-        let moved = index.wrapping_sub(self.count).wrapping_add(1);
-        let is_new = index.wrapping_sub(self.at) < self.count;
-        let former = if index < self.at { index } else { moved };
-        if is_new { Self::NEW } else { former.min(Self::NEW.into()) as u8 }
+    fn new(at: usize, count: usize) -> Self {
+        let byte = |index: usize| index.min(Self::NEW.into()) as u8;
+        Self { at: byte(at), end: byte(at + count), growth: (count as u8).wrapping_sub(1) }
     }
 
-    /// The same for the first indices, in bytes, so that one vector holds all.
+    /// The index that a neighbour had.
+    #[inline(always)]
+    fn former(self, index: u8) -> u8 {
+        let moved = index.wrapping_sub(self.growth);
+        let after = if index < self.end { Self::NEW } else { moved };
+        if index < self.at { index } else { after }
+    }
+
+    /// The same for the first indices, so that one vector holds all.
     #[inline]
     fn table(self) -> [u8; CAPACITY] {
-        let (at, after) = (self.at as u8, self.at.wrapping_add(self.count) as u8);
-        std::array::from_fn(|index| {
-            let index = index as u8;
-            let moved = index.wrapping_sub(self.count as u8).wrapping_add(1);
-            let beyond = if index < after { Self::NEW } else { moved };
-            if index < at { index } else { beyond }
-        })
+        std::array::from_fn(|index| self.former(index as u8))
     }
 }
 
-/// Holes of inline stars whose faces are measured together.
+/// Whether the error of a triangle of a fill of any size is cached, and the error, or 0.
+fn cached_error(cache: &FillCache, shift: Shift, triangle: [usize; 3]) -> (bool, u32) {
+    // The last index is the largest.
+    let is_followed = triangle[2] < Shift::NEW.into();
+    if is_followed { cache.error(triangle.map(|at| shift.former(at as u8))) } else { (false, 0) }
+}
+
+/// Holes whose triangles are measured together.
+#[derive(Default)]
 struct Batch {
-    /// The faces whose errors are not cached, and of which triangle of which hole each is.
-    faces: [[Point; 3]; BATCH],
-    triangles: [u8; BATCH],
-    face_count: usize,
-    /// The error of each triangle of each hole.
-    errors: [u64; BATCH],
+    /// The error of each triangle, hole after hole; 0 until it is measured.
+    errors: Vec<u64>,
+    /// The triangles whose errors are not cached, and the index of each one's error.
+    faces: Vec<[Point; 3]>,
+    indices: Vec<u32>,
     face_errors: Vec<u64>,
 }
 
-impl Default for Batch {
-    fn default() -> Self {
-        Self {
-            faces: [[Point::new(0, 0); 3]; BATCH],
-            triangles: [0; BATCH],
-            face_count: 0,
-            errors: [0; BATCH],
-            face_errors: Vec::with_capacity(BATCH),
-        }
-    }
-}
-
 impl Batch {
-    /// Fills the hole number `number` of the batch, that of an inline star, and looks its triangles
-    /// up in the cache of the star before.
+    fn clear(&mut self) {
+        self.errors.clear();
+        self.faces.clear();
+        self.indices.clear();
+    }
+
+    /// Fills the hole of a star, by the cache and the indices of the star before.
     #[inline]
     fn add(
         &mut self,
-        number: usize,
-        record: &mut Record,
+        star: &mut Packed,
         cache: &FillCache,
-        former: Former,
-        view: &MeshView<'_>,
+        shift: Shift,
+        stars: &Stars<'_>,
+        filler: &mut HoleFiller,
     ) {
-        let mut points = [Point::new(0, 0); CAPACITY];
-        for (point, &vertex) in points.iter_mut().zip(record.all_neighbours()) {
-            *point = view.point(vertex);
+        let count = star.degree() - 2;
+        let mut fill = FillCache::EMPTY;
+        if let Some(spilled) = &star.spilled {
+            let boundary: Vec<Point> = spilled.neighbours.iter().map(|&v| stars.point(v)).collect();
+            for (i, triangle) in filler.fill(&boundary).iter().enumerate() {
+                let corners = triangle.map(|at| at as usize);
+                if corners[2] < Shift::NEW.into() {
+                    fill.set_triangle(i, corners.map(|at| at as u8));
+                }
+                let cached = cached_error(cache, shift, corners);
+                self.push(corners.map(|at| boundary[at]), cached);
+            }
+        } else {
+            let mut boundary = [Point::new(0, 0); CAPACITY];
+            for (point, &vertex) in boundary.iter_mut().zip(star.inline_neighbours()) {
+                *point = stars.point(vertex);
+            }
+            let former = shift.table();
+            for (i, triangle) in fill_small(&boundary, count + 2)[..count].iter().enumerate() {
+                fill.set_triangle(i, *triangle);
+                let corners = triangle.map(|at| usize::from(at) % CAPACITY);
+                let cached = cache.error(corners.map(|at| former[at]));
+                self.push(corners.map(|at| boundary[at]), cached);
+            }
         }
-        let indices = former.table();
-        let count = record.neighbours().len();
-        let triangles = fill_small(&points, count);
-        record.fill = FillCache::EMPTY;
-        for (i, triangle) in triangles[..count - 2].iter().enumerate() {
-            let corners = triangle.map(|at| usize::from(at) % CAPACITY);
-            record.fill.set_triangle(i, *triangle);
-            let (is_cached, error) = cache.error(corners.map(|at| indices[at]));
-            let triangle = number * MOST_TRIANGLES + i;
-            debug_assert!(triangle < BATCH && self.face_count < BATCH);
-            self.errors[triangle % BATCH] = error.into();
-            // Written in any case, kept if it is to be measured.
-            let face = self.face_count % BATCH;
-            self.faces[face] = corners.map(|at| points[at]);
-            self.triangles[face] = triangle as u8;
-            self.face_count += usize::from(!is_cached);
-        }
+        star.record.fill = fill;
     }
 
-    /// Measures the faces that are not cached.
+    /// Adds a triangle and its cached error, if there is one.
+    #[inline(always)]
+    fn push(&mut self, face: [Point; 3], (is_cached, error): (bool, u32)) {
+        // Written in any case, kept if it is to be measured: without a branch.
+        let count = self.faces.len();
+        self.faces.push(face);
+        self.indices.push(self.errors.len() as u32);
+        self.faces.truncate(count + usize::from(!is_cached));
+        self.indices.truncate(count + usize::from(!is_cached));
+        self.errors.push(error.into());
+    }
+
+    /// Measures the triangles whose errors are not cached.
     fn measure(&mut self, errors: &mut FaceErrors<'_>) {
-        errors.errors(&self.faces[..self.face_count], &mut self.face_errors);
-        for (&triangle, &error) in self.triangles.iter().zip(&self.face_errors) {
-            self.errors[usize::from(triangle) % BATCH] = error;
+        errors.errors(&self.faces, &mut self.face_errors);
+        for (&index, &error) in self.indices.iter().zip(&self.face_errors) {
+            self.errors[index as usize] = error;
         }
     }
 
-    /// Caches the errors of a hole, and returns by how much filling it changes the error.
+    /// Caches the errors of the next hole, that of a star, and returns by how much filling it
+    /// changes the error.
     #[inline]
-    fn finish(&self, number: usize, record: &mut Record) -> i64 {
-        let errors = &self.errors[number * MOST_TRIANGLES..][..record.neighbours().len() - 2];
+    fn finish<'e>(star: &mut Packed, errors: &mut impl Iterator<Item = &'e u64>) -> i64 {
         let mut sum = 0;
-        for (i, &error) in errors.iter().enumerate() {
-            record.fill.set_error(i, error);
+        for (i, &error) in errors.take(star.degree() - 2).enumerate() {
+            star.record.fill.set_error(i, error);
             sum += error;
         }
-        sum as i64 - record.error() as i64
+        sum as i64 - star.error() as i64
     }
 }
-
-/// The triangles that fill a hole by their directed edges.
-struct Fans<'a> {
-    hole: &'a Record,
-    /// Whether the vertex of the hole lies on the border of the image.
-    is_open: bool,
-    /// For each two indices the one that makes a triangle with them, and that triangle's number.
-    thirds: [(u8, u8); MOST_CACHED * MOST_CACHED],
-    errors: [u32; CACHED_TRIANGLES],
-}
-
-impl<'a> Fans<'a> {
-    /// The fans of a hole whose whole fill is cached.
-    #[inline]
-    fn of_cached_fill(hole: &'a Record, is_open: bool) -> Option<Self> {
-        let degree = hole.neighbours().len();
-        if !hole.is_inline() || degree > MOST_CACHED {
-            return None;
-        }
-        let (triangles, errors) = hole.fill.all(degree - 2)?;
-        let thirds = [(0, 0); MOST_CACHED * MOST_CACHED];
-        let mut fans = Self { hole, is_open, thirds, errors };
-        for (i, [a, b, c]) in triangles.enumerate() {
-            for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
-                let edge = usize::from(from) * MOST_CACHED + usize::from(to);
-                debug_assert!(edge < fans.thirds.len());
-                fans.thirds[edge % fans.thirds.len()] = (third, i as u8);
-            }
-        }
-        Some(fans)
-    }
-
-    /// What replaces the vertex in the star of its neighbour at an index: all that it sees of the
-    /// fill between the neighbours after and before; along the border one of these too.
-    #[inline]
-    fn replacement(&self, at: usize) -> InlineReplacement {
-        let neighbours = self.hole.neighbours();
-        let last = neighbours.len() - 1;
-        let end = if at == 0 { last } else { at - 1 };
-        let mut next = if at == last { 0 } else { at + 1 };
-        let mut found = InlineReplacement::default();
-        if self.is_open && at == last {
-            found.push(neighbours[0], 0);
-        }
-        loop {
-            let edge = at * MOST_CACHED + next;
-            let (third, triangle) = self.thirds[edge % self.thirds.len()];
-            let error = self.errors[usize::from(triangle) % CACHED_TRIANGLES];
-            next = usize::from(third);
-            if next == end && !(self.is_open && at == 0) {
-                found.end(error);
-                return found;
-            }
-            found.push(self.hole.all_neighbours()[next % MOST_CACHED], error);
-            if next == end {
-                found.end(0);
-                return found;
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests;

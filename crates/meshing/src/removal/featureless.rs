@@ -15,8 +15,8 @@
 use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point, corner_points};
-use crate::removal::progress::Removal;
-use crate::removal::vertex_order::tile_order;
+use crate::removal::greedy::Removal;
+use crate::removal::tile_order::tile_order;
 use crate::triangulation::Triangulation;
 
 /// Least number of edges from a featureless vertex to a vertex of a face of several colors.
@@ -27,28 +27,35 @@ const LEAST_DISTANCE: usize = 3;
 /// Faces examined between two polls of the control.
 const FACES_PER_POLL: usize = 8192;
 
-/// Removes at most `surplus` featureless vertices of a triangulation of `image`.
+/// Removes at most `surplus` featureless vertices of a triangulation of `image`, and lists them
+/// where `lists_removals` says so.
 ///
 /// When there are more, those that stay are spread evenly over the featureless areas.
 pub(crate) fn remove_featureless(
     image: &Image,
     triangulation: Triangulation,
     surplus: usize,
+    lists_removals: bool,
     control: &dyn Control,
 ) -> Result<(Triangulation, Vec<Removal>), Cancelled> {
     let mut leaves = featureless_vertices(image, &triangulation, control)?;
-    thin(&mut leaves, surplus, || tile_order(&triangulation.points, image.width(), image.height()));
-    if !leaves.contains(&true) {
+    let count = leaves.iter().filter(|&&leaves| leaves).count();
+    if count > surplus {
+        let (points, (width, height)) = (&triangulation.points, image.sides());
+        let poll = || control.poll(Stage::Triangulate, points.len(), points.len());
+        thin(&mut leaves, count, surplus, &tile_order(points, width, height, poll)?);
+    }
+    if count.min(surplus) == 0 {
         return Ok((triangulation, Vec::new()));
     }
     // Only the points: the half-edges take more memory than the next triangulation.
     let points = triangulation.points;
     let (mut kept, mut removals) = (Vec::new(), Vec::new());
     for (point, leaves) in points.into_iter().zip(leaves) {
-        if leaves {
-            removals.push(Removal { point, change: 0 });
-        } else {
+        if !leaves {
             kept.push(point);
+        } else if lists_removals {
+            removals.push(Removal { point, change: 0 });
         }
     }
     Ok((Triangulation::new(kept, control)?, removals))
@@ -106,17 +113,17 @@ fn holds_one_color(image: &Image, corners: [Point; 3]) -> bool {
     })
 }
 
-/// Unmarks marked vertices until `count` at most are marked, those unmarked evenly spread along
-/// an order of all vertices.
-fn thin(marks: &mut [bool], count: usize, order: impl FnOnce() -> Vec<u32>) {
-    let marked = marks.iter().filter(|&&mark| mark).count();
-    if marked <= count {
-        return;
-    }
+/// Unmarks some of `marked` marks until `count` are left, those unmarked evenly spread along an
+/// order of all vertices.
+fn thin(marks: &mut [bool], marked: usize, count: usize, order: &[u32]) {
     let marked_before = |i: usize| i as u64 * count as u64 / marked as u64;
-    let in_order = order().into_iter().filter(|&v| marks[v as usize]).collect::<Vec<_>>();
-    for (i, v) in in_order.into_iter().enumerate() {
-        marks[v as usize] = marked_before(i) < marked_before(i + 1);
+    let mut i = 0;
+    for &v in order {
+        let mark = &mut marks[v as usize];
+        if *mark {
+            *mark = marked_before(i) < marked_before(i + 1);
+            i += 1;
+        }
     }
 }
 
@@ -147,7 +154,7 @@ mod tests {
 
     fn removed(image: &Image, surplus: usize) -> Vec<Point> {
         let triangulation = triangulation_of(|_| true);
-        let (_, removals) = remove_featureless(image, triangulation, surplus, &()).unwrap();
+        let (_, removals) = remove_featureless(image, triangulation, surplus, true, &()).unwrap();
         removals.into_iter().map(|removal| removal.point).collect()
     }
 
@@ -213,8 +220,9 @@ mod tests {
             let errors = FaceErrors::new(&measure);
             let points = initial.points.clone();
             let mut mesh =
-                MeasuredMesh::new(points.clone(), image.sides(), errors, Stage::Measure, &()).unwrap();
-            let (left, removals) = remove_featureless(&image, initial, surplus, &()).unwrap();
+                MeasuredMesh::new(points.clone(), image.sides(), errors, Stage::Measure, &())
+                    .unwrap();
+            let (left, removals) = remove_featureless(&image, initial, surplus, true, &()).unwrap();
             prop_assert!(removals.len() <= surplus);
             prop_assert_eq!(left.points.len() + removals.len(), count);
             for Removal { point, change } in removals {

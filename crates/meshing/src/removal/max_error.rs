@@ -75,8 +75,8 @@ mod tests {
     use super::*;
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
-    use crate::parameters::choices::{ErrorMetric, Parallel};
-    use crate::removal::{StopRule, simplify};
+    use crate::parameters::choices::Parallel;
+    use crate::removal::tests::{lattice, simplify};
     use crate::triangulation::Triangulation;
 
     /// The largest difference of a sample in the mesh of some points.
@@ -93,14 +93,8 @@ mod tests {
         let side = 9;
         let plane = |c: usize| (0..side * side).map(|i| (i * i * (c + 3) % 41) as u16).collect();
         let image = Image::from_bottom_up(side, side, 8, vec![plane(0), plane(1)]).unwrap();
-        let lattice: Vec<Point> = (0..side as i32)
-            .flat_map(|y| (0..side as i32).map(move |x| Point::new(x, y)))
-            .collect();
-        let triangulation = Triangulation::new(lattice.clone(), &()).unwrap();
-        let metric = ErrorMetric::MeanCompSe;
-        let rule = StopRule { size: 4, bound: None, metric, bad_point_removal: false };
-        let removals =
-            simplify(&image, triangulation, rule, Parallel::Exact, &()).unwrap().removals;
+        let lattice = lattice(side, side);
+        let removals = simplify(&image, 4, Parallel::Exact).removals;
         // The largest differences after none of the removals, after one, and so on.
         let mut points = lattice.clone();
         let mut differences = vec![0];

@@ -15,11 +15,10 @@
 use crate::control::{Cancelled, Control};
 use crate::face_error::ErrorEvaluator;
 use crate::parallel::share_out;
-use crate::removal::group::{Group, Selection};
-use crate::removal::progress::{Progress, StopRule};
+use crate::removal::greedy::{Group, Progress, StopRule};
 use crate::removal::queue::{Entry, RemovalQueue};
+use crate::removal::star::Vertices;
 use crate::removal::start::Start;
-use crate::removal::vertices::Vertices;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -75,8 +74,8 @@ pub(crate) fn remove_in_rounds(
     measure: &ErrorEvaluator<'_>,
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
-    let Start { vertices, stars, queues, progress } = start;
-    let (count, size) = (queues.len(), 1 << vertices.digits);
+    let Start { stars, queues, progress } = start;
+    let (count, size) = (queues.len(), 1 << stars.vertices.digits);
     // A limit needs a vertex below it.
     let least = count * size / LEAST_PART;
     let least = least.max(progress.surplus_left() / PART_OF_LAST).max(PART_OF_ROUND);
@@ -85,15 +84,14 @@ pub(crate) fn remove_in_rounds(
         let mut quotas = quotas(queues, limit, size);
         let levels = std::iter::successors(Some(1), |tiles| Some(tiles * GROWTH));
         for tiles in levels.take_while(|&tiles| tiles < count).chain([count]) {
-            let stars = stars.chunks_mut(tiles);
-            let parts = stars.zip(queues.chunks_mut(tiles)).zip(quotas.chunks_mut(tiles));
-            let groups = parts.enumerate().map(|(i, ((stars, queues), quotas))| Task {
-                group: Group::new(vertices, measure, i * tiles, stars, queues),
+            let parts = queues.chunks_mut(tiles).zip(quotas.chunks_mut(tiles));
+            let groups = stars.groups(tiles).zip(parts).map(|(stars, (queues, quotas))| Task {
+                group: Group::new(stars, queues, measure),
                 quotas,
                 removed: Vec::new(),
             });
             let removed = remove_in_groups(groups.collect(), limit, progress, control)?;
-            record_in_order(&removed, vertices, progress);
+            record_in_order(&removed, &stars.vertices, progress);
         }
     }
     Ok(())
@@ -154,9 +152,13 @@ impl Task<'_, '_> {
         while self.removed.len() != removed_before {
             removed_before = self.removed.len();
             for (tile, quota) in self.quotas.iter_mut().enumerate() {
-                let removed = &mut self.removed;
-                let mut below = BelowLimit { limit, quota, removed, progress, control };
-                self.group.remove_from(tile, &mut below)?;
+                while *quota > 0
+                    && let Some(removed) = self.group.remove_next(tile, |first| first < limit)
+                {
+                    progress.poll(control)?;
+                    *quota -= 1;
+                    self.removed.push(removed);
+                }
             }
         }
         Ok(())
@@ -169,29 +171,6 @@ impl Task<'_, '_> {
     }
 }
 
-/// Accepts removals below a limit, as many as a tile may lose.
-struct BelowLimit<'r> {
-    limit: Entry,
-    quota: &'r mut usize,
-    removed: &'r mut Vec<Entry>,
-    progress: &'r Progress,
-    control: &'r dyn Control,
-}
-
-impl Selection for BelowLimit<'_> {
-    #[inline]
-    fn accepts(&mut self, first: Entry) -> Result<bool, Cancelled> {
-        self.progress.poll(self.control)?;
-        Ok(first < self.limit && *self.quota > 0)
-    }
-
-    #[inline]
-    fn record(&mut self, removed: Entry) {
-        *self.quota -= 1;
-        self.removed.push(removed);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,9 +179,9 @@ mod tests {
     use crate::face_error::FaceErrors;
     use crate::image::Image;
     use crate::parameters::choices::{ErrorMetric, Parallel};
-    use crate::removal::tests::{down_to, lattice, start};
-    use crate::removal::{Simplified, remove_in_order, simplify};
-    use crate::triangulation::{Triangulation, triangulate};
+    use crate::removal::tests::{down_to, lattice, simplify, start};
+    use crate::removal::{Simplified, finish};
+    use crate::triangulation::triangulate;
     use proptest::prelude::*;
     use std::num::NonZeroUsize;
 
@@ -212,8 +191,8 @@ mod tests {
         let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let mut start = start(image, &measure, down_to(size), digits, &control);
         remove_in_rounds(&mut start, &measure, &control).unwrap();
-        start.merge_tiles();
-        remove_in_order(start, &measure, &control).unwrap()
+        start.merge_tiles(&control).unwrap();
+        finish(start, &measure, &control).unwrap()
     }
 
     /// Each removal, made in its turn on a mesh of all points, changes the error as it says.
@@ -260,10 +239,9 @@ mod tests {
     fn one_tile_gives_the_exact_order() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
-        let triangulation = Triangulation::new(lattice(30, 30), &()).unwrap();
-        let exact = simplify(&image, triangulation, down_to(100), Parallel::Exact, &()).unwrap();
+        let exact = simplify(&image, 100, Parallel::Exact);
         assert_eq!(remove(&image, 100, 10, 2).removals, exact.removals);
-        // In several tiles the order is another one, or the test would be of nothing.
+        // Several tiles give another order.
         assert_ne!(remove(&image, 100, 5, 2).removals, exact.removals);
     }
 
@@ -273,10 +251,7 @@ mod tests {
         let plane = (0..width * height).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(width, height, 4, vec![plane]).unwrap();
         let size = width * height - 1000;
-        let removals = |parallel| {
-            let triangulation = Triangulation::new(lattice(width, height), &()).unwrap();
-            simplify(&image, triangulation, down_to(size), parallel, &()).unwrap().removals
-        };
+        let removals = |parallel| simplify(&image, size, parallel).removals;
         let by_tiles_of = |digits| remove(&image, size, digits, 1).removals;
         assert!(removals(Parallel::Tiles) == by_tiles_of(LEAST_TILE));
         assert!(removals(Parallel::Exact) == by_tiles_of(16), "all in one tile");
@@ -291,7 +266,7 @@ mod tests {
         let most = 256 * 8192;
         assert_eq!([131_072, most].map(|count| digits(count, 4)), [Some(13); 2]);
         assert_eq!([most + 1, 5 * most].map(|count| digits(count, 4)), [Some(14), Some(16)]);
-        // Few of them go.
+        // Too few removals.
         let (count, part) = (most, most / LEAST_PART);
         assert_eq!(digits(count, count - part), None);
         assert_eq!(digits(count, count - part - 1), Some(13));

@@ -1,26 +1,30 @@
-//! Vertices in the order of their removal: a heap of four children that knows where each vertex
-//! stands, so that a changed key moves its vertex and no stale entry remains.
+//! The removal queue: a heap of candidates of which the first is removed next.
 //!
-//! An entry is one number of 128 bits: its change, its rank and its vertex from the highest bits to
-//! the lowest. So two entries compare without branches, and the four children of a place, which lie
-//! side by side in one line of memory, are compared as in a tournament; where there are fewer, the
-//! greatest number stands in.
+//! The order of candidates is the tie rule of removal: the smallest change of the error goes first;
+//! of equal changes the vertex in the lowest row, and within a row the one farthest left. Vertices
+//! of featureless areas are removed before there is a queue (see `featureless`).
+//!
+//! A heap node has four children. The index of each vertex in the heap is stored, so that a changed
+//! key moves its vertex and no stale entry remains. An entry is one number of 128 bits: its change,
+//! its rank and its vertex from the highest bits to the lowest. So two entries compare without
+//! branches. The four children of a node fill one cache line and are compared as in a tournament;
+//! where there are fewer, the greatest number stands in.
 
-/// Not in the queue.
-const ABSENT: u32 = u32::MAX;
+use crate::control::{Cancelled, POINTS_PER_POLL};
+use std::ops::Range;
 
-/// Children of each place.
+/// Children of each node.
 const ARITY: usize = 4;
 
 /// Stands where there is no entry: after all of them.
 const NO_KEY: u128 = u128::MAX;
 
-/// A vertex with its place in the order.
+/// A candidate for removal. Entries compare in the order of removal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Entry {
     /// By how much its removal changes the error.
     pub(crate) change: i64,
-    /// Its place by row, then column, which decides between equal changes.
+    /// Its rank among all vertices by row, then column: the lower of equal changes goes first.
     pub(crate) rank: u32,
     pub(crate) vertex: u32,
 }
@@ -40,51 +44,54 @@ impl Entry {
     }
 }
 
-/// The entries of the four children of a place.
+/// The entries of the four children of a node.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Children([u128; ARITY]);
 
-/// A priority queue of vertices by change of error, then by rank.
+/// A priority queue of candidates.
 ///
-/// The least entry stands at place 0, the children of place `i` at `4 i + 1` to `4 i + 4`.
+/// The least entry has index 0; the children of index `i` have the indices `4 i + 1` to `4 i + 4`.
 pub(crate) struct RemovalQueue {
     first: u128,
-    /// The entries at the other places: child `k` of place `i` is the `k`-th of the `i`-th element.
+    /// The entries of the other indices: child `k` of index `i` is the `k`-th of the `i`-th element.
     children: Vec<Children>,
     len: usize,
     /// The number of the first vertex that may be in the queue.
     first_vertex: u32,
-    /// Place of each vertex in the heap, from the first one on.
-    places: Vec<u32>,
+    /// The index of each vertex in the heap, from the first one on.
+    indices: Vec<u32>,
 }
 
 impl RemovalQueue {
-    /// A queue of entries for some of `vertex_count` vertices.
-    pub(crate) fn new(entries: Vec<Entry>, vertex_count: usize) -> Self {
-        Self::of_vertices_from(0, vertex_count, entries)
+    /// An empty queue for some of these vertices.
+    pub(crate) fn with_capacity(vertices: Range<u32>) -> Self {
+        let children = Vec::with_capacity(vertices.len().div_ceil(ARITY));
+        let indices = vec![0; vertices.len()];
+        Self { first: NO_KEY, children, len: 0, first_vertex: vertices.start, indices }
     }
 
-    /// The same for vertices that are numbered from `first_vertex` on.
-    pub(crate) fn of_vertices_from(
-        first_vertex: u32,
-        vertex_count: usize,
-        entries: Vec<Entry>,
-    ) -> Self {
-        let mut queue = Self {
-            first: NO_KEY,
-            children: vec![Children([NO_KEY; ARITY]); entries.len().div_ceil(ARITY)],
-            len: entries.len(),
-            first_vertex,
-            places: vec![ABSENT; vertex_count],
-        };
-        for (place, entry) in entries.into_iter().enumerate() {
-            queue.put(place, entry.key());
+    /// Adds an entry behind all others; [`Self::order`] restores the order of the heap.
+    pub(crate) fn push(&mut self, entry: Entry) {
+        if self.len.is_multiple_of(ARITY) {
+            self.children.push(Children([NO_KEY; ARITY]));
         }
-        for parent in (0..queue.children.len()).rev() {
-            queue.sift_down(parent, queue.at(parent));
+        self.put(self.len, entry.key());
+        self.len += 1;
+    }
+
+    /// Orders the heap.
+    pub(crate) fn order(
+        &mut self,
+        poll: impl Fn() -> Result<(), Cancelled>,
+    ) -> Result<(), Cancelled> {
+        for parent in (0..self.children.len()).rev() {
+            if parent.is_multiple_of(POINTS_PER_POLL) {
+                poll()?;
+            }
+            self.sift_down(parent, self.at(parent));
         }
-        queue
+        Ok(())
     }
 
     /// The vertex whose removal changes the error least.
@@ -111,17 +118,9 @@ impl RemovalQueue {
         keys.filter(|&&key| key != NO_KEY).map(|&key| Entry::from_key(key))
     }
 
-    /// All entries, in any order; gives the rest of the memory back first.
-    pub(crate) fn into_entries(self) -> impl Iterator<Item = Entry> {
-        let Self { first, children, .. } = self;
-        let others = children.into_iter().flat_map(|Children(keys)| keys);
-        let keys = std::iter::once(first).chain(others);
-        keys.filter(|&key| key != NO_KEY).map(Entry::from_key)
-    }
-
     /// The change of a vertex of the queue.
     pub(crate) fn change_of(&self, vertex: u32) -> i64 {
-        Entry::from_key(self.at(self.places[self.index(vertex)] as usize)).change
+        Entry::from_key(self.at(self.indices[self.offset(vertex)] as usize)).change
     }
 
     /// Takes out the first vertex.
@@ -129,8 +128,6 @@ impl RemovalQueue {
         if self.len == 0 {
             return;
         }
-        let gone = self.index(self.first as u32);
-        self.places[gone] = ABSENT;
         self.len -= 1;
         let last = self.at(self.len);
         self.set(self.len, NO_KEY);
@@ -141,74 +138,75 @@ impl RemovalQueue {
 
     /// Gives a vertex of the queue another key.
     pub(crate) fn change(&mut self, vertex: u32, change: i64) {
-        let place = self.places[self.index(vertex)] as usize;
-        let old = self.at(place);
+        let index = self.indices[self.offset(vertex)] as usize;
+        let old = self.at(index);
         let key = Entry { change, ..Entry::from_key(old) }.key();
         if key < old {
-            self.sift_up(place, key);
+            self.sift_up(index, key);
         } else {
-            self.sift_down(place, key);
+            self.sift_down(index, key);
         }
     }
 
-    /// Puts an entry to `place` or, while the parent there is greater, to that of its parent.
-    fn sift_up(&mut self, mut place: usize, key: u128) {
-        while place > 0 {
-            let parent = (place - 1) / ARITY;
+    /// Writes an entry to the nearest ancestor of `index` whose parent is not greater, and moves the
+    /// ancestors passed down.
+    fn sift_up(&mut self, mut index: usize, key: u128) {
+        while index > 0 {
+            let parent = (index - 1) / ARITY;
             let above = self.at(parent);
             if above <= key {
                 break;
             }
-            self.put(place, above);
-            place = parent;
+            self.put(index, above);
+            index = parent;
         }
-        self.put(place, key);
+        self.put(index, key);
     }
 
-    /// Puts an entry to `place` or, while a child there is less, to that of its least child.
-    fn sift_down(&mut self, mut place: usize, key: u128) {
-        while let Some(&Children([a, b, c, d])) = self.children.get(place) {
+    /// Writes an entry to `index` or below, and moves the least children passed up.
+    fn sift_down(&mut self, mut index: usize, key: u128) {
+        while let Some(&Children([a, b, c, d])) = self.children.get(index) {
             let (first, i) = if b < a { (b, 2) } else { (a, 1) };
             let (second, j) = if d < c { (d, 4) } else { (c, 3) };
             let (least, child) = if second < first { (second, j) } else { (first, i) };
             if key <= least {
                 break;
             }
-            self.put(place, least);
-            place = ARITY * place + child;
+            self.put(index, least);
+            index = ARITY * index + child;
         }
-        self.put(place, key);
+        self.put(index, key);
     }
 
-    /// Where the place of a vertex is noted.
+    /// The offset of a vertex in the list of indices.
     #[inline(always)]
-    fn index(&self, vertex: u32) -> usize {
+    fn offset(&self, vertex: u32) -> usize {
         vertex.wrapping_sub(self.first_vertex) as usize
     }
 
-    /// The entry at a place.
+    /// The entry at an index.
     #[inline]
-    fn at(&self, place: usize) -> u128 {
-        match place.checked_sub(1) {
+    fn at(&self, index: usize) -> u128 {
+        match index.checked_sub(1) {
             None => self.first,
             Some(other) => self.children[other / ARITY].0[other % ARITY],
         }
     }
 
     #[inline]
-    fn set(&mut self, place: usize, key: u128) {
-        match place.checked_sub(1) {
+    fn set(&mut self, index: usize, key: u128) {
+        match index.checked_sub(1) {
             None => self.first = key,
             Some(other) => self.children[other / ARITY].0[other % ARITY] = key,
         }
     }
 
-    /// Writes an entry to a place.
+    /// Writes an entry to an index.
     #[inline]
-    fn put(&mut self, place: usize, key: u128) {
-        self.set(place, key);
-        let index = self.index(key as u32);
-        self.places[index] = place as u32;
+    fn put(&mut self, index: usize, key: u128) {
+        self.set(index, key);
+        let offset = self.offset(key as u32);
+        self.indices[offset] = index as u32;
     }
 }
 
@@ -219,7 +217,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn vertices_leave_in_the_order_of_their_latest_keys(
+        fn returns_entries_in_the_order_of_their_keys(
             mut keys in prop::collection::vec(-20i64..20, 1..60),
             changes in prop::collection::vec((0usize..60, -20i64..20), 0..60),
         ) {
@@ -229,7 +227,9 @@ mod tests {
                 rank: 100 - v as u32,
                 vertex: v as u32,
             };
-            let mut queue = RemovalQueue::new(keys.iter().enumerate().map(entry).collect(), keys.len());
+            let mut queue = RemovalQueue::with_capacity(0..keys.len() as u32);
+            keys.iter().enumerate().map(entry).for_each(|entry| queue.push(entry));
+            queue.order(|| Ok(())).unwrap();
             for (v, key) in changes {
                 let v = v % keys.len();
                 keys[v] = key;

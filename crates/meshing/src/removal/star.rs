@@ -1,61 +1,106 @@
-//! The vertices of a triangulation as their stars: of each one the neighbours, counter-clockwise,
-//! and the errors of the faces between them.
+//! The mesh under removal: for each vertex its star, that is its neighbours, counter-clockwise, and
+//! the errors of the faces between them.
 //!
-//! Greedy removal asks for the star of a vertex again and again; here it lies in one or two lines of
-//! memory. A record has room for nine neighbours; the few vertices with more, or with a face whose
-//! error needs more than 32 bits, have theirs in lists.
+//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines; six in a thousand
+//! vertices have more neighbours, or a face whose error needs more than 32 bits. Their stars are
+//! spilled to lists.
 
-use crate::removal::fill_cache::FillCache;
-use crate::triangulation::{NONE, Triangulation, next, previous};
+use crate::image::Point;
+use crate::triangulation::hole::CAPACITY;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::hint::black_box;
 use std::ops::Range;
 
-/// Neighbours that a record has room for; six in a thousand vertices have more.
+/// Neighbours of an inline star at most.
 pub(crate) const INLINE_CAPACITY: usize = 9;
 
-/// Degree of a vertex whose star is in lists; the first neighbour is the number of these.
+/// Triangles cached for each vertex; a hole has four on average.
+pub(crate) const CACHED_TRIANGLES: usize = 6;
+
+/// The binary digits of a vertex's index in its tile where all vertices are one tile.
+pub(crate) const ONE_TILE: u32 = u32::BITS - 1;
+
+/// Degree of a vertex whose star is spilled.
 const SPILLED: u32 = u32::MAX;
+
+/// Stands for a triangle that is not cached.
+const NOT_CACHED: u32 = u32::MAX;
+
+// The points of an inline star's neighbours fit the arrays that holes are filled in.
+const _: () = assert!(INLINE_CAPACITY <= CAPACITY);
+
+/// The triangles that filled the hole of a vertex when it was last evaluated, and their errors.
+///
+/// When a neighbour is removed, two in five of them stay the same, and when the vertex itself is
+/// removed, all do. The indices of a triangle's vertices among the neighbours identify it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FillCache {
+    /// The ascending indices of each triangle, a byte each.
+    triangles: [u32; CACHED_TRIANGLES],
+    errors: [u32; CACHED_TRIANGLES],
+}
+
+impl FillCache {
+    /// No triangles.
+    pub(crate) const EMPTY: Self =
+        Self { triangles: [NOT_CACHED; CACHED_TRIANGLES], errors: [0; CACHED_TRIANGLES] };
+
+    /// Whether the error of a triangle is cached, and the error, or 0.
+    #[inline(always)]
+    pub(crate) fn error(&self, [a, b, c]: [u8; 3]) -> (bool, u32) {
+        let wanted = u32::from_le_bytes([a, b, c, 0]);
+        // All slots are compared, without a branch for each.
+        let (mut is_cached, mut error) = (false, 0);
+        for (&triangle, &cached) in self.triangles.iter().zip(&self.errors) {
+            is_cached |= triangle == wanted;
+            error |= if triangle == wanted { cached } else { 0 };
+        }
+        (is_cached, error)
+    }
+
+    /// Writes a triangle to a slot, if there is a slot of this number.
+    #[inline(always)]
+    pub(crate) fn set_triangle(&mut self, slot: usize, [a, b, c]: [u8; 3]) {
+        if let Some(triangle) = self.triangles.get_mut(slot) {
+            *triangle = u32::from_le_bytes([a, b, c, 0]);
+        }
+    }
+
+    /// Writes the error of the triangle in a slot, if there is a slot of this number. A triangle
+    /// whose error needs more than 32 bits leaves the cache.
+    #[inline(always)]
+    pub(crate) fn set_error(&mut self, slot: usize, error: u64) {
+        if let (Some(triangle), Some(cached)) =
+            (self.triangles.get_mut(slot), self.errors.get_mut(slot))
+        {
+            *triangle = if error > u32::MAX.into() { NOT_CACHED } else { *triangle };
+            *cached = error as u32;
+        }
+    }
+
+    /// The triangles and errors of a fill of `count` triangles; `None` unless all are cached.
+    #[inline(always)]
+    pub(crate) fn all(&self, count: usize) -> Option<impl Iterator<Item = ([u8; 3], u32)>> {
+        let triangles = self.triangles.get(..count)?;
+        let unpacked = triangles.iter().map(|triangle| {
+            let [a, b, c, _] = triangle.to_le_bytes();
+            [a, b, c]
+        });
+        (!triangles.contains(&NOT_CACHED)).then(|| unpacked.zip(self.errors))
+    }
+}
 
 /// The star of one vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(64))]
 pub(crate) struct Record {
     pub(crate) fill: FillCache,
-    /// Number of neighbours, 0 for a vertex that is gone.
+    /// Number of neighbours, 0 for a removed vertex, [`SPILLED`] for a spilled star.
     degree: u32,
     neighbours: [u32; INLINE_CAPACITY],
     /// The error of the face between each neighbour and the next one.
     errors: [u32; INLINE_CAPACITY],
-}
-
-/// A star of any size.
-///
-/// Around an inner vertex the face after the last neighbour ends at the first one. On the border
-/// the first and the last neighbour are those along the border, and there is no such face.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Star {
-    /// The neighbours, counter-clockwise.
-    pub(crate) neighbours: Vec<u32>,
-    /// The error of the face between each neighbour and the next one; 0 where there is none.
-    pub(crate) errors: Vec<u64>,
-}
-
-/// A star with what is remembered of its hole, ready to be written.
-pub(crate) struct Packed {
-    pub(crate) record: Record,
-    /// The star itself, where it does not fit.
-    pub(crate) spilled: Option<Box<Star>>,
-}
-
-/// The stars of vertices whose numbers follow each other.
-pub(crate) struct StarBlock {
-    /// The number of the first of them.
-    first: u32,
-    records: Vec<Record>,
-    /// The stars that do not fit their records.
-    spilled: HashMap<u32, Star>,
 }
 
 impl Record {
@@ -66,31 +111,7 @@ impl Record {
         errors: [0; INLINE_CAPACITY],
     };
 
-    /// Whether the star is in the record itself.
-    #[inline(always)]
-    pub(crate) fn is_inline(&self) -> bool {
-        self.degree != SPILLED
-    }
-
-    /// The neighbours of an inline star.
-    #[inline(always)]
-    pub(crate) fn neighbours(&self) -> &[u32] {
-        &self.neighbours[..INLINE_CAPACITY.min(self.degree as usize)]
-    }
-
-    /// The same with 0 for each that is missing.
-    #[inline(always)]
-    pub(crate) fn all_neighbours(&self) -> &[u32; INLINE_CAPACITY] {
-        &self.neighbours
-    }
-
-    /// The sum of the errors of all faces of an inline star.
-    #[inline(always)]
-    pub(crate) fn error(&self) -> u64 {
-        self.errors.iter().map(|&error| u64::from(error)).sum()
-    }
-
-    /// The star, with nothing cached, after a neighbour is replaced, and the index of that
+    /// The inline star, with nothing cached, after a neighbour is replaced, and the index of that
     /// neighbour; `None` when either star is not inline. [`Star::without`] is its specification.
     ///
     /// Copies fixed-size blocks; later copies overwrite the surplus of earlier ones.
@@ -102,7 +123,8 @@ impl Record {
     ) -> Option<(Self, usize)> {
         let InlineReplacement { successors, count, errors: between } = replacement;
         let degree = (self.degree as usize).wrapping_sub(1) + count;
-        if !self.is_inline() || degree > INLINE_CAPACITY {
+        let is_too_large = degree > INLINE_CAPACITY || *count >= between.len();
+        if self.degree == SPILLED || is_too_large {
             return None;
         }
         let indices = self.neighbours.iter().enumerate();
@@ -132,60 +154,50 @@ impl Record {
     }
 }
 
-/// What replaces a removed vertex in the star of a neighbour.
-#[derive(Default)]
-pub(crate) struct Replacement {
-    /// The new neighbours, counter-clockwise.
-    pub(crate) successors: Vec<u32>,
-    /// The errors of the faces before each of them and after the last; 0 beyond the border.
-    pub(crate) errors: Vec<u64>,
-}
-
-/// The same in arrays, for a vertex of at most eight neighbours.
+/// What replaces a removed vertex in the star of a neighbour, where that star stays inline.
 #[derive(Default)]
 pub(crate) struct InlineReplacement {
+    /// The new neighbours, counter-clockwise.
     successors: [u32; INLINE_CAPACITY - 1],
     pub(crate) count: usize,
+    /// The errors of the faces before each of them and after the last; 0 beyond the border.
     errors: [u32; INLINE_CAPACITY - 1],
 }
 
 impl InlineReplacement {
     /// Adds a new neighbour and the error of the face before it.
     #[inline(always)]
-    pub(crate) fn push(&mut self, successor: u32, error: u32) {
+    pub(crate) fn push(&mut self, successor: u32, error: u64) {
         self.successors[self.count % (INLINE_CAPACITY - 1)] = successor;
         self.end(error);
         self.count += 1;
     }
 
-    /// Sets the error of the last face.
+    /// Sets the error of the last face. One of more than 32 bits makes the count too large for an
+    /// inline star, as too many new neighbours do.
     #[inline(always)]
-    pub(crate) fn end(&mut self, error: u32) {
-        debug_assert!(self.count < INLINE_CAPACITY - 1);
-        self.errors[self.count % (INLINE_CAPACITY - 1)] = error;
+    pub(crate) fn end(&mut self, error: u64) {
+        self.errors[self.count % (INLINE_CAPACITY - 1)] = error as u32;
+        self.count += if error > u32::MAX.into() { INLINE_CAPACITY } else { 0 };
     }
 }
 
-impl Replacement {
-    /// Becomes a copy.
-    pub(crate) fn copy_from(&mut self, inline: &InlineReplacement) {
-        self.successors.clear();
-        self.successors.extend_from_slice(&inline.successors[..inline.count]);
-        self.errors.clear();
-        self.errors.extend(inline.errors[..=inline.count].iter().map(|&error| u64::from(error)));
-    }
+/// A star of any size.
+///
+/// Around an inner vertex the face after the last neighbour ends at the first one. On the border
+/// the first and the last neighbour are those along the border, and there is no such face.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Star {
+    /// The neighbours, counter-clockwise.
+    pub(crate) neighbours: Vec<u32>,
+    /// The error of the face between each neighbour and the next one; 0 where there is none.
+    pub(crate) errors: Vec<u64>,
 }
 
 impl Star {
-    /// The sum of the errors of all faces.
-    #[inline]
-    pub(crate) fn error(&self) -> u64 {
-        self.errors.iter().sum()
-    }
-
-    /// The star after a neighbour is replaced, and the index of that neighbour.
-    pub(crate) fn without(&self, removed: u32, replacement: &Replacement) -> (Self, usize) {
-        let Replacement { successors, errors: between } = replacement;
+    /// The star after a neighbour is replaced by the neighbours `with`, `errors` being those of the
+    /// faces before each of them and after the last; and the index of the replaced one.
+    pub(crate) fn without(&self, removed: u32, with: &[u32], between: &[u64]) -> (Self, usize) {
         let Self { neighbours, errors } = self;
         // The vertex is a neighbour of each of its neighbours.
         let at = neighbours.iter().position(|&v| v == removed).unwrap_or_default();
@@ -194,16 +206,11 @@ impl Star {
             // The face before the first neighbour is the last.
             None => [&between[1..], &errors[1..errors.len() - 1], &between[..1]].concat(),
         };
-        let neighbours = [&neighbours[..at], successors, &neighbours[at + 1..]].concat();
+        let neighbours = [&neighbours[..at], with, &neighbours[at + 1..]].concat();
         (Self { neighbours, errors }, at)
     }
 
-    fn clear(&mut self) {
-        self.neighbours.clear();
-        self.errors.clear();
-    }
-
-    /// The star as it is kept, with nothing cached; may take it.
+    /// The star as it is stored, with nothing cached; takes it where it does not fit a record.
     pub(crate) fn pack(&mut self) -> Packed {
         let degree = self.neighbours.len();
         let mut record = Record { degree: degree as u32, ..Record::REMOVED };
@@ -219,90 +226,126 @@ impl Star {
     }
 }
 
-impl StarBlock {
-    /// An empty block with space for the stars of this many vertices from the first one on.
-    pub(crate) fn with_capacity(first: u32, count: usize) -> Self {
-        Self { first, records: Vec::with_capacity(count), spilled: HashMap::new() }
+/// A star as it is stored.
+pub(crate) struct Packed {
+    pub(crate) record: Record,
+    /// The star itself, where it is not inline.
+    pub(crate) spilled: Option<Box<Star>>,
+}
+
+impl Packed {
+    /// The number of neighbours.
+    #[inline(always)]
+    pub(crate) fn degree(&self) -> usize {
+        self.spilled.as_ref().map_or(self.record.degree as usize, |star| star.neighbours.len())
     }
 
-    /// The stars of a triangulation's vertices, in blocks of `1 << digits`, with the errors of its
-    /// triangles; vertex `v` here is the triangulation's vertex `ranks[v]`.
-    pub(crate) fn of_triangulation(
-        triangulation: &Triangulation,
-        ranks: &[u32],
-        errors: &[u64],
-        digits: u32,
-    ) -> Vec<Self> {
-        let Triangulation { origins, twins, .. } = triangulation;
-        let mut numbers = vec![0; ranks.len()];
-        for (number, &rank) in (0..).zip(ranks) {
-            numbers[rank as usize] = number;
+    /// The neighbours of an inline star, 0 for each that is missing.
+    #[inline(always)]
+    pub(crate) fn inline_neighbours(&self) -> &[u32; INLINE_CAPACITY] {
+        &self.record.neighbours
+    }
+
+    /// The sum of the errors of all faces.
+    #[inline(always)]
+    pub(crate) fn error(&self) -> u64 {
+        match &self.spilled {
+            Some(star) => star.errors.iter().sum(),
+            None => self.record.errors.iter().map(|&error| u64::from(error)).sum(),
         }
-        let outgoing = outgoing_half_edges(triangulation);
-        let mut blocks = Vec::new();
-        let mut star = Star::default();
-        for ranks in ranks.chunks(1 << digits) {
-            let mut block = Self::with_capacity((blocks.len() << digits) as u32, ranks.len());
-            for &rank in ranks {
-                star.clear();
-                let first = outgoing[rank as usize];
-                let mut spoke = first;
-                loop {
-                    star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
-                    star.errors.push(errors[spoke as usize / 3]);
-                    let incoming = previous(spoke);
-                    spoke = twins[incoming as usize];
-                    if spoke == NONE {
-                        star.neighbours.push(numbers[origins[incoming as usize] as usize]);
-                        star.errors.push(0);
-                    }
-                    if spoke == NONE || spoke == first {
-                        break;
-                    }
-                }
-                block.push(star.pack());
-            }
-            blocks.push(block);
-        }
-        blocks
+    }
+}
+
+/// The vertices, numbered along [`tile_order`](crate::removal::tile_order::tile_order), in tiles of
+/// `1 << digits`.
+pub(crate) struct Vertices {
+    pub(crate) points: Vec<Point>,
+    /// The rank of each vertex among all, by row, then column.
+    pub(crate) ranks: Vec<u32>,
+    /// The binary digits of a vertex's index within its tile.
+    pub(crate) digits: u32,
+    /// The last column and row of the image.
+    pub(crate) right: i32,
+    pub(crate) top: i32,
+}
+
+/// The stars of all vertices.
+pub(crate) struct AllStars {
+    pub(crate) vertices: Vertices,
+    pub(crate) records: Vec<Record>,
+    /// The spilled stars of each tile.
+    pub(crate) spilled: Vec<HashMap<u32, Star>>,
+}
+
+impl AllStars {
+    /// The stars of each group of `tiles` consecutive tiles.
+    pub(crate) fn groups(&mut self, tiles: usize) -> impl Iterator<Item = Stars<'_>> {
+        let Self { vertices, records, spilled } = self;
+        let records = records.chunks_mut(tiles << vertices.digits);
+        let firsts = (0..).step_by(tiles << vertices.digits);
+        let groups = records.zip(spilled.chunks_mut(tiles)).zip(firsts);
+        let vertices: &Vertices = vertices;
+        groups.map(|((records, spilled), first)| Stars { vertices, first, records, spilled })
     }
 
-    /// Adds the star of the next vertex.
-    fn push(&mut self, Packed { record, spilled }: Packed) {
-        let vertex = self.numbers().end;
-        self.spilled.extend(spilled.map(|star| (vertex, *star)));
-        self.records.push(record);
+    /// The stars of all tiles.
+    pub(crate) fn whole(&mut self) -> Stars<'_> {
+        let Self { vertices, records, spilled } = self;
+        Stars { vertices, first: 0, records, spilled }
     }
 
-    /// Adds the stars of a block whose vertices follow.
-    pub(crate) fn append(&mut self, mut other: Self) {
-        self.records.append(&mut other.records);
-        self.spilled.extend(other.spilled);
+    /// Makes one tile of all.
+    pub(crate) fn merge_tiles(&mut self) {
+        let spilled = self.spilled.drain(..).flatten().collect();
+        self.spilled.push(spilled);
+        self.vertices.digits = ONE_TILE;
+    }
+}
+
+/// The stars of the vertices of consecutive tiles.
+pub(crate) struct Stars<'t> {
+    pub(crate) vertices: &'t Vertices,
+    /// The number of the first vertex.
+    first: u32,
+    records: &'t mut [Record],
+    spilled: &'t mut [HashMap<u32, Star>],
+}
+
+impl Stars<'_> {
+    /// The index of a vertex's tile among these; for a vertex of another tile larger than all.
+    #[inline(always)]
+    pub(crate) fn tile_of(&self, vertex: u32) -> usize {
+        (vertex.wrapping_sub(self.first) >> self.vertices.digits) as usize
     }
 
-    /// The numbers of the vertices.
-    pub(crate) fn numbers(&self) -> Range<u32> {
-        self.first..self.first + self.records.len() as u32
+    /// The numbers of a tile's vertices.
+    pub(crate) fn numbers(&self, tile: usize) -> Range<u32> {
+        let first = self.first + (tile << self.vertices.digits) as u32;
+        let end = self.first + self.records.len() as u32;
+        first..end.min(first + (1 << self.vertices.digits))
     }
 
-    /// The index of a vertex's record.
     #[inline(always)]
     fn index(&self, vertex: u32) -> usize {
         vertex.wrapping_sub(self.first) as usize
     }
 
-    /// Reads the records of several vertices at once, so that they come from memory together instead
-    /// of one after the other as each is used; leaves out vertices of other blocks.
-    ///
-    /// There is no prefetch instruction without `unsafe`. `black_box` does not promise to keep a
-    /// load; where it does not, this function does nothing.
-    #[inline]
-    pub(crate) fn prefetch(&self, vertices: &[u32]) {
-        let lines = vertices.iter().map(|&v| {
-            let record = self.records.get(self.index(v));
-            record.map_or(0, |record| record.degree ^ record.errors[INLINE_CAPACITY - 1])
-        });
-        black_box(lines.fold(0, |all, line| all ^ line));
+    /// The position of a vertex.
+    #[inline(always)]
+    pub(crate) fn point(&self, vertex: u32) -> Point {
+        self.vertices.points[vertex as usize]
+    }
+
+    /// Whether a vertex is a corner of the image.
+    pub(crate) fn is_corner(&self, vertex: u32) -> bool {
+        let (Point { x, y }, Vertices { right, top, .. }) = (self.point(vertex), self.vertices);
+        (x == 0 || x == *right) && (y == 0 || y == *top)
+    }
+
+    /// Whether a vertex lies on the border of the image.
+    pub(crate) fn is_on_border(&self, vertex: u32) -> bool {
+        let (Point { x, y }, Vertices { right, top, .. }) = (self.point(vertex), self.vertices);
+        x == 0 || x == *right || y == 0 || y == *top
     }
 
     /// The record of a vertex.
@@ -321,57 +364,89 @@ impl StarBlock {
     pub(crate) fn neighbours(&self, vertex: u32) -> &[u32] {
         let record = self.record(vertex);
         match record.degree {
-            SPILLED => &self.spilled[&vertex].neighbours,
+            SPILLED => &self.spilled[self.tile_of(vertex)][&vertex].neighbours,
             degree => &record.neighbours[..degree as usize],
         }
     }
 
-    /// Replaces what is cached of the hole of a vertex.
-    pub(crate) fn set_fill(&mut self, vertex: u32, fill: FillCache) {
-        let index = self.index(vertex);
-        self.records[index].fill = fill;
-    }
-
-    /// The star of a vertex, in lists.
+    /// The star of a vertex in lists.
     pub(crate) fn star(&self, vertex: u32) -> Cow<'_, Star> {
         let record = self.record(vertex);
         match record.degree {
-            SPILLED => Cow::Borrowed(&self.spilled[&vertex]),
+            SPILLED => Cow::Borrowed(&self.spilled[self.tile_of(vertex)][&vertex]),
             degree => Cow::Owned(Star {
-                neighbours: record.neighbours().to_vec(),
+                neighbours: record.neighbours[..degree as usize].to_vec(),
                 errors: record.errors[..degree as usize].iter().map(|&e| e.into()).collect(),
             }),
         }
     }
 
+    /// The star of a vertex as it is stored.
+    pub(crate) fn packed(&self, vertex: u32) -> Packed {
+        let spilled = self.spilled[self.tile_of(vertex)].get(&vertex);
+        Packed { record: *self.record(vertex), spilled: spilled.cloned().map(Box::new) }
+    }
+
+    /// Reads the records of several vertices of the group at once, so that they come from memory
+    /// together instead of one after the other as each is used.
+    ///
+    /// There is no prefetch instruction without `unsafe`. `black_box` does not promise to keep a
+    /// load; where it does not, this function does nothing.
+    #[inline]
+    pub(crate) fn prefetch(&self, vertices: &[u32]) {
+        let lines = vertices.iter().map(|&v| {
+            let record = self.records.get(self.index(v));
+            record.map_or(0, |record| record.degree ^ record.errors[INLINE_CAPACITY - 1])
+        });
+        black_box(lines.fold(0, |all, line| all ^ line));
+    }
+
+    /// Replaces what is cached of the fill of a vertex's hole.
+    pub(crate) fn set_fill(&mut self, vertex: u32, fill: FillCache) {
+        let index = self.index(vertex);
+        self.records[index].fill = fill;
+    }
+
     /// Replaces the star of a vertex.
     #[inline]
     pub(crate) fn write(&mut self, vertex: u32, Packed { record, spilled }: Packed) {
-        let index = self.index(vertex);
+        let (index, tile) = (self.index(vertex), self.tile_of(vertex));
         let old = std::mem::replace(&mut self.records[index], record);
         if let Some(star) = spilled {
-            self.spilled.insert(vertex, *star);
+            self.spilled[tile].insert(vertex, *star);
         } else if old.degree == SPILLED {
-            self.spilled.remove(&vertex);
+            self.spilled[tile].remove(&vertex);
         }
     }
 
-    /// Forgets a vertex that is removed.
+    /// Marks a vertex as removed.
     pub(crate) fn remove(&mut self, vertex: u32) {
         self.write(vertex, Packed { record: Record::REMOVED, spilled: None });
     }
 }
 
-/// A half-edge that begins at each vertex; on the border the one with no twin, from which turning
-/// counter-clockwise meets every triangle.
-fn outgoing_half_edges(triangulation: &Triangulation) -> Vec<u32> {
-    let mut outgoing = vec![NONE; triangulation.points.len()];
-    let half_edges = triangulation.origins.iter().zip(&triangulation.twins);
-    for (h, (&origin, &twin)) in half_edges.enumerate() {
-        let out = &mut outgoing[origin as usize];
-        if *out == NONE || twin == NONE {
-            *out = h as u32;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_what_was_cached() {
+        let mut cache = FillCache::EMPTY;
+        assert_eq!(cache.error([0, 1, 2]), (false, 0));
+        let fill = [([0, 2, 4], 5), ([2, 3, 4], 0), ([0, 1, 2], 7)];
+        for (slot, (triangle, error)) in fill.into_iter().enumerate() {
+            cache.set_triangle(slot, triangle);
+            cache.set_error(slot, error.into());
         }
+        assert_eq!(cache.error([0, 1, 2]), (true, 7));
+        assert_eq!(cache.error([2, 3, 4]), (true, 0));
+        assert_eq!(cache.error([1, 3, 4]), (false, 0));
+        assert!(cache.all(3).unwrap().eq(fill));
+        assert!(cache.all(4).is_none() && cache.all(7).is_none());
+        // An error of 33 bits, and a slot that does not exist.
+        cache.set_error(1, 1 << 32);
+        assert!(!cache.error([2, 3, 4]).0 && cache.all(3).is_none());
+        cache.set_triangle(CACHED_TRIANGLES, [6, 7, 8]);
+        assert!(!cache.error([6, 7, 8]).0);
     }
-    outgoing
 }

@@ -1,34 +1,29 @@
-//! What removal starts from: the stars and the queues of all vertices of a triangulation.
+//! What removal starts from: the star of each vertex of a triangulation, and the queue of each tile.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, collect};
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point};
 use crate::parallel::in_parallel;
 use crate::removal::candidate::Evaluator;
-use crate::removal::fill_cache::FillCache;
-use crate::removal::progress::{Progress, StopRule};
+use crate::removal::conversion::stars_of;
+use crate::removal::greedy::{Progress, StopRule};
 use crate::removal::queue::{Entry, RemovalQueue};
-use crate::removal::star::StarBlock;
-use crate::removal::vertices::{MeshView, Vertices};
+use crate::removal::star::{AllStars, FillCache, Stars, Vertices};
+use crate::removal::tile_order::tile_order;
 use crate::triangulation::Triangulation;
-
-/// The binary digits of a vertex's number in its tile where all vertices are one tile.
-pub(crate) const ONE_TILE: u32 = u32::BITS - 1;
 
 /// Faces measured, and vertices evaluated for the first time, between two polls of the control.
 const STEPS_PER_POLL: usize = 8192;
 
-/// A mesh before removal, in tiles of `1 << vertices.digits` vertices.
+/// A mesh before removal.
 pub(crate) struct Start {
-    pub(crate) vertices: Vertices,
-    /// The stars of each tile.
-    pub(crate) stars: Vec<StarBlock>,
+    pub(crate) stars: AllStars,
     /// For each tile an entry for each vertex that may be removed.
     pub(crate) queues: Vec<RemovalQueue>,
     pub(crate) progress: Progress,
 }
 
-/// Evaluates the vertices of a triangulation.
+/// Evaluates the vertices of a triangulation, in tiles of `1 << digits` vertices.
 pub(crate) fn prepare(
     image: &Image,
     triangulation: Triangulation,
@@ -38,29 +33,34 @@ pub(crate) fn prepare(
     control: &dyn Control,
 ) -> Result<Start, Cancelled> {
     let count = triangulation.points.len();
-    let errors = face_errors(&triangulation, measure, count.saturating_sub(rule.size), control)?;
+    let poll = || control.poll(Stage::Simplify, 0, count.saturating_sub(rule.size));
+    let errors = face_errors(&triangulation, measure, control, poll)?;
     let progress = Progress::new(rule, count, errors.iter().sum());
-    let vertices = Vertices::new(image, &triangulation.points, digits);
-    let mut stars = StarBlock::of_triangulation(&triangulation, &vertices.ranks, &errors, digits);
+    let (width, height) = image.sides();
+    let ranks = tile_order(&triangulation.points, width, height, poll)?;
+    let points = collect(ranks.iter().map(|&rank| triangulation.points[rank as usize]), poll)?;
+    let (right, top) = (width as i32 - 1, height as i32 - 1);
+    let vertices = Vertices { points, ranks, digits, right, top };
+    let mut stars = stars_of(&triangulation, vertices, &errors, poll)?;
     drop((triangulation, errors));
-    let mut queues = Vec::with_capacity(stars.len());
-    for tile in 0..stars.len() {
-        queues.push(evaluate_tile(tile, &mut stars, &vertices, measure, &progress, control)?);
+    let mut queues = Vec::with_capacity(stars.spilled.len());
+    for tile in 0..stars.spilled.len() {
+        queues.push(evaluate_tile(tile, &mut stars.whole(), measure, control, poll)?);
     }
-    Ok(Start { vertices, stars, queues, progress })
+    Ok(Start { stars, queues, progress })
 }
 
 /// The errors of all triangles.
 fn face_errors(
     triangulation: &Triangulation,
     measure: &ErrorEvaluator<'_>,
-    surplus: usize,
     control: &dyn Control,
+    poll: impl Fn() -> Result<(), Cancelled>,
 ) -> Result<Vec<u64>, Cancelled> {
     let mut errors = vec![0; triangulation.origins.len() / 3];
     let origins = triangulation.origins.chunks(3 * STEPS_PER_POLL);
     for (origins, errors) in origins.zip(errors.chunks_mut(STEPS_PER_POLL)) {
-        control.poll(Stage::Simplify, 0, surplus)?;
+        poll()?;
         let (faces, _) = origins.as_chunks::<3>();
         in_parallel(faces, errors, control.threads(), |faces, errors| {
             let point = |&v: &u32| triangulation.points[v as usize];
@@ -78,48 +78,49 @@ fn face_errors(
 /// cached of their holes.
 fn evaluate_tile(
     tile: usize,
-    stars: &mut [StarBlock],
-    vertices: &Vertices,
+    stars: &mut Stars<'_>,
     measure: &ErrorEvaluator<'_>,
-    progress: &Progress,
     control: &dyn Control,
+    poll: impl Fn() -> Result<(), Cancelled>,
 ) -> Result<RemovalQueue, Cancelled> {
-    let numbers = stars[tile].numbers();
-    let mut entries = Vec::with_capacity(numbers.len());
+    let numbers = stars.numbers(tile);
+    let mut queue = RemovalQueue::with_capacity(numbers.clone());
     let mut evaluated = Vec::new();
     for first in numbers.clone().step_by(STEPS_PER_POLL) {
-        progress.poll(control)?;
-        let view = MeshView { vertices, blocks: stars, first_block: 0 };
+        poll()?;
         let chunk: Vec<u32> = (first..numbers.end.min(first + STEPS_PER_POLL as u32))
-            .filter(|&vertex| !view.is_corner(vertex))
+            .filter(|&vertex| !stars.is_corner(vertex))
             .collect();
         evaluated.clear();
         evaluated.resize(chunk.len(), (0, FillCache::EMPTY));
+        let shared: &Stars<'_> = stars;
         in_parallel(&chunk, &mut evaluated, control.threads(), |vertices, evaluated| {
             let mut evaluator = Evaluator::new(measure);
             for (&vertex, evaluated) in vertices.iter().zip(evaluated) {
-                *evaluated = evaluator.evaluate(vertex, &view);
+                *evaluated = evaluator.evaluate(vertex, shared);
             }
         });
         for (vertex, &(change, fill)) in chunk.into_iter().zip(&evaluated) {
-            stars[tile].set_fill(vertex, fill);
-            entries.push(Entry { change, rank: vertices.ranks[vertex as usize], vertex });
+            stars.set_fill(vertex, fill);
+            queue.push(Entry { change, rank: stars.vertices.ranks[vertex as usize], vertex });
         }
     }
-    Ok(RemovalQueue::of_vertices_from(numbers.start, numbers.len(), entries))
+    queue.order(poll)?;
+    Ok(queue)
 }
 
 impl Start {
     /// Makes one tile of all.
-    pub(crate) fn merge_tiles(&mut self) {
-        let count = self.vertices.points.len();
-        let mut all = StarBlock::with_capacity(0, count);
-        for block in self.stars.drain(..) {
-            all.append(block);
+    pub(crate) fn merge_tiles(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
+        let poll = || self.progress.poll(control);
+        self.stars.merge_tiles();
+        let mut all = RemovalQueue::with_capacity(0..self.stars.records.len() as u32);
+        for queue in self.queues.drain(..) {
+            poll()?;
+            queue.entries().for_each(|entry| all.push(entry));
         }
-        let entries = self.queues.drain(..).flat_map(RemovalQueue::into_entries).collect();
-        self.queues.push(RemovalQueue::new(entries, count));
-        self.stars.push(all);
-        self.vertices.digits = ONE_TILE;
+        all.order(poll)?;
+        self.queues.push(all);
+        Ok(())
     }
 }

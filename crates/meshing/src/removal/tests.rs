@@ -1,11 +1,13 @@
-//! What is cached during removal against what is computed afresh.
+//! Helpers of the tests of removal, and what is cached during removal against what is computed
+//! afresh.
 
 use super::*;
+use crate::control::Stage;
+use crate::control::tests::Recorder;
 use crate::face_error::{FaceErrors, FaceMeasure};
 use crate::parameters::choices::ErrorMetric;
-use crate::removal::candidate::Evaluator;
-use crate::removal::fill_cache::FillCache;
-use crate::removal::vertices::MeshView;
+use crate::removal::greedy::Group;
+use crate::triangulation::hole::HoleFiller;
 use crate::triangulation::triangulate;
 use proptest::prelude::*;
 
@@ -14,10 +16,18 @@ pub(crate) fn lattice(width: usize, height: usize) -> Vec<Point> {
     (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| Point::new(x, y))).collect()
 }
 
-/// Removal of all but `size` vertices.
+/// Removal of all but `size` vertices, listed.
 pub(crate) fn down_to(size: usize) -> StopRule {
     let metric = ErrorMetric::MeanCompSe;
-    StopRule { size, bound: None, metric, bad_point_removal: false }
+    StopRule { size, bound: None, metric, bad_point_removal: false, lists_removals: true }
+}
+
+/// What removal of all but `size` lattice points leaves.
+pub(crate) fn simplify(image: &Image, size: usize, parallel: Parallel) -> Simplified {
+    let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
+    let points = lattice(image.width(), image.height());
+    let triangulation = Triangulation::new(points, &()).unwrap();
+    simplify_by(image, &measure, triangulation, down_to(size), parallel, &()).unwrap()
 }
 
 /// What removal from all lattice points starts from.
@@ -33,72 +43,54 @@ pub(crate) fn start(
     prepare(image, triangulation, rule, measure, digits, control).unwrap()
 }
 
-/// Accepts one removal.
-struct Once<'p> {
-    vertices: &'p Vertices,
-    progress: &'p mut Progress,
-    is_done: bool,
-}
-
-impl Selection for Once<'_> {
-    fn accepts(&mut self, _: Entry) -> Result<bool, Cancelled> {
-        Ok(!self.is_done)
-    }
-
-    fn record(&mut self, removed: Entry) {
-        self.progress.record(self.vertices.points[removed.vertex as usize], removed);
-        self.is_done = true;
-    }
-}
-
 impl Start {
     /// Makes the next removal.
     fn remove_one(&mut self, measure: &ErrorEvaluator<'_>) {
-        let Self { vertices, stars, queues, progress } = self;
-        let mut once = Once { vertices, progress, is_done: false };
-        Group::new(vertices, measure, 0, stars, queues).remove_from(0, &mut once).unwrap();
+        let Self { stars, queues, progress } = self;
+        let removed = Group::new(stars.whole(), queues, measure).remove_next(0, |_| true).unwrap();
+        progress.record(stars.vertices.points[removed.vertex as usize], removed);
     }
 
-    /// The errors kept for the faces are those computed afresh.
-    fn assert_errors_are_current(&self, measure: &ErrorEvaluator<'_>) {
+    /// The errors stored for the faces are those computed afresh.
+    fn assert_errors_are_current(&mut self, measure: &ErrorEvaluator<'_>) {
         let mut errors = FaceErrors::new(measure);
-        let view = MeshView { vertices: &self.vertices, blocks: &self.stars, first_block: 0 };
+        let stars = self.stars.whole();
         let mut total = 0;
-        let vertices = 0..self.vertices.points.len() as u32;
-        for v in vertices.filter(|&v| !view.stars(v).is_removed(v)) {
-            let star = view.stars(v).star(v);
+        for v in stars.numbers(0).filter(|&v| !stars.is_removed(v)) {
+            let star = stars.star(v);
             let neighbours = &star.neighbours;
             for (i, &error) in star.errors.iter().enumerate() {
                 let last = i + 1 == neighbours.len();
-                let fresh = if last && view.is_on_border(v) {
+                let fresh = if last && stars.is_on_border(v) {
                     0
                 } else {
                     let next = neighbours[if last { 0 } else { i + 1 }];
-                    errors.error([v, neighbours[i], next].map(|v| view.point(v)))
+                    errors.error([v, neighbours[i], next].map(|v| stars.point(v)))
                 };
                 assert_eq!(error, fresh);
-                total += fresh;
+                total += u128::from(fresh);
             }
         }
-        assert_eq!(3 * self.progress.error, total);
+        assert_eq!(3 * u128::from(self.progress.error), total);
     }
 
     /// The faces are those of the remaining vertices, triangulated afresh.
-    fn assert_triangulated_afresh(&self) {
-        let (points, faces) = self.vertices.mesh(&self.stars, || Ok(())).unwrap();
+    fn assert_triangulated_afresh(&mut self) {
+        let (points, faces) = mesh_of(&self.stars.whole(), || Ok(())).unwrap();
         assert!(points.is_sorted());
         assert_eq!(faces, triangulate(&points));
     }
 
-    /// The queue's keys are the changes computed afresh, with nothing cached.
+    /// The queue's keys are the changes of the error, face by face.
     fn assert_keys_are_current(&mut self, measure: &ErrorEvaluator<'_>) {
-        let mut evaluator = Evaluator::new(measure);
+        let (mut errors, mut filler) = (FaceErrors::new(measure), HoleFiller::default());
+        let stars = self.stars.whole();
         for entry in self.queues[0].entries() {
-            let cached = self.stars[0].record(entry.vertex).fill;
-            self.stars[0].set_fill(entry.vertex, FillCache::EMPTY);
-            let view = MeshView { vertices: &self.vertices, blocks: &self.stars, first_block: 0 };
-            let (change, _) = evaluator.evaluate(entry.vertex, &view);
-            self.stars[0].set_fill(entry.vertex, cached);
+            let star = stars.star(entry.vertex);
+            let boundary: Vec<Point> = star.neighbours.iter().map(|&v| stars.point(v)).collect();
+            let fill = filler.fill(&boundary).iter();
+            let filled = fill.map(|face| errors.error(face.map(|at| boundary[at as usize])));
+            let change = filled.sum::<u64>() as i64 - star.errors.iter().sum::<u64>() as i64;
             assert_eq!(change, entry.change);
         }
     }
@@ -108,12 +100,19 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn keeps_errors_faces_and_keys_current(
-        (width, height) in (2usize..8, 2usize..8),
-        samples in prop::collection::vec(0u16..64, 64),
+        // Thin images have vertices of many neighbours.
+        (width, height) in prop_oneof![(2usize..8, 2usize..8), (12usize..30, 2usize..4)],
+        precision in prop::sample::select(&[3, 16][..]),
+        samples in prop::collection::vec(0u16..64, 96),
     ) {
-        // Few gray levels, so that equal changes of error are common.
-        let plane = |c: usize| samples.iter().map(|s| (s >> c) % 8).take(width * height).collect();
-        let image = Image::from_bottom_up(width, height, 3, vec![plane(0), plane(3)]).unwrap();
+        // Few levels, so that equal changes of error are common; of 16 bits the darkest and the
+        // brightest, so that the errors of some faces need more than 32 bits.
+        let level = |s: u16| if precision == 3 { s % 8 } else { s % 2 * 0xffff };
+        let plane = |c: usize| {
+            samples.iter().map(|s| level(s >> c)).take(width * height).collect::<Vec<u16>>()
+        };
+        let components = vec![plane(0), plane(3)];
+        let image = Image::from_bottom_up(width, height, precision, components).unwrap();
         let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
         let mut start = start(&image, &measure, down_to(4), ONE_TILE, &());
         while start.queues[0].len() > 0 {
@@ -124,4 +123,37 @@ proptest! {
         }
         prop_assert_eq!(start.progress.surplus_left(), 0);
     }
+}
+
+#[test]
+fn polls_between_bounded_steps() {
+    // The queue, the stars and the order of 262,144 vertices are each made in several steps.
+    let (width, height) = (512, 512);
+    let plane = (0..width * height).map(|i| (i % 7) as u16).collect();
+    let image = Image::from_bottom_up(width, height, 3, vec![plane]).unwrap();
+    let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+    let triangulation = Triangulation::new(lattice(width, height), &()).unwrap();
+    let recorder = Recorder::default();
+    let rule = down_to(width * height);
+    let mut start = prepare(&image, triangulation, rule, &measure, ONE_TILE, &recorder).unwrap();
+    let prepared = recorder.done(Stage::Simplify, 0).len();
+    // Faces and first evaluations by 8,192, the rest by 65,536.
+    let passes = 2 * width * height / 8192 + width * height / 8192;
+    assert!(prepared >= passes + 6 * width * height / 65_536, "{prepared}");
+    let recorder = Recorder::default();
+    mesh_of(&start.stars.whole(), || recorder.poll(Stage::Simplify, 0, 0)).unwrap();
+    assert!(recorder.reports().len() >= width * height / 8192);
+    let recorder = Recorder::default();
+    start.merge_tiles(&recorder).unwrap();
+    assert!(recorder.reports().len() >= 2);
+}
+
+#[test]
+fn lists_removals_on_request_only() {
+    let rule = StopRule { lists_removals: false, ..down_to(9) };
+    let image = Image::from_bottom_up(6, 6, 4, vec![(0..36).map(|i| i % 16).collect()]).unwrap();
+    let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+    let start = start(&image, &measure, rule, ONE_TILE, &());
+    let removed = finish(start, &measure, &()).unwrap();
+    assert_eq!((removed.points.len(), removed.removals.capacity()), (9, 0));
 }

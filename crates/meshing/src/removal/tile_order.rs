@@ -1,11 +1,11 @@
 //! An order of lattice points that keeps neighbours in the plane near each other in memory.
 //!
-//! By rows the neighbours above and below are a whole row of points away; by square tiles, row by
-//! row within each, most of them are within the same few lines of memory, and at any time removal
-//! works on few tiles. The tiles themselves follow each other on the curve of Guy Macdonald Morton, "A
-//! computer oriented geodetic data base and a new technique in file sequencing", 1966: whatever part
-//! of the order is taken, it lies together in the plane.
+//! Row by row, the neighbours above and below a point are a whole row of points away. Tile by tile,
+//! row by row within each, most of them are within a few cache lines. The tiles follow the curve of
+//! Guy Macdonald Morton, "A computer oriented geodetic data base and a new technique in file
+//! sequencing", 1966: consecutive points lie together in the plane.
 
+use crate::control::POINTS_PER_POLL;
 use crate::image::Point;
 
 /// Columns and rows of a tile, as a power of two.
@@ -13,31 +13,41 @@ const TILE: u32 = 5;
 
 /// The indices of points that lie within `width` columns and `height` rows, tile by tile, in their
 /// given order within each.
-pub(crate) fn tile_order(points: &[Point], width: usize, height: usize) -> Vec<u32> {
+pub(crate) fn tile_order<E>(
+    points: &[Point],
+    width: usize,
+    height: usize,
+    poll: impl Fn() -> Result<(), E>,
+) -> Result<Vec<u32>, E> {
     let curve = Curve::new((width >> TILE) + 1, (height >> TILE) + 1);
-    let tile_of = |p: &Point| curve.place(p.x as usize >> TILE, p.y as usize >> TILE);
+    let tile_of = |p: &Point| curve.index(p.x as usize >> TILE, p.y as usize >> TILE);
     let mut starts = vec![0u32; curve.len + 1];
-    for point in points {
-        starts[tile_of(point) + 1] += 1;
+    for points in points.chunks(POINTS_PER_POLL) {
+        poll()?;
+        points.iter().for_each(|point| starts[tile_of(point) + 1] += 1);
     }
     for tile in 1..starts.len() {
         starts[tile] += starts[tile - 1];
     }
     let mut order = vec![0; points.len()];
-    for (i, point) in points.iter().enumerate() {
-        let start = &mut starts[tile_of(point)];
-        order[*start as usize] = i as u32;
-        *start += 1;
+    for (chunk, points) in points.chunks(POINTS_PER_POLL).enumerate() {
+        poll()?;
+        for (i, point) in ((chunk * POINTS_PER_POLL) as u32..).zip(points) {
+            let start = &mut starts[tile_of(point)];
+            order[*start as usize] = i;
+            *start += 1;
+        }
     }
-    order
+    Ok(order)
 }
 
-/// A curve through all tiles: the binary digits of a place are those of column and row in turns.
+/// A curve through all tiles: the binary digits of a tile's index alternate between those of its
+/// column and of its row.
 struct Curve {
-    /// What the column and the row of a tile add to its place.
+    /// The part of the index that the column, and that the row of a tile determines.
     of_column: Vec<usize>,
     of_row: Vec<usize>,
-    /// Places, of which some have no tile.
+    /// The number of indices, some of which have no tile.
     len: usize,
 }
 
@@ -58,7 +68,7 @@ impl Curve {
     }
 
     #[inline]
-    fn place(&self, column: usize, row: usize) -> usize {
+    fn index(&self, column: usize, row: usize) -> usize {
         self.of_column[column] | self.of_row[row]
     }
 }
@@ -68,10 +78,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_point_comes_once_and_those_of_a_tile_together() {
+    fn keeps_the_points_of_a_tile_together() {
         let points: Vec<Point> =
             (0..70).flat_map(|y| (0..100).map(move |x| Point::new(x, y))).collect();
-        let order = tile_order(&points, 100, 70);
+        let order = tile_order(&points, 100, 70, || Ok::<_, ()>(())).unwrap();
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert!(sorted.iter().copied().eq(0..7000));
@@ -85,17 +95,16 @@ mod tests {
     }
 
     #[test]
-    fn each_place_of_the_curve_has_one_tile_at_most() {
+    fn tiles_have_different_indices() {
         for (columns, rows) in [(1, 1), (1, 9), (9, 1), (3, 3), (2, 13), (13, 2), (8, 8)] {
             let curve = Curve::new(columns, rows);
             let tiles = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
-            let mut places: Vec<usize> = tiles.map(|(x, y)| curve.place(x, y)).collect();
-            places.sort_unstable();
-            places.dedup();
-            assert_eq!(places.len(), columns * rows);
-            assert!(
-                places.iter().all(|&place| place < curve.len) && curve.len < 4 * columns * rows
-            );
+            let mut indices: Vec<usize> = tiles.map(|(x, y)| curve.index(x, y)).collect();
+            indices.sort_unstable();
+            indices.dedup();
+            assert_eq!(indices.len(), columns * rows);
+            assert!(indices.iter().all(|&index| index < curve.len));
+            assert!(curve.len < 4 * columns * rows);
         }
     }
 }

@@ -1,0 +1,246 @@
+//! The removal loop, when it ends, and how far it has come.
+//!
+//! The loop works on a group of neighbouring tiles, each with a queue of its own. The exact order is
+//! a group of one tile that holds all vertices. `partition` runs several groups at a time; a vertex
+//! with a neighbour outside its group then waits for a larger group.
+
+use crate::control::{Cancelled, Control, Stage};
+use crate::face_error::ErrorEvaluator;
+use crate::image::Point;
+use crate::parameters::choices::ErrorMetric;
+use crate::removal::candidate::{Evaluator, Neighbour};
+use crate::removal::queue::{Entry, RemovalQueue};
+use crate::removal::star::{INLINE_CAPACITY, Stars};
+
+/// Stands for the change of a vertex that waits for a larger group.
+const WAITS: i64 = i64::MAX;
+
+/// Removes vertices in the exact order until the rule says stop.
+pub(crate) fn remove_in_order(
+    stars: Stars<'_>,
+    queues: &mut [RemovalQueue],
+    measure: &ErrorEvaluator<'_>,
+    progress: &mut Progress,
+    control: &dyn Control,
+) -> Result<(), Cancelled> {
+    let vertices = stars.vertices;
+    let mut group = Group::new(stars, queues, measure);
+    loop {
+        progress.poll(control)?;
+        match group.remove_next(0, |first| !progress.must_stop(first.change)) {
+            Some(removed) => progress.record(vertices.points[removed.vertex as usize], removed),
+            None => return Ok(()),
+        }
+    }
+}
+
+/// Consecutive tiles: their stars and queues.
+pub(crate) struct Group<'t, 'm> {
+    stars: Stars<'t>,
+    queues: &'t mut [RemovalQueue],
+    evaluator: Evaluator<'m>,
+    /// The neighbours of the last vertex removed.
+    neighbours: Vec<Neighbour>,
+    /// The entries, as they were, of vertices that wait for a larger group.
+    waiting: Vec<Entry>,
+}
+
+impl<'t, 'm> Group<'t, 'm> {
+    /// The group of these tiles.
+    pub(crate) fn new(
+        stars: Stars<'t>,
+        queues: &'t mut [RemovalQueue],
+        measure: &'m ErrorEvaluator<'m>,
+    ) -> Self {
+        let evaluator = Evaluator::new(measure);
+        Self { stars, queues, evaluator, neighbours: Vec::new(), waiting: Vec::new() }
+    }
+
+    /// Removes the first vertex of a tile's queue whose neighbours are all in the group, if it and
+    /// all before it are accepted. Those before it move to the end of the queue and wait.
+    #[inline]
+    pub(crate) fn remove_next(
+        &mut self,
+        tile: usize,
+        accepts: impl Fn(Entry) -> bool,
+    ) -> Option<Entry> {
+        while let Some(first) = self.queues[tile].first()
+            && accepts(first)
+        {
+            if self.holds_all_neighbours(first.vertex) {
+                self.remove_first(tile, first.vertex);
+                return Some(first);
+            }
+            self.queues[tile].change(first.vertex, WAITS);
+            self.waiting.push(first);
+        }
+        None
+    }
+
+    #[inline]
+    fn holds_all_neighbours(&self, vertex: u32) -> bool {
+        let is_in = |&v: &u32| self.stars.tile_of(v) < self.queues.len();
+        self.stars.neighbours(vertex).iter().fold(true, |all, v| all & is_in(v))
+    }
+
+    /// Removes the first vertex of a tile, fills its hole and gives its neighbours their new keys.
+    #[inline]
+    fn remove_first(&mut self, tile: usize, vertex: u32) {
+        self.queues[tile].remove_first();
+        self.prefetch_next(tile);
+        self.evaluator.prepare(vertex, &self.stars, &mut self.neighbours);
+        for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
+            self.stars.write(vertex, star);
+            if let Some(change) = change {
+                self.queues[self.stars.tile_of(vertex)].change(vertex, change);
+            }
+        }
+        self.stars.remove(vertex);
+    }
+
+    /// Prefetches what the next removals of a tile probably need: the stars around the first vertex
+    /// of the queue, and the star of the second.
+    #[inline]
+    fn prefetch_next(&self, tile: usize) {
+        let (stars, queue) = (&self.stars, &self.queues[tile]);
+        if let Some(next) = queue.first() {
+            let around = stars.neighbours(next.vertex);
+            stars.prefetch(&around[..around.len().min(INLINE_CAPACITY)]);
+        }
+        if let Some(second) = queue.second() {
+            stars.prefetch(&[second.vertex]);
+        }
+    }
+
+    /// Gives the vertices that wait their keys back, for the next group.
+    pub(crate) fn end_waiting(self) {
+        // The key of one that waited may have changed, and it may have waited again.
+        for entry in self.waiting.into_iter().rev() {
+            let queue = &mut self.queues[self.stars.tile_of(entry.vertex)];
+            if queue.change_of(entry.vertex) == WAITS {
+                queue.change(entry.vertex, entry.change);
+            }
+        }
+    }
+}
+
+/// When removal ends, and what it reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StopRule {
+    /// Vertices to keep.
+    pub(crate) size: usize,
+    /// The largest sum of errors that a removal may leave, in the metric's whole numbers.
+    pub(crate) bound: Option<u64>,
+    /// The error that counts.
+    pub(crate) metric: ErrorMetric,
+    /// Whether to go on below `size` while a removal lowers the error.
+    pub(crate) bad_point_removal: bool,
+    /// Whether the removals are listed.
+    pub(crate) lists_removals: bool,
+}
+
+/// A vertex that greedy removal took out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Removal {
+    /// Its position.
+    pub point: Point,
+    /// By how much the sum of errors changed, in the metric's whole numbers.
+    pub change: i64,
+}
+
+/// How far removal has come, and when it ends.
+pub(crate) struct Progress {
+    pub(crate) rule: StopRule,
+    /// Vertices to remove, unless a bound ends removal before.
+    surplus: usize,
+    /// Vertices not removed.
+    remaining: usize,
+    /// Sum of the errors of all faces.
+    pub(crate) error: u64,
+    /// The removals in order, where they are listed.
+    pub(crate) removals: Vec<Removal>,
+}
+
+impl Progress {
+    /// Progress at the start, with `count` vertices.
+    pub(crate) fn new(rule: StopRule, count: usize, error: u64) -> Self {
+        let surplus = count.saturating_sub(rule.size);
+        let removals = Vec::with_capacity(if rule.lists_removals { surplus } else { 0 });
+        Self { rule, surplus, remaining: count, error, removals }
+    }
+
+    /// Vertices still to remove.
+    pub(crate) fn surplus_left(&self) -> usize {
+        self.remaining.saturating_sub(self.rule.size)
+    }
+
+    /// Reports progress to the control.
+    pub(crate) fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
+        control.poll(Stage::Simplify, self.surplus - self.surplus_left(), self.surplus)
+    }
+
+    /// Whether a removal with this change must not be made.
+    pub(crate) fn must_stop(&self, change: i64) -> bool {
+        let rule = self.rule;
+        if self.remaining <= rule.size {
+            return !(rule.bad_point_removal && change < 0);
+        }
+        let error = self.error.wrapping_add_signed(change);
+        rule.bound.is_some_and(|most| error > most)
+    }
+
+    /// Counts the removal of the vertex at `point`, and lists it where removals are listed.
+    pub(crate) fn record(&mut self, point: Point, removed: Entry) {
+        if self.rule.lists_removals {
+            self.removals.push(Removal { point, change: removed.change });
+        }
+        self.error = self.error.wrapping_add_signed(removed.change);
+        self.remaining -= 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::removal::tests::down_to;
+
+    /// Progress with an error of 50 and 10 vertices, of which 6 may stay.
+    fn progress(bound: Option<u64>, bad_point_removal: bool) -> Progress {
+        let rule = StopRule { size: 6, bound, bad_point_removal, ..down_to(6) };
+        Progress::new(rule, 10, 50)
+    }
+
+    #[test]
+    fn stops_at_the_size_unless_a_point_raises_the_error() {
+        for bad_point_removal in [false, true] {
+            let above = progress(None, bad_point_removal);
+            assert!([-1, 0, 1, i64::MAX].iter().all(|&change| !above.must_stop(change)));
+            let at_size = Progress { remaining: 6, ..above };
+            assert!(at_size.must_stop(0) && at_size.must_stop(1));
+            assert_eq!(at_size.must_stop(-1), !bad_point_removal);
+        }
+    }
+
+    #[test]
+    fn stops_before_the_first_removal_that_breaks_the_bound() {
+        let progress = progress(Some(60), false);
+        assert!(!progress.must_stop(10) && progress.must_stop(11) && !progress.must_stop(-50));
+    }
+
+    #[test]
+    fn reports_the_removals_made_up_to_the_surplus() {
+        struct Expected(usize);
+        impl Control for Expected {
+            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+                assert_eq!((stage, done, total), (Stage::Simplify, self.0, 4));
+                Err(Cancelled)
+            }
+        }
+        let mut progress = progress(None, true);
+        for removed in 0..6 {
+            assert_eq!(progress.poll(&Expected(removed.min(4))), Err(Cancelled));
+            assert_eq!(progress.surplus_left(), 4_usize.saturating_sub(removed));
+            progress.record(Point::new(1, 1), Entry { change: 0, rank: 0, vertex: 0 });
+        }
+    }
+}
