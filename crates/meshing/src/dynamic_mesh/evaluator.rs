@@ -5,7 +5,7 @@ use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::triangulation::hole::{HoleFiller, HoleTriangle};
 
-/// Evaluates changes; keeps its memory from one to the next.
+/// Evaluates changes; its buffers are used again for each.
 pub(crate) struct Evaluator<M> {
     pub(crate) measure: M,
     /// The star of the vertex evaluated last, and the positions of its link's vertices.
@@ -80,7 +80,8 @@ impl<M: FaceMeasure> Evaluator<M> {
         change.ok().flatten()
     }
 
-    /// The same while the vertex that moves there is detached: errors of its fill do not count.
+    /// The same for a detached vertex, against the error before it was detached. Errors of its fill
+    /// do not count.
     pub(super) fn fan_change(
         &mut self,
         triangulation: &DynamicTriangulation,

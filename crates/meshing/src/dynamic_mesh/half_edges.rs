@@ -46,7 +46,7 @@ pub(crate) struct DynamicTriangulation {
 }
 
 /// The link of a vertex, or the boundary of a cavity: a polygon, counter-clockwise, and the
-/// triangles inside. Keeps its memory from one use to the next.
+/// triangles inside.
 #[derive(Default)]
 pub(crate) struct Link {
     /// The slots of the triangles inside.
@@ -104,9 +104,6 @@ impl Link {
 
 impl DynamicTriangulation {
     /// A triangulation of an image of `width` columns and `height` rows, with errors of 0.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn new(
         triangulation: Triangulation,
         (width, height): (usize, usize),
@@ -126,9 +123,6 @@ impl DynamicTriangulation {
     }
 
     /// A copy.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn copy(&self, control: &dyn Control) -> Result<Self, Cancelled> {
         Ok(Self {
             points: copy_of(&self.points, control)?,
@@ -172,7 +166,7 @@ impl DynamicTriangulation {
         slots.iter().map(|&slot| self.face_error(slot)).sum()
     }
 
-    /// Sets the error of a slot's face. The sum of all may wrap around in between.
+    /// Sets the error of a slot's face. The sum of all wraps around while some are `u64::MAX`.
     pub(crate) fn set_face_error(&mut self, slot: u32, error: u64) {
         let before = std::mem::replace(&mut self.face_errors[slot as usize], error);
         self.total_error = self.total_error.wrapping_sub(before).wrapping_add(error);
@@ -375,13 +369,6 @@ impl DynamicTriangulation {
         self.outgoing[vertex as usize] = 3 * fan[0] + 2;
     }
 
-    /// Adds a vertex that is not in the mesh yet, and returns its index.
-    pub(crate) fn add_vertex(&mut self, at: Point) -> u32 {
-        self.points.push(at);
-        self.outgoing.push(NONE);
-        self.points.len() as u32 - 1
-    }
-
     /// A slot for one more triangle.
     pub(super) fn free_slot(&mut self) -> u32 {
         self.free.pop().unwrap_or_else(|| {
@@ -408,7 +395,8 @@ impl DynamicTriangulation {
         self.offer_outgoing(h);
     }
 
-    /// Makes a half-edge the outgoing one of its vertex, unless only the vertex is on the border.
+    /// Makes a half-edge the outgoing one of its vertex, unless the vertex is on the border of the
+    /// image and the half-edge is not.
     fn offer_outgoing(&mut self, h: u32) {
         let origin = self.origins[h as usize] as usize;
         if self.twins[h as usize] == NONE || !self.is_on_border(self.points[origin]) {
@@ -416,9 +404,8 @@ impl DynamicTriangulation {
         }
     }
 
-    /// Replaces the diagonal `h`, which has a twin, of its quadrilateral by the other one. The
-    /// half-edge `h` then ends at the former apex of its triangle; `next(h)` and the next one of the
-    /// twin keep their ends.
+    /// Replaces the diagonal `h`, which has a twin, of its quadrilateral by the other one. `h` then
+    /// ends at the former apex of its triangle; `next(h)` and that of the twin keep their ends.
     pub(crate) fn flip(&mut self, h: u32) {
         let twin = self.twins[h as usize];
         let (from_c, from_d) = (previous(h), previous(twin));
@@ -434,9 +421,6 @@ impl DynamicTriangulation {
     }
 
     /// The vertices, by row, then column, and the faces.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn sorted(&self, control: &dyn Control) -> Result<SortedMesh, Cancelled> {
         let in_mesh = (0..).zip(&self.points).zip(&self.outgoing).filter(|(_, h)| **h != NONE);
         let mut vertices: Vec<(Point, u32)> = in_mesh.map(|((v, &p), _)| (p, v)).collect();

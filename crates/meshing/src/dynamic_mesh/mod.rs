@@ -15,7 +15,7 @@ use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::parallel::share_out;
-use crate::triangulation::Triangulation;
+use crate::triangulation::{NONE, Triangulation};
 use std::num::NonZeroUsize;
 
 /// Changes that a thread evaluates at a time: some 0.3 ms.
@@ -27,7 +27,7 @@ pub(crate) struct MeasuredMesh<M> {
     pub(crate) triangulation: DynamicTriangulation,
     evaluator: Evaluator<M>,
     /// Slots of the faces of the last insertion.
-    fan: Vec<u32>,
+    pub(crate) fan: Vec<u32>,
     tentative: TentativeMove,
 }
 
@@ -46,9 +46,6 @@ struct TentativeMove {
 impl<M: FaceMeasure> MeasuredMesh<M> {
     /// Triangulates and measures points, given by row, then column, of an image of `size` columns
     /// and rows, its corners among them. Polls report the beginning of `stage`.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn new(
         points: Vec<Point>,
         size: (usize, usize),
@@ -88,9 +85,6 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
 
     /// Evaluates something of each of some vertices or slots, on all threads; the result does not
     /// depend on their number.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn evaluate_all<T: Clone + Default + Send>(
         &self,
         items: &[u32],
@@ -117,9 +111,8 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         self.evaluator.insertion_change(&self.triangulation, at, hint, limit)
     }
 
-    /// Removes a movable vertex, and returns by how much the error changed.
-    ///
-    /// Its neighbours were those that [`link`](Self::link) returns.
+    /// Removes a movable vertex, and returns by how much the error changed. Its neighbours were
+    /// those of [`link`](Self::link).
     pub(crate) fn remove(&mut self, vertex: u32) -> i64 {
         let change = self.evaluator.removal_change(&self.triangulation, vertex);
         let Evaluator { star, filler, errors, .. } = &mut self.evaluator;
@@ -127,12 +120,13 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         change
     }
 
-    /// Adds a vertex, unless there is one at this position already; `hint` is a slot near it.
-    ///
-    /// Its neighbours are those that [`new_link`](Self::new_link) returns.
+    /// Adds a vertex, unless there is one at this position already; `hint` is a slot near it. Its
+    /// neighbours are those of [`new_link`](Self::new_link).
     pub(crate) fn add_vertex(&mut self, at: Point, hint: u32) -> Option<u32> {
         self.insertion_change(at, hint, i64::MAX)?;
-        let vertex = self.triangulation.add_vertex(at);
+        let vertex = self.triangulation.points.len() as u32;
+        self.triangulation.points.push(at);
+        self.triangulation.outgoing.push(NONE);
         let Evaluator { cavity, errors, .. } = &self.evaluator;
         self.triangulation.insert(vertex, at, cavity, errors, &mut self.fan);
         Some(vertex)
@@ -147,14 +141,9 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     pub(crate) fn new_link(&self) -> &[u32] {
         &self.evaluator.cavity.vertices
     }
-
-    /// The slots of the faces of the last insertion.
-    pub(crate) fn fan(&self) -> &[u32] {
-        &self.fan
-    }
 }
 
-/// Reports everything as the beginning of one stage.
+/// A control that reports each poll as the beginning of one stage.
 struct BeginningOf<'a> {
     control: &'a dyn Control,
     stage: Stage,

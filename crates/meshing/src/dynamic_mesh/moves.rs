@@ -1,8 +1,8 @@
 //! Tentative moves of one vertex.
 //!
 //! While positions are tried, the vertex is detached: a triangulation of its link fills its star. A
-//! face of the fill is measured only where it would stay, and at most once. The vertex then commits
-//! to the best position, where the errors of its faces are known already, or rolls back.
+//! face of the fill is measured only where it would stay, and at most once. The move is then
+//! committed at the best position, where the errors of the faces are known, or rolled back.
 
 use crate::dynamic_mesh::evaluator::{Detached, Evaluator, LeavesPatch};
 use crate::dynamic_mesh::{MeasuredMesh, TentativeMove};
@@ -21,7 +21,7 @@ pub(crate) enum Acceptance {
     Best,
 }
 
-/// What came of an attempt to move a vertex.
+/// The result of an attempt to move a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Moved,
@@ -32,8 +32,7 @@ pub(crate) enum Outcome {
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
-    /// Selects a movable vertex to be moved; `false` when it is on the boundary of a patch, where it
-    /// can't be moved.
+    /// Selects a movable vertex to be moved; `false` when its link is on the boundary of a patch.
     pub(crate) fn begin_move(&mut self, vertex: u32) -> bool {
         self.tentative.vertex = vertex;
         self.evaluator.gather_star(&self.triangulation, vertex);

@@ -1,10 +1,9 @@
 //! Patches: parts of a mesh that threads change on their own.
 //!
 //! The plane is cut into blocks, each across its longer side. A patch has the triangles whose
-//! vertices are all in one block. The other triangles belong to no patch and do not change while
-//! patches do, so a patch fits into the rest afterwards, whatever changed in it and in others. A
-//! vertex of a patch changes only where no triangle outside can matter, so that the patch has the
-//! triangles that the whole mesh would have.
+//! vertices are all in one block. The other triangles belong to no patch and stay as they are while
+//! patches change, so a changed patch fits into the rest. A move that would replace a triangle at
+//! the boundary of a patch is not made: a patch has the triangles that the whole mesh would have.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
@@ -60,9 +59,6 @@ impl Cuts {
 
 impl Partition {
     /// Halves a triangulation `halvings` times.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn new(
         triangulation: &DynamicTriangulation,
         cuts: Cuts,
@@ -73,25 +69,35 @@ impl Partition {
         let mut order: Vec<u32> = (0..outgoing.len() as u32).collect();
         order.retain(|&v| outgoing[v as usize] != NONE);
         let coordinates = |v: u32| cuts.coordinates(triangulation.points[v as usize]);
-        let mut blocks = Vec::new();
-        halve(&mut order, &coordinates, halvings, &mut blocks, control)?;
         let mut partition = Self {
             patches: Vec::new(),
             vertices: vec![NOWHERE; outgoing.len()],
             slots: vec![NOWHERE; triangulation.slot_count()],
         };
-        for (patch, mut vertices) in (0..).zip(blocks) {
+        for (patch, mut vertices) in (0..).zip(halve(order, coordinates, halvings, control)?) {
             vertices.sort_unstable();
             for (index, &v) in (0..).zip(&vertices) {
                 partition.vertices[v as usize] = Location { patch, index };
             }
             partition.patches.push(PatchIndices { vertices, slots: Vec::new() });
         }
-        partition.assign_slots(triangulation, control)?;
+        for slot in 0..triangulation.slot_count() as u32 {
+            poll_at(slot as usize, control)?;
+            if !triangulation.is_used(slot) {
+                continue;
+            }
+            let corners = triangulation.vertices_of(slot);
+            let [patch, b, c] = corners.map(|v| partition.vertices[v as usize].patch);
+            if patch == b && b == c {
+                let slots = &mut partition.patches[patch as usize].slots;
+                partition.slots[slot as usize] = Location { patch, index: slots.len() as u32 };
+                slots.push(slot);
+            }
+        }
         Ok(partition)
     }
 
-    /// For each patch the indices there of those of some vertices that are in it, in their order.
+    /// Divides vertices by their patches, in their order: for each patch their indices there.
     pub(crate) fn by_patch(&self, order: impl Iterator<Item = u32>) -> Vec<Vec<u32>> {
         let mut orders = vec![Vec::new(); self.patches.len()];
         for v in order {
@@ -102,57 +108,37 @@ impl Partition {
         }
         orders
     }
-
-    /// Assigns each slot whose vertices are all in one patch to it.
-    fn assign_slots(
-        &mut self,
-        triangulation: &DynamicTriangulation,
-        control: &dyn Control,
-    ) -> Result<(), Cancelled> {
-        for slot in 0..triangulation.slot_count() as u32 {
-            poll_at(slot as usize, control)?;
-            if !triangulation.is_used(slot) {
-                continue;
-            }
-            let corners = triangulation.vertices_of(slot);
-            let [patch, b, c] = corners.map(|v| self.vertices[v as usize].patch);
-            if patch == b && b == c {
-                let slots = &mut self.patches[patch as usize].slots;
-                self.slots[slot as usize] = Location { patch, index: slots.len() as u32 };
-                slots.push(slot);
-            }
-        }
-        Ok(())
-    }
 }
 
-/// Halves vertices `halvings` times, each time across the longer side of their bounding box, and
-/// pushes the blocks. Of equally long sides the first is cut.
+/// Halves vertices `halvings` times, each time across the longer side of each block's bounding box;
+/// of equally long sides the first is cut.
 fn halve(
-    vertices: &mut [u32],
-    coordinates: &impl Fn(u32) -> [i32; 2],
+    vertices: Vec<u32>,
+    coordinates: impl Fn(u32) -> [i32; 2],
     halvings: u32,
-    blocks: &mut Vec<Vec<u32>>,
     control: &dyn Control,
-) -> Result<(), Cancelled> {
-    control.poll(Stage::Refine, 0, 1)?;
-    if halvings == 0 {
-        blocks.push(vertices.to_vec());
-        return Ok(());
+) -> Result<Vec<Vec<u32>>, Cancelled> {
+    let mut blocks = vec![vertices];
+    for _ in 0..halvings {
+        let mut halves = Vec::with_capacity(2 * blocks.len());
+        for mut block in blocks {
+            control.poll(Stage::Refine, 0, 1)?;
+            let extent = |axis: usize| {
+                let values = || block.iter().map(|&v| coordinates(v)[axis]);
+                values().max().unwrap_or(0) - values().min().unwrap_or(0)
+            };
+            let across = usize::from(extent(1) > extent(0));
+            let key = |v: &u32| (coordinates(*v)[across], coordinates(*v)[1 - across]);
+            let middle = block.len() / 2;
+            if middle > 0 {
+                block.select_nth_unstable_by_key(middle, key);
+            }
+            let high = block.split_off(middle);
+            halves.extend([block, high]);
+        }
+        blocks = halves;
     }
-    let extent = |axis: usize| {
-        let values = || vertices.iter().map(|&v| coordinates(v)[axis]);
-        values().max().unwrap_or(0) - values().min().unwrap_or(0)
-    };
-    let across = usize::from(extent(1) > extent(0));
-    let key = |v: &u32| (coordinates(*v)[across], coordinates(*v)[1 - across]);
-    let middle = vertices.len() / 2;
-    if middle > 0 {
-        vertices.select_nth_unstable_by_key(middle, key);
-    }
-    let (low, high) = vertices.split_at_mut(middle);
-    halve(low, coordinates, halvings - 1, blocks, control)?;
-    halve(high, coordinates, halvings - 1, blocks, control)
+    Ok(blocks)
 }
 
 impl<M: FaceMeasure> MeasuredMesh<M> {
@@ -261,7 +247,8 @@ mod tests {
                 }
             }
             for (number, indices) in partition.patches.iter().enumerate() {
-                let is_inside = |face: &[u32; 3]| face.iter().all(|&v| patch_of[v as usize] == number);
+                let is_inside =
+                    |face: &[u32; 3]| face.iter().all(|&v| patch_of[v as usize] == number);
                 let patch = whole.patch(&partition, number);
                 let count = faces.iter().filter(|face| is_inside(face)).count();
                 prop_assert_eq!(patch.slot_count(), count);

@@ -95,8 +95,8 @@ impl Insertion<'_> {
             }
             let Some(place) = best else { continue };
             self.mesh.add_vertex(place, slot);
-            for i in 0..self.mesh.fan().len() {
-                self.demand(self.mesh.fan()[i]);
+            for i in 0..self.mesh.fan.len() {
+                self.demand(self.mesh.fan[i]);
             }
             return true;
         }

@@ -1,4 +1,4 @@
-//! Batch removal: many of the cheapest vertices leave a mesh at a time.
+//! Batch removal: many of the cheapest vertices leave a mesh together.
 //!
 //! A batch consists of the vertices whose removal raises the error least, without the neighbours
 //! of cheaper ones: the cost of a vertex does not change while its neighbours stay. Then all
@@ -20,9 +20,6 @@ type Cost = (i64, u32);
 
 /// Removes `count` vertices, or all that can be removed, and returns them in order; calls
 /// `on_change` with the neighbours of each.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn remove_in_batches<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     count: usize,
@@ -42,7 +39,11 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
             break;
         }
         let batch = (count - removals.len()).min(costs.len().div_ceil(LARGEST_BATCH));
-        for &(change, vertex) in cheapest(&mut costs, batch, control)? {
+        if batch < costs.len() {
+            costs.select_nth_unstable(batch);
+        }
+        sort_with_polls(&mut costs[..batch], control)?;
+        for &(change, vertex) in &costs[..batch] {
             if is_outdated[vertex as usize] {
                 continue;
             }
@@ -59,26 +60,13 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
     Ok(removals)
 }
 
-/// The `count` lowest costs in ascending order.
-fn cheapest<'c>(
-    costs: &'c mut [Cost],
-    count: usize,
-    control: &dyn Control,
-) -> Result<&'c [Cost], Cancelled> {
-    if count < costs.len() {
-        costs.select_nth_unstable(count);
-    }
-    sort_with_polls(&mut costs[..count], control)?;
-    Ok(&costs[..count])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::control::OnThreads;
     use crate::dynamic_mesh::half_edges::SortedMesh;
     use crate::image::{Image, Point, corner_points};
-    use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
+    use crate::refinement::tests::{evaluator_of, measured, picture, sum_of_errors};
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
     use std::num::NonZeroUsize;
@@ -128,8 +116,8 @@ mod tests {
             (part, threads) in (0usize..=100, 1usize..4),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let (measure, threads) = (measure_of(&image), NonZeroUsize::new(threads).unwrap());
-            let mut mesh = measured(&measure, &image, points.clone());
+            let (evaluator, threads) = (evaluator_of(&image), NonZeroUsize::new(threads).unwrap());
+            let mut mesh = measured(&evaluator, &image, points.clone());
             let count = (points.len() - 4) * part / 100;
             let control = OnThreads((), threads);
             let mut changes = 0;
@@ -153,8 +141,8 @@ mod tests {
         let seeds: Vec<(usize, usize)> = (0..40).map(|i| (i % 8, i * 3 % 7)).collect();
         let samples: Vec<u16> = (0..81).map(|i| i * i % 64).collect();
         let (image, points) = picture(8, 8, &samples, &seeds);
-        let measure = measure_of(&image);
-        let mut mesh = measured(&measure, &image, points);
+        let evaluator = evaluator_of(&image);
+        let mut mesh = measured(&evaluator, &image, points);
         remove_in_batches(&mut mesh, usize::MAX, |_| (), &()).unwrap();
         assert_eq!(mesh.triangulation.vertex_count(), 4);
     }

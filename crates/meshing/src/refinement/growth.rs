@@ -1,7 +1,7 @@
-//! Growth: the mesh gets more vertices for a while, relocates them, and loses as many again.
+//! Growth: the mesh gets more vertices, relocates them, and loses as many again.
 //!
-//! Where relocation alone is stuck, because no single move lowers the error, this leads over the
-//! hill. It may also raise the error, and is undone then.
+//! This leaves a local minimum of relocation, where no single move lowers the error. If the error
+//! is not lower at the end, all of it is undone.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
@@ -16,9 +16,6 @@ const FACES_PER_VERTEX: usize = 3;
 
 /// Inserts `percent` of the vertices, relocates, removes as many and relocates again; undoes all of
 /// it unless the error falls.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     percent: usize,

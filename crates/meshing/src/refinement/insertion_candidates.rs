@@ -34,9 +34,6 @@ impl Candidate {
 
 /// The best candidate of each of the `face_count` faces of largest error that has one, in
 /// descending order of their gains. Faces of equal error may add some to the count.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn find_candidates<M: FaceMeasure>(
     mesh: &MeasuredMesh<M>,
     face_count: usize,
@@ -91,7 +88,7 @@ fn weighted_mean(corners: [Point; 3], weights: [i32; 3]) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
+    use crate::refinement::tests::{evaluator_of, measured, picture, sum_of_errors};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
 
@@ -105,8 +102,8 @@ mod tests {
             face_count in 0usize..20,
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let measure = measure_of(&image);
-            let mesh = measured(&measure, &image, points.clone());
+            let evaluator = evaluator_of(&image);
+            let mesh = measured(&evaluator, &image, points.clone());
             let error = |points: &[Point]| sum_of_errors(&image, points, &triangulate(points));
             let before = error(&points);
             let gain = |position: Point| {
@@ -123,14 +120,15 @@ mod tests {
                 let vacant = tried.filter(|position| !points.contains(position));
                 vacant.map(gain).filter(|&gain| gain > 0).max()
             };
-            let least = slots.get(face_count).map_or(0, |&slot| mesh.triangulation.face_error(slot)).max(1);
-            slots.retain(|&slot| mesh.triangulation.face_error(slot) >= least);
+            let error = |&slot: &u32| mesh.triangulation.face_error(slot);
+            let least = slots.get(face_count).map_or(0, error).max(1);
+            slots.retain(|slot| error(slot) >= least);
             let mut expected: Vec<i64> = slots.iter().filter_map(best).collect();
             expected.sort_unstable_by_key(|&gain| Reverse(gain));
             let found = find_candidates(&mesh, face_count, &()).unwrap();
             for candidate in &found {
                 prop_assert_eq!(candidate.gain, gain(candidate.position));
-                let mut mesh = measured(&measure, &image, points.clone());
+                let mut mesh = measured(&evaluator, &image, points.clone());
                 prop_assert!(candidate.insert(&mut mesh).is_some());
                 prop_assert_eq!(mesh.total_error() as i64, before as i64 - candidate.gain);
             }
@@ -143,8 +141,8 @@ mod tests {
     fn candidates_of_replaced_faces_are_outdated() {
         let samples: Vec<u16> = (0..81).map(|i| i * i % 64).collect();
         let (image, points) = picture(9, 9, &samples, &[]);
-        let measure = measure_of(&image);
-        let mut mesh = measured(&measure, &image, points);
+        let evaluator = evaluator_of(&image);
+        let mut mesh = measured(&evaluator, &image, points);
         let found = find_candidates(&mesh, usize::MAX, &()).unwrap();
         assert!(found[0].insert(&mut mesh).is_some());
         assert_eq!(found[0].insert(&mut mesh), None);

@@ -1,10 +1,10 @@
 //! Refinement: better meshes of the same size, beyond the thesis.
 //!
-//! Greedy removal evaluates one vertex at a time and never puts one back. Refinement improves the
-//! mesh that it leaves by descent: vertices move ([`relocation`]), and the mesh grows and shrinks
-//! again ([`growth`]). The true change of the error decides on each change. The mesh stays a
-//! preferred-directions Delaunay triangulation whose vertices carry the image's samples;
-//! [`unconstrained`] refinement gives that up. [`schedule`] has the steps of each effort.
+//! Greedy removal evaluates one vertex at a time and never inserts one again. Refinement improves
+//! the mesh that it leaves by descent: vertices move ([`relocation`]), and the mesh grows and
+//! shrinks again ([`growth`]). No step raises the measured error. The mesh stays a
+//! preferred-directions Delaunay triangulation whose vertices carry the image's samples, but for
+//! [`unconstrained`] refinement. [`schedule`] has the steps of each effort.
 
 pub(crate) mod batch_removal;
 mod growth;
@@ -26,9 +26,6 @@ use schedule::{Step, steps};
 
 /// Lowers the error of a mesh with an effort of 0 (nothing) to 9, and returns its vertices and
 /// faces. The number of vertices stays.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn refine<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     effort: u8,
@@ -38,25 +35,18 @@ pub(crate) fn refine<M: FaceMeasure>(
     let count = steps(effort).count();
     for (done, step) in steps(effort).enumerate() {
         let progress = StepProgress::begin(control, done, count + 1)?;
-        take_step(step, mesh, &mut relocation, &progress)?;
+        match step {
+            Step::Relocate(search) => relocation.pass(mesh, search, &Cuts::BOTH, &progress)?,
+            Step::RelocateAll(search) => {
+                relocation.restart();
+                relocation.pass(mesh, search, &Cuts::BOTH, &progress)?;
+            }
+            Step::Grow(search, percent) => {
+                grow_and_shrink(mesh, percent, search, &mut relocation, &progress)?;
+            }
+        }
     }
     mesh.triangulation.sorted(&StepProgress::begin(control, count, count + 1)?)
-}
-
-fn take_step<M: FaceMeasure>(
-    step: Step,
-    mesh: &mut MeasuredMesh<M>,
-    relocation: &mut Relocation,
-    control: &dyn Control,
-) -> Result<(), Cancelled> {
-    match step {
-        Step::Relocate(search) => relocation.pass(mesh, search, &Cuts::BOTH, control),
-        Step::RelocateAll(search) => {
-            relocation.restart();
-            relocation.pass(mesh, search, &Cuts::BOTH, control)
-        }
-        Step::Grow(search, percent) => grow_and_shrink(mesh, percent, search, relocation, control),
-    }
 }
 
 #[cfg(test)]
@@ -98,24 +88,24 @@ pub(crate) mod tests {
     }
 
     /// What faces of an image are measured against.
-    pub(super) fn measure_of(image: &Image) -> ErrorEvaluator<'_> {
+    pub(super) fn evaluator_of(image: &Image) -> ErrorEvaluator<'_> {
         ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None)
     }
 
     /// The measured triangulation of points given by row, then column.
     pub(crate) fn measured<'m>(
-        measure: &'m ErrorEvaluator<'m>,
+        evaluator: &'m ErrorEvaluator<'m>,
         image: &Image,
         points: Vec<Point>,
     ) -> MeasuredMesh<FaceErrors<'m>> {
-        let (size, errors) = ((image.width(), image.height()), FaceErrors::new(measure));
+        let (size, errors) = ((image.width(), image.height()), FaceErrors::new(evaluator));
         MeasuredMesh::new(points, size, errors, Stage::Refine, &()).unwrap()
     }
 
     /// The squared error of faces that carry the image's samples.
     pub(super) fn sum_of_errors(image: &Image, points: &[Point], faces: &[Face]) -> u64 {
-        let measure = measure_of(image);
-        let mut errors = FaceErrors::new(&measure);
+        let evaluator = evaluator_of(image);
+        let mut errors = FaceErrors::new(&evaluator);
         faces.iter().map(|face| errors.error(face.map(|v| points[v as usize]))).sum()
     }
 
@@ -128,13 +118,12 @@ pub(crate) mod tests {
             seeds in prop::collection::vec((0usize..12, 0usize..12), 0..30),
         ) {
             let (image, points) = picture(width, height, &samples, &seeds);
-            let measure = measure_of(&image);
-            let mut mesh = measured(&measure, &image, points);
+            let evaluator = evaluator_of(&image);
+            let mut mesh = measured(&evaluator, &image, points);
             let mut relocation = Relocation::new(&mesh);
             for _ in 0..4 {
                 let (error, before) = (mesh.total_error(), mesh.triangulation.sorted(&()));
-                let step = Step::Grow(Search::Exhaustive, 30);
-                take_step(step, &mut mesh, &mut relocation, &()).unwrap();
+                grow_and_shrink(&mut mesh, 30, Search::Exhaustive, &mut relocation, &()).unwrap();
                 prop_assert!(mesh.total_error() <= error);
                 if mesh.total_error() == error {
                     prop_assert_eq!(mesh.triangulation.sorted(&()), before);

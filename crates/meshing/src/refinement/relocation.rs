@@ -1,11 +1,9 @@
 //! Relocation: each vertex in turn moves to the position nearby where the error is least.
 //!
 //! This is coordinate descent on the positions of the vertices. A move is a removal and an
-//! insertion, so the mesh stays the preferred-directions Delaunay triangulation of its points, and
-//! its true change of the error decides. A vertex is visited again only when its faces have changed
-//! since. Each move lowers the error, so the passes end.
-//!
-//! A pass over a large mesh visits most vertices patch by patch, on all threads.
+//! insertion, so the mesh stays the preferred-directions Delaunay triangulation of its points. Each
+//! move lowers the measured error, and a pass visits only vertices whose faces have changed since
+//! their last visit. In a large mesh it visits most vertices patch by patch, on all threads.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
@@ -23,11 +21,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Positions that a predicted search tries at most.
 const CANDIDATES: usize = 3;
 
-/// A predicted search tries positions where the error should rise by less than this part of the
-/// error of the vertex's faces: predictions are rough where faces have few pixels.
+/// A predicted search tries positions with a predicted rise of the error below this part of the
+/// error of the vertex's faces: predictions are rough for faces of some ten pixels.
 const TOLERANCE: f32 = 0.5;
 
-/// Vertices from which on a mesh is divided into two patches: threads gain nothing below.
+/// Least number of vertices of a mesh that is divided into patches.
 const LEAST_DIVIDED: usize = 256;
 
 /// Least number of vertices of a patch where there are more than two: the smaller the patches, the
@@ -38,7 +36,7 @@ const LEAST_PATCH: usize = 2048;
 /// are large there because the picture has no detail.
 const DENSE: usize = 1024;
 
-/// How to search a better position for a vertex.
+/// How a vertex finds a better position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Search {
     /// Tries the best-predicted positions of a 5 x 5 window and takes the first that lowers the
@@ -97,12 +95,9 @@ impl Relocation {
         }
     }
 
-    /// Visits once each outdated vertex inside a patch, first of the patches with the first cuts; an
-    /// exhaustive search then visits all others, on one thread. A small mesh is visited wholly. The
-    /// result does not depend on the number of threads.
-    ///
-    /// # Errors
-    /// When the control cancels.
+    /// Visits each outdated vertex inside a patch once, in one partition for each of `cuts`. Then
+    /// an exhaustive search visits all others, on one thread. A small mesh has no patches: all
+    /// vertices are visited. The result does not depend on the number of threads.
     pub(crate) fn pass<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
@@ -125,8 +120,7 @@ impl Relocation {
         Ok(())
     }
 
-    /// Visits the pending vertices inside patches. `done` is the number of patches before, to
-    /// report.
+    /// Visits the pending vertices inside patches. Polls report `done` patches and more.
     fn visit_patches<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,

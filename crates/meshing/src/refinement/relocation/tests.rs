@@ -5,7 +5,7 @@ use crate::control::OnThreads;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, corner_points};
 use crate::parameters::choices::ErrorMetric;
-use crate::refinement::tests::{measure_of, measured, picture, sum_of_errors};
+use crate::refinement::tests::{evaluator_of, measured, picture, sum_of_errors};
 use crate::triangulation::triangulate;
 use proptest::prelude::*;
 use std::num::NonZeroUsize;
@@ -17,8 +17,8 @@ fn relocated_by_brute_force(
     order: &[u32],
     search: Search,
 ) -> Vec<Point> {
-    let measure = measure_of(image);
-    let mesh = measured(&measure, image, points.clone());
+    let evaluator = evaluator_of(image);
+    let mesh = measured(&evaluator, image, points.clone());
     let error = |points: &[Point]| sum_of_errors(image, points, &triangulate(points));
     let (width, height) = (image.width() as i32, image.height() as i32);
     let inside = |p: &Point| (0..width).contains(&p.x) && (0..height).contains(&p.y);
@@ -31,7 +31,7 @@ fn relocated_by_brute_force(
                 let mut sorted = points.clone();
                 sorted.sort_unstable();
                 let vertex = sorted.binary_search(&from).unwrap() as u32;
-                let mut mesh = measured(&measure, image, sorted);
+                let mut mesh = measured(&evaluator, image, sorted);
                 let mut candidates = Vec::new();
                 mesh.begin_move(vertex);
                 assert!(mesh.find_candidates(&window(2), CANDIDATES, TOLERANCE, &mut candidates));
@@ -68,14 +68,14 @@ proptest! {
         search in prop::sample::select(&[Search::Predicted, Search::Exhaustive][..]),
     ) {
         let (image, points) = picture(width, height, &samples, &seeds);
-        let measure = measure_of(&image);
-        let mut mesh = measured(&measure, &image, points.clone());
+        let evaluator = evaluator_of(&image);
+        let mut mesh = measured(&evaluator, &image, points.clone());
         let mut relocation = Relocation::new(&mesh);
         let order = relocation.order.clone();
         relocation.pass(&mut mesh, search, &Cuts::BOTH, &()).unwrap();
         let expected = relocated_by_brute_force(&image, points, &order, search);
         prop_assert_eq!(&mesh.triangulation.points, &expected);
-        assert_measured(&mesh, &measure);
+        assert_measured(&mesh, &evaluator);
     }
 
     #[test]
@@ -87,8 +87,8 @@ proptest! {
         (halvings, threads) in (1u32..4, 1usize..4),
     ) {
         let (image, points) = picture(width, height, &samples, &seeds);
-        let measure = measure_of(&image);
-        let new_mesh = || measured(&measure, &image, points.clone());
+        let evaluator = evaluator_of(&image);
+        let new_mesh = || measured(&evaluator, &image, points.clone());
         let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let (mut mesh, mut whole) = (new_mesh(), new_mesh());
         let mut in_patches = Relocation::new(&mesh);
@@ -111,7 +111,7 @@ proptest! {
             prop_assert_eq!(mesh.triangulation.sorted(&()), whole.triangulation.sorted(&()));
             prop_assert_eq!(&mesh.triangulation.points, &whole.triangulation.points);
         }
-        assert_measured(&mesh, &measure);
+        assert_measured(&mesh, &evaluator);
     }
 
     #[test]
@@ -120,8 +120,8 @@ proptest! {
         seeds in prop::collection::vec((0usize..9, 0usize..9), 1..8),
     ) {
         let (image, points) = picture(9, 9, &samples, &seeds);
-        let measure = measure_of(&image);
-        let mut mesh = measured(&measure, &image, points.clone());
+        let evaluator = evaluator_of(&image);
+        let mut mesh = measured(&evaluator, &image, points.clone());
         let (mut all, mut two, mut likely) = (Vec::new(), Vec::new(), Vec::new());
         for (v, &from) in (0..).zip(&points) {
             if !mesh.triangulation.is_movable(v) {
@@ -156,8 +156,8 @@ fn equal_predictions_come_nearest_first() {
     // The odd point is in a face of the vertex, so that there is an error, but the prediction is
     // the same for all positions.
     let (image, points) = level_but_for(&[(5, 9)], &[(5, 5)]);
-    let measure = measure_of(&image);
-    let mut mesh = measured(&measure, &image, points.clone());
+    let evaluator = evaluator_of(&image);
+    let mut mesh = measured(&evaluator, &image, points.clone());
     let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap() as u32;
     let mut candidates = Vec::new();
     mesh.begin_move(vertex);
@@ -170,7 +170,7 @@ fn equal_predictions_come_nearest_first() {
 
 #[test]
 fn ties_take_the_nearest_then_the_leftmost() {
-    // Wherever the vertex goes from its odd point, that alone is wrong then.
+    // At every other position of the vertex the odd point alone has an error.
     for (taken, expected) in [
         (&[][..], (5, 4)),
         (&[(5, 4)], (4, 5)),
@@ -178,8 +178,8 @@ fn ties_take_the_nearest_then_the_leftmost() {
         (&[(5, 4), (4, 5), (6, 5)], (5, 6)),
     ] {
         let (image, points) = level_but_for(&[(5, 5)], &[&[(5, 5)], taken].concat());
-        let measure = measure_of(&image);
-        let mut mesh = measured(&measure, &image, points.clone());
+        let evaluator = evaluator_of(&image);
+        let mut mesh = measured(&evaluator, &image, points.clone());
         let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
         assert!(mesh.begin_move(vertex as u32));
         assert_eq!(move_to_best(&mut mesh, vertex as u32, &window(2)), Outcome::Moved);
@@ -190,7 +190,7 @@ fn ties_take_the_nearest_then_the_leftmost() {
 
 #[test]
 fn predicted_search_skips_large_faces_in_dense_meshes() {
-    // One vertex with large faces, at the foot of a slope that it should climb, and others far away.
+    // A vertex with large faces beside a slope, where it lowers the error, and others far away.
     let (width, height) = (112_usize, 64);
     let samples: Vec<u16> =
         (0..width * height).map(|i| (i % width).saturating_sub(60) as u16).collect();
@@ -200,7 +200,7 @@ fn predicted_search_skips_large_faces_in_dense_meshes() {
     {
         let components = vec![samples.clone(); component_count];
         let image = Image::from_bottom_up(width, height, precision, components).unwrap();
-        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None).with_model();
+        let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None).with_model();
         let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
         let mut points: Vec<Point> =
             near.chain(corner_points(width, height)).chain([far]).collect();
@@ -208,7 +208,7 @@ fn predicted_search_skips_large_faces_in_dense_meshes() {
         // With two others the mesh is just dense.
         assert_eq!(points.len() * DENSE == width * height, others == 2);
         let is_moved = |search| {
-            let mut mesh = measured(&measure, &image, points.clone());
+            let mut mesh = measured(&evaluator, &image, points.clone());
             let mut relocation = Relocation::new(&mesh);
             relocation.pass(&mut mesh, search, &Cuts::BOTH, &()).unwrap();
             !mesh.triangulation.points.contains(&far)
@@ -219,13 +219,13 @@ fn predicted_search_skips_large_faces_in_dense_meshes() {
 }
 
 /// The faces are those of a new triangulation, with their errors.
-fn assert_measured(mesh: &MeasuredMesh<FaceErrors<'_>>, measure: &ErrorEvaluator<'_>) {
+fn assert_measured(mesh: &MeasuredMesh<FaceErrors<'_>>, evaluator: &ErrorEvaluator<'_>) {
     let sorted = mesh.triangulation.sorted(&()).unwrap();
     assert_eq!(sorted.faces, triangulate(&sorted.points));
     for slot in 0..mesh.triangulation.slot_count() as u32 {
         let is_used = mesh.triangulation.is_used(slot);
         let corners = || mesh.triangulation.corners(slot);
-        let error = if is_used { FaceErrors::new(measure).error(corners()) } else { 0 };
+        let error = if is_used { FaceErrors::new(evaluator).error(corners()) } else { 0 };
         assert_eq!(mesh.triangulation.face_error(slot), error);
     }
     let slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();

@@ -4,8 +4,7 @@
 //! the normal equations hold. Their matrix has an entry for each vertex and each edge. Conjugate
 //! gradients with the diagonal as preconditioner solve them (Magnus R. Hestenes and Eduard Stiefel,
 //! "Methods of conjugate gradients for solving linear systems", 1952), in some 30 steps from the
-//! current values. Sums are taken in one fixed order, so that the result is the same on every
-//! machine; libraries that choose vector instructions at run time do not promise that.
+//! current values. Sums have one fixed order, so that the result is the same on every machine.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::half_edges::poll_at;
@@ -22,9 +21,6 @@ const TOLERANCE: f64 = 1e-6;
 const MAX_STEPS: usize = 200;
 
 /// Fits the values of all vertices at once, if that lowers the error after rounding.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn fit_values(
     mesh: &mut ValuedMesh<'_>,
     control: &dyn Control,
@@ -133,7 +129,7 @@ impl NormalEquations {
         let side = &self.right_hand_sides[c];
         let product = self.multiply(values, control)?;
         let mut residual: Vec<f64> = side.iter().zip(&product).map(|(b, p)| b - p).collect();
-        // Where all weights around a vertex are 0, its diagonal entry is, and its value stays.
+        // A diagonal entry is 0 where all pixels around the vertex have weight 0: its value stays.
         let divide = |(r, d): (&f64, &f64)| if *d > 0.0 { r / d } else { 0.0 };
         let scaled = |residual: &[f64]| -> Vec<f64> {
             residual.iter().zip(&self.diagonal).map(divide).collect()

@@ -29,9 +29,6 @@ const PASSES: usize = 3;
 
 /// Flips edges, fits values and, with an effort above 0, moves vertices, in rounds. No step raises
 /// the error. Returns the vertices and faces.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn refine_unconstrained(
     mesh: &mut ValuedMesh<'_>,
     freedom: Freedom,

@@ -21,9 +21,6 @@ pub(crate) struct ValuedMesh<'a> {
 impl<'a> ValuedMesh<'a> {
     /// The Delaunay mesh of points given by row, then column, with the samples of the image;
     /// `evaluator` has the squared errors with these weights.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn new(
         image: &'a Image,
         weights: Option<&'a [u8]>,
@@ -44,9 +41,6 @@ impl<'a> ValuedMesh<'a> {
     }
 
     /// Measures every face.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn measure(&mut self, stage: Stage, control: &dyn Control) -> Result<(), Cancelled> {
         for slot in 0..self.triangulation.slot_count() as u32 {
             control.poll(stage, 0, 1)?;
@@ -81,9 +75,6 @@ impl<'a> ValuedMesh<'a> {
     }
 
     /// Flips edges while that lowers the error; tries the edges around a flipped one again.
-    ///
-    /// # Errors
-    /// When the control cancels.
     pub(crate) fn flip_edges(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
         let mut untried: Vec<u32> = (0..self.triangulation.twins.len() as u32).rev().collect();
         while let Some(h) = untried.pop() {
@@ -124,8 +115,8 @@ impl<'a> ValuedMesh<'a> {
         true
     }
 
-    /// Whether the faces around a vertex are still those of the preferred-directions Delaunay
-    /// triangulation with the vertex at `at`, where they turn counter-clockwise; `star` is its star.
+    /// Whether the faces of a vertex, counter-clockwise with the vertex at `at`, are those of the
+    /// preferred-directions Delaunay triangulation; `star` is its star.
     pub(crate) fn stays_delaunay(&self, star: &Link, at: Point) -> bool {
         let triangulation = &self.triangulation;
         let point = |v: u32| triangulation.points[v as usize];
@@ -231,7 +222,7 @@ pub(crate) mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn no_single_flip_is_left_that_lowers_the_error(
+        fn no_flip_left_lowers_the_error(
             (width, height) in (2usize..9, 2usize..9),
             samples in prop::collection::vec(0u16..64, 81),
             seeds in prop::collection::vec((0usize..9, 0usize..9), 0..10),
