@@ -124,6 +124,8 @@ pub(crate) fn rows_per_poll(width: usize) -> usize {
 pub(crate) struct Poller<'a> {
     control: &'a dyn Control,
     stage: Stage,
+    /// How many of `total` are done.
+    pub(crate) done: usize,
     total: usize,
     /// Steps since the last poll.
     steps: usize,
@@ -131,19 +133,19 @@ pub(crate) struct Poller<'a> {
 
 impl<'a> Poller<'a> {
     /// A poller whose first [`step`](Self::step) polls.
-    pub(crate) fn new(control: &'a dyn Control, stage: Stage, total: usize) -> Self {
-        Self { control, stage, total, steps: POINTS_PER_POLL }
+    pub(crate) fn new(control: &'a dyn Control, stage: Stage, done: usize, total: usize) -> Self {
+        Self { control, stage, done, total, steps: POINTS_PER_POLL }
     }
 
-    /// Counts steps; a poll reports that `done` of the stage's total are behind.
+    /// Counts steps about to be made.
     #[inline]
-    pub(crate) fn step(&mut self, steps: usize, done: usize) -> Result<(), Cancelled> {
-        self.steps += steps;
+    pub(crate) fn step(&mut self, count: usize) -> Result<(), Cancelled> {
+        self.steps += count;
         if self.steps < POINTS_PER_POLL {
             return Ok(());
         }
         self.steps = 0;
-        self.control.poll(self.stage, done, self.total)
+        self.control.poll(self.stage, self.done, self.total)
     }
 }
 

@@ -238,12 +238,6 @@ impl Image {
         Self { components, ..*self }
     }
 
-    /// Tells whether every component is one sample repeated.
-    pub(crate) fn is_flat(&self) -> bool {
-        let repeats = |samples: &Vec<u16>| samples.iter().all(|&sample| sample == samples[0]);
-        self.components.iter().all(repeats)
-    }
-
     /// Number of columns, at least 2.
     #[must_use]
     pub fn width(&self) -> usize {
@@ -362,16 +356,6 @@ mod tests {
         assert!(check_shape(2, MAX_SIDE + 1, 1).is_err());
         assert_eq!(check_shape(MAX_SIDE, MAX_POINTS / MAX_SIDE, 8), Ok(()));
         assert!(check_shape(MAX_SIDE, MAX_POINTS / MAX_SIDE + 1, 8).is_err());
-    }
-
-    #[test]
-    fn an_image_is_flat_when_each_component_has_one_value() {
-        let image = |first: [u16; 4], second: [u16; 4]| {
-            Image::from_bottom_up(2, 2, 8, vec![first.to_vec(), second.to_vec()]).unwrap()
-        };
-        assert!(image([3; 4], [9; 4]).is_flat());
-        assert!(!image([3; 4], [9, 9, 9, 8]).is_flat());
-        assert!(!image([3, 4, 3, 3], [9; 4]).is_flat());
     }
 
     #[test]

@@ -11,6 +11,7 @@
 //! [`BinomialRow`] is the fast path for the second derivatives of the default filter, binomial
 //! smoothing of order 3 in both directions. The test `fast_path_equals_specification` ties the two.
 
+use crate::control::{Cancelled, Poller};
 use crate::density::significance::{DerivativeRow, Significance, laplacian, mmsodd};
 use crate::parameters::Parameters;
 use crate::parameters::choices::{Boundary, Smoothing, SmoothingDirection};
@@ -122,7 +123,12 @@ impl<'a> Derivatives<'a> {
     }
 
     /// The derivatives of row `y`.
-    pub(crate) fn row(&mut self, y: usize, row: &mut DerivativeRow) {
+    pub(crate) fn row(
+        &mut self,
+        y: usize,
+        row: &mut DerivativeRow,
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
         let (width, boundary) = (self.width, self.filter.boundary);
         let height = self.component.len() / width;
         let original = |y: usize| &self.component[y * width..][..width];
@@ -131,52 +137,68 @@ impl<'a> Derivatives<'a> {
             self.filter.steps.iter().zip(&mut self.smoothed).zip(values)
         {
             values.resize(width, 0.0);
-            let (stencil, sums) = (&steps.derivative, &mut self.sums);
+            let sums = &mut self.sums;
+            let derivative = Correlation { stencil: &steps.derivative, height, boundary };
             let Some(smoothing) = &steps.smoothing else {
-                filter_row(original, height, y, stencil, boundary, sums, values);
+                derivative.of_row(original, y, sums, values, poller)?;
                 continue;
             };
+            let boundary = self.filter.smoothing_boundary;
+            let smoothing = Correlation { stencil: smoothing, height, boundary };
             for near in y.saturating_sub(1)..height.min(y + 2) {
                 let entry = &mut smoothed[near % 3];
                 if entry.as_ref().is_none_or(|(known, _)| *known != near) {
                     let mut values = vec![0.0; width];
-                    let boundary = self.filter.smoothing_boundary;
-                    filter_row(original, height, near, smoothing, boundary, sums, &mut values);
+                    smoothing.of_row(original, near, sums, &mut values, poller)?;
                     *entry = Some((near, values));
                 }
             }
             let smoothed = |y: usize| smoothed[y % 3].as_ref().map_or(&[][..], |(_, row)| row);
-            filter_row(smoothed, height, y, stencil, boundary, sums, values);
+            derivative.of_row(smoothed, y, sums, values, poller)?;
         }
+        Ok(())
     }
 }
 
-/// Correlates extended rows with a stencil centred at each lattice point of row `y`.
-fn filter_row<'r, T: Copy + Into<f64> + 'r>(
-    rows: impl Fn(usize) -> &'r [T],
+/// The correlation of an extended component of `height` rows with a stencil.
+struct Correlation<'a> {
+    stencil: &'a Stencil,
     height: usize,
-    y: usize,
-    stencil: &Stencil,
     boundary: Boundary,
-    sums: &mut Vec<f64>,
-    values: &mut [f64],
-) {
-    let (width, radius) = (values.len(), stencil.x.len() / 2);
-    sums.clear();
-    sums.resize(width + 2 * radius, 0.0);
-    for (k, &weight) in weights(&stencil.y) {
-        let at = (y + k) as isize - (stencil.y.len() / 2) as isize;
-        let Some(source) = extended_index(at, height, boundary) else { continue };
-        for (sum, &sample) in sums[radius..].iter_mut().zip(rows(source)) {
-            *sum += weight * sample.into();
+}
+
+impl Correlation<'_> {
+    /// The correlation with the stencil centred at each lattice point of row `y`. Polls between the
+    /// weights, because a row of the widest image with the longest stencil takes long.
+    fn of_row<'r, T: Copy + Into<f64> + 'r>(
+        &self,
+        rows: impl Fn(usize) -> &'r [T],
+        y: usize,
+        sums: &mut Vec<f64>,
+        values: &mut [f64],
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
+        let Self { stencil, height, boundary } = *self;
+        let (width, radius) = (values.len(), stencil.x.len() / 2);
+        sums.clear();
+        sums.resize(width + 2 * radius, 0.0);
+        for (k, &weight) in weights(&stencil.y) {
+            let at = (y + k) as isize - (stencil.y.len() / 2) as isize;
+            let Some(source) = extended_index(at, height, boundary) else { continue };
+            poller.step(width)?;
+            for (sum, &sample) in sums[radius..].iter_mut().zip(rows(source)) {
+                *sum += weight * sample.into();
+            }
         }
-    }
-    extend_sideways(sums, radius, width, boundary);
-    values.fill(0.0);
-    for (k, &weight) in weights(&stencil.x) {
-        for (value, &sum) in values.iter_mut().zip(&sums[k..]) {
-            *value += weight * sum;
+        extend_sideways(sums, radius, width, boundary);
+        values.fill(0.0);
+        for (k, &weight) in weights(&stencil.x) {
+            poller.step(width)?;
+            for (value, &sum) in values.iter_mut().zip(&sums[k..]) {
+                *value += weight * sum;
+            }
         }
+        Ok(())
     }
 }
 
@@ -351,11 +373,16 @@ fn operate<S: Simd>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Stage;
     use crate::parameters::Target;
     use proptest::prelude::*;
 
     fn parameters() -> Parameters {
         Parameters::default().target(Target::Size(4))
+    }
+
+    fn poller() -> Poller<'static> {
+        Poller::new(&(), Stage::Density, 0, 0)
     }
 
     /// All derivatives of a component, divided by their unit.
@@ -368,7 +395,7 @@ mod tests {
         let mut derivatives = Derivatives::new(&filter, component, width);
         let (mut all, mut row) = ([Vec::new(), Vec::new(), Vec::new()], DerivativeRow::default());
         for y in 0..component.len() / width {
-            derivatives.row(y, &mut row);
+            derivatives.row(y, &mut row, &mut poller()).unwrap();
             for (all, row) in all.iter_mut().zip([&row.xx, &row.yy, &row.xy]) {
                 all.extend(row.iter().map(|value| value / filter.divisor));
             }
@@ -458,7 +485,7 @@ mod tests {
             let (mut found, mut expected) = (vec![0.0; width], vec![0.0; width]);
             let mut row = DerivativeRow::default();
             for y in 0..samples.len() / width {
-                derivatives.row(y, &mut row);
+                derivatives.row(y, &mut row, &mut poller()).unwrap();
                 for significance in [Significance::Mmsodd, Significance::Mol] {
                     significance.evaluate(&row, filter.divisor, &mut expected);
                     fast.evaluate(significance, samples, y, &mut found);

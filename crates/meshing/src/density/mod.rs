@@ -4,7 +4,7 @@ pub(crate) mod derivatives;
 pub(crate) mod luma;
 pub(crate) mod significance;
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, rows_per_poll};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
 use crate::density::derivatives::{BinomialRow, Derivatives, Filter, Order};
 use crate::density::luma::luma;
 use crate::density::significance::{
@@ -15,16 +15,27 @@ use crate::image::Image;
 use crate::parallel::in_row_bands;
 use crate::parameters::Parameters;
 use crate::parameters::choices::{Policy, PscTie};
-use fearless_simd::{Level, Simd, dispatch};
 
 /// Added to the largest significance before it divides, so that an image without any detail has
 /// density 0 and not 0/0.
 const NORMALISATION_FLOOR: f64 = 1e-12;
 
-/// How densely sample points should lie: fields of `width * height` numbers in `0.0..=1.0`, row 0
-/// at the bottom.
+/// How dense sample points should be: the significance of each lattice point, divided by the
+/// largest.
 ///
-/// There is one field, or one per component where the policy diffuses each component on its own.
+/// There is one field, or one per component if the policy diffuses each component on its own.
+///
+/// ```
+/// use pixmesh_meshing::{Density, Image, Parameters, Target};
+///
+/// let dot = (0..81).map(|i| if i == 40 { 255 } else { 0 }).collect();
+/// let image = Image::from_top_down(9, 9, 8, vec![dot])?;
+/// let density = Density::new(&image, &Parameters::default().target(Target::Size(20)), &())?;
+/// let field = &density.fields()[0];
+/// assert_eq!(field.len(), 81);
+/// assert!(field[39] > 0.1 && field[0] == 0.0); // dense beside the dot alone
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Density {
     pub(crate) width: usize,
@@ -58,7 +69,7 @@ impl Density {
         Ok(Self::of_checked(image, parameters, control)?)
     }
 
-    /// The density by parameters that are known to be in their bounds and defined for the image.
+    /// [`new`](Self::new) with parameters that are known to be valid for the image.
     pub(crate) fn of_checked(
         image: &Image,
         parameters: &Parameters,
@@ -82,32 +93,44 @@ impl Density {
         let (width, height) = (image.width(), image.height());
         let field_count = if is_apart { components.len() } else { 1 };
         let mut fields: Vec<_> = (0..field_count).map(|_| vec![0.0; width * height]).collect();
+        let order = match operator {
+            Maximum(_) | Mean(_) => Order::Second,
+            VectorGradient(_) => Order::First,
+        };
+        let filter = &Filter::new(parameters, order);
         // Extended by zeros, an image of one colour would have features along its border.
-        let is_flat = image.is_flat();
+        let is_flat = is_flat(image, control)?;
         for (i, field) in fields.iter_mut().enumerate().filter(|_| !is_flat) {
             let components = if is_apart { &components[i..=i] } else { components };
-            let filter = FieldFilter::new(components, width, operator, parameters);
-            let (rows_before, row_count) = (i * height, field_count * height);
-            filter.fill(field, rows_before, row_count, control)?;
+            in_row_bands(field, width, control, |first_row, band, control| {
+                let mut poller = Poller::new(control, Stage::Density, 0, field_count * height);
+                let mut rows = FieldRows {
+                    operator,
+                    components,
+                    filter,
+                    fast: BinomialRow::new(parameters, width),
+                    derivatives: components
+                        .iter()
+                        .map(|component| Derivatives::new(filter, component, width))
+                        .collect(),
+                    derivative_row: DerivativeRow::default(),
+                    values: Vec::new(),
+                    tensors: Vec::new(),
+                };
+                for (y, row) in (first_row..).zip(band.chunks_exact_mut(width)) {
+                    poller.done = i * height + y;
+                    rows.evaluate(y, row, &mut poller)?;
+                }
+                Ok(())
+            })?;
         }
         let mut density = Self { width, height, fields };
         density.normalise(control)?;
         Ok(density)
     }
 
-    /// Columns.
-    #[must_use]
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Rows.
-    #[must_use]
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// The fields, each `width * height` numbers in `0.0..=1.0`, row 0 at the bottom.
+    /// The fields, each with one number in `0.0..=1.0` for each lattice point of the image, row by
+    /// row from the bottom.
     #[must_use]
     pub fn fields(&self) -> &[Vec<f64>] {
         &self.fields
@@ -116,18 +139,17 @@ impl Density {
     /// Divides all fields by their common maximum.
     fn normalise(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
         let rows = self.fields.len() * self.height;
-        let level = Level::new();
         let mut largest: f64 = 0.0;
         for chunk in self.fields.iter().flat_map(|field| field.chunks(POINTS_PER_POLL)) {
             control.poll(Stage::Density, rows, rows)?;
-            largest = largest.max(dispatch!(level, simd => maximum(simd, chunk)));
+            largest = largest.max(maximum(chunk));
         }
         let divisor = largest + NORMALISATION_FLOOR;
         for field in &mut self.fields {
             in_row_bands(field, self.width, control, |_, band, control| {
                 for chunk in band.chunks_mut(POINTS_PER_POLL) {
                     control.poll(Stage::Density, rows, rows)?;
-                    dispatch!(level, simd => divide(simd, chunk, divisor));
+                    chunk.iter_mut().for_each(|value| *value /= divisor);
                 }
                 Ok(())
             })?;
@@ -136,75 +158,46 @@ impl Density {
     }
 }
 
-/// The largest of numbers that are not negative.
-#[inline(always)]
-fn maximum<S: Simd>(_: S, values: &[f64]) -> f64 {
+/// Whether every component is one sample repeated.
+fn is_flat(image: &Image, control: &dyn Control) -> Result<bool, Cancelled> {
+    for samples in image.components() {
+        for chunk in samples.chunks(POINTS_PER_POLL) {
+            control.poll(Stage::Density, 0, 1)?;
+            if chunk.iter().any(|&sample| sample != samples[0]) {
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// The largest of numbers that are not negative; sixteen at a time, which the machine compares side
+/// by side.
+fn maximum(values: &[f64]) -> f64 {
     let (chunks, rest) = values.as_chunks::<16>();
     let mut lanes = [0.0; 16];
     for chunk in chunks {
-        for (lane, &value) in lanes.iter_mut().zip(chunk) {
-            *lane = if value > *lane { value } else { *lane };
-        }
+        maximise(&mut lanes, chunk);
     }
     lanes.iter().chain(rest).copied().fold(0.0, f64::max)
 }
 
-#[inline(always)]
-fn divide<S: Simd>(_: S, values: &mut [f64], divisor: f64) {
-    for value in values {
-        *value /= divisor;
-    }
+/// Replaces each value by the other row's if that is larger; none is NaN.
+#[inline]
+fn maximise(row: &mut [f64], values: &[f64]) {
+    row.iter_mut().zip(values).for_each(|(a, &b)| *a = if b > *a { b } else { *a });
 }
 
-/// What makes one field of one or more components.
-struct FieldFilter<'a> {
-    components: &'a [Vec<u16>],
-    width: usize,
-    operator: Operator,
-    parameters: &'a Parameters,
-    filter: Filter,
+/// Adds the other row to a row.
+fn add(row: &mut [f64], values: &[f64]) {
+    row.iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
 }
 
-impl<'a> FieldFilter<'a> {
-    fn new(
-        components: &'a [Vec<u16>],
-        width: usize,
-        operator: Operator,
-        parameters: &'a Parameters,
-    ) -> Self {
-        let order = match operator {
-            Operator::Maximum(_) | Operator::Mean(_) => Order::Second,
-            Operator::VectorGradient(_) => Order::First,
-        };
-        Self { components, width, operator, parameters, filter: Filter::new(parameters, order) }
-    }
-
-    /// Computes all rows of a field, `rows_before` of `row_count` rows being done before.
-    fn fill(
-        &self,
-        field: &mut [f64],
-        rows_before: usize,
-        row_count: usize,
-        control: &dyn Control,
-    ) -> Result<(), Cancelled> {
-        let interval = rows_per_poll(self.width * self.components.len());
-        in_row_bands(field, self.width, control, |first_row, band, control| {
-            let mut rows = FieldRows::new(self);
-            for (i, row) in band.chunks_exact_mut(self.width).enumerate() {
-                let y = first_row + i;
-                if i.is_multiple_of(interval) {
-                    control.poll(Stage::Density, rows_before + y, row_count)?;
-                }
-                rows.evaluate(y, row);
-            }
-            Ok(())
-        })
-    }
-}
-
-/// Computes one row of a field after the other.
+/// Computes a field of one or more components, one row after the other.
 struct FieldRows<'a> {
-    filter: &'a FieldFilter<'a>,
+    operator: Operator,
+    components: &'a [Vec<u16>],
+    filter: &'a Filter,
     fast: Option<BinomialRow>,
     derivatives: Vec<Derivatives<'a>>,
     derivative_row: DerivativeRow,
@@ -212,91 +205,68 @@ struct FieldRows<'a> {
     tensors: Vec<GradientTensor>,
 }
 
-impl<'a> FieldRows<'a> {
-    fn new(filter: &'a FieldFilter<'a>) -> Self {
-        let derivatives =
-            |component: &'a Vec<u16>| Derivatives::new(&filter.filter, component, filter.width);
-        Self {
-            filter,
-            fast: BinomialRow::new(filter.parameters, filter.width),
-            derivatives: filter.components.iter().map(derivatives).collect(),
-            derivative_row: DerivativeRow::default(),
-            values: vec![0.0; filter.width],
-            tensors: Vec::new(),
-        }
-    }
-
+impl FieldRows<'_> {
     /// Row `y` of the field.
-    fn evaluate(&mut self, y: usize, row: &mut [f64]) {
-        match self.filter.operator {
-            Operator::Maximum(significance) => self.aggregate(significance, y, row, maximise),
+    fn evaluate(
+        &mut self,
+        y: usize,
+        row: &mut [f64],
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
+        match self.operator {
+            Operator::Maximum(significance) => {
+                self.aggregate(significance, y, row, maximise, poller)
+            }
             Operator::Mean(significance) => {
-                self.aggregate(significance, y, row, add);
-                let count = self.filter.components.len() as f64;
+                self.aggregate(significance, y, row, add, poller)?;
+                let count = self.components.len() as f64;
                 row.iter_mut().for_each(|value| *value /= count);
+                Ok(())
             }
             Operator::VectorGradient(tie) => {
                 self.tensors.clear();
                 self.tensors.resize(row.len(), [0.0; 3]);
                 for derivatives in &mut self.derivatives {
-                    derivatives.row(y, &mut self.derivative_row);
+                    derivatives.row(y, &mut self.derivative_row, poller)?;
                     add_gradients(&self.derivative_row, &mut self.tensors);
                 }
                 // The filter's first derivatives are doubled.
-                let divisor = 2.0 * self.filter.filter.divisor;
+                let divisor = 2.0 * self.filter.divisor;
                 for (value, &tensor) in row.iter_mut().zip(&self.tensors) {
                     *value = vector_gradient(tensor, tie) / divisor;
                 }
+                Ok(())
             }
         }
     }
 
-    /// The significance of the first component, into which `merge` brings the others.
+    /// The significance of the first component, merged with that of each other component.
     fn aggregate(
         &mut self,
         significance: Significance,
         y: usize,
         row: &mut [f64],
-        merge: impl Fn(&mut [f64], &[f64]),
-    ) {
-        self.significance_of(0, significance, y, row);
+        merge: fn(&mut [f64], &[f64]),
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
         let mut values = std::mem::take(&mut self.values);
-        for component in 1..self.derivatives.len() {
-            self.significance_of(component, significance, y, &mut values);
-            merge(row, &values);
+        values.resize(row.len(), 0.0);
+        for component in 0..self.components.len() {
+            let target = if component == 0 { &mut *row } else { &mut values[..] };
+            if let Some(fast) = &mut self.fast {
+                poller.step(target.len())?;
+                fast.evaluate(significance, &self.components[component], y, target);
+            } else {
+                self.derivatives[component].row(y, &mut self.derivative_row, poller)?;
+                significance.evaluate(&self.derivative_row, self.filter.divisor, target);
+            }
+            if component > 0 {
+                merge(row, &values);
+            }
         }
         self.values = values;
+        Ok(())
     }
-
-    /// The significance of row `y` of one component.
-    fn significance_of(
-        &mut self,
-        component: usize,
-        significance: Significance,
-        y: usize,
-        values: &mut [f64],
-    ) {
-        if let Some(fast) = &mut self.fast {
-            fast.evaluate(significance, &self.filter.components[component], y, values);
-        } else {
-            self.derivatives[component].row(y, &mut self.derivative_row);
-            significance.evaluate(&self.derivative_row, self.filter.filter.divisor, values);
-        }
-    }
-}
-
-/// Raises each value to the other row's; none is NaN.
-fn maximise(row: &mut [f64], values: &[f64]) {
-    #[inline(always)]
-    fn by<S: Simd>(_: S, row: &mut [f64], values: &[f64]) {
-        row.iter_mut().zip(values).for_each(|(a, &b)| *a = if b > *a { b } else { *a });
-    }
-    dispatch!(Level::new(), simd => by(simd, row, values));
-}
-
-/// Adds the other row to a row.
-fn add(row: &mut [f64], values: &[f64]) {
-    row.iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
 }
 
 #[cfg(test)]
@@ -339,6 +309,17 @@ mod tests {
                 assert!(recorder.reports().len() >= least, "{width} by {height}, {policy}");
             }
         }
+    }
+
+    #[test]
+    fn polls_are_frequent_within_a_wide_row() {
+        let (width, height) = (300_000, 3);
+        let long = with_policy(Policy::PsdMaxD).smoothing_order(21);
+        let recorder = Recorder::default();
+        Density::new(&colour(width, height), &long, &recorder).unwrap();
+        // Three stencils of three components, each with 20 weights or more in x.
+        let least = 3 * 3 * 20 * height;
+        assert!(recorder.reports().len() >= least);
     }
 
     #[test]

@@ -1,41 +1,43 @@
 //! Choice of sample points by error diffusion: Floyd and Steinberg's halftoning of a density.
 //!
 //! Yongyi Yang, Miles N. Wernick and Jovan G. Brankov, "A fast approach for accurate
-//! content-adaptive mesh generation", 2003, place mesh nodes where Floyd-Steinberg error diffusion
-//! of a feature map exceeds a threshold; the threshold that gives the number of points asked for is
-//! found by search. Error that has no neighbour to go to is shared among the others (non-leaky),
-//! and the first row may start with the errors of the picture mirrored below it.
+//! content-adaptive mesh generation", 2003, set mesh nodes where Floyd-Steinberg error diffusion of
+//! a feature map exceeds a threshold, and search the threshold that gives the number of points asked
+//! for. Error that has no neighbour to receive it is shared among the others (non-leaky), and the
+//! first row may start with the errors of the picture mirrored below it.
 //!
 //! The search tries about ten thresholds. One pass tries seven or fifteen of them at once, those
-//! that its next steps are most likely to come to (see `threshold_search`), and the one taken is
-//! the one that the steps take.
+//! that the search will most likely use next (see `threshold_search`). The result is the one of a
+//! search that tries one after the other.
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, rows_per_poll};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
 use crate::density::Density;
 use crate::parallel::share_out;
 use crate::parameters::Parameters;
 use crate::parameters::choices::{Scan, Startup};
-use crate::points::floyd_steinberg::{Lanes, Numbers, Weights};
+use crate::points::floyd_steinberg::{Lanes, RowDiffusion, Weights};
 use crate::points::threshold_search::ThresholdSearch;
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch, f64x2, f64x8, prelude::*};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Most thresholds tried before the one with the nearest number of points is taken.
+/// The most thresholds that the search tries; then it takes the one with the nearest number of
+/// points.
 const MAX_TRIES: usize = 60;
 
-/// Most groups of thresholds tried on different threads: each takes two bytes for each lattice
-/// point, and more would rarely save a pass.
+/// The most groups of thresholds, each tried on one thread. A group takes two bytes for each lattice
+/// point, and more than two groups rarely save a pass.
 const MAX_GROUPS: usize = 2;
 
-/// How many points more or fewer than asked end the search, for one field and for several.
+/// The difference from the number of points asked for that ends the search, for one field and for
+/// several.
 const TOLERANCE_ONE_FIELD: usize = 10;
 const TOLERANCE_UNION: usize = 15;
 
 /// Marks about `size` of a density's lattice points, `1` at each chosen one, row 0 at the bottom.
 ///
-/// The number differs from `size` by at most the parameters' tolerance, where any threshold
-/// reaches that. A density of 0 everywhere has no points.
+/// The number differs from `size` by at most the parameters' tolerance if any threshold reaches
+/// that. A density of 0 everywhere has no points.
 pub(crate) fn diffuse_to_size(
     density: &Density,
     size: usize,
@@ -50,42 +52,39 @@ pub(crate) fn diffuse_to_size(
     let tolerance = parameters.tolerance.unwrap_or(default);
     let mut search = ThresholdSearch::new(diffusion.first_threshold(), size);
     while diffusion.tries < MAX_TRIES {
-        let tries = search.likely_tries(diffusion.thresholds_per_pass());
-        let counts = diffusion.run(&tries.thresholds)?;
-        let mut next = Some(0);
-        while let Some(i) = next {
+        let thresholds = search.likely_thresholds(diffusion.thresholds_per_pass());
+        let counts = diffusion.run(&thresholds)?;
+        while diffusion.tries < MAX_TRIES
+            && let Some(i) = thresholds.iter().position(|&t| t == search.threshold())
+        {
             if counts[i].abs_diff(size) <= tolerance {
                 return diffusion.marks_of(i);
             }
             diffusion.tries += 1;
-            let too_many = search.learn(counts[i]);
-            next = tries.after(i, too_many).filter(|_| diffusion.tries < MAX_TRIES);
+            search.advance(counts[i]);
         }
-        search.note(&tries.thresholds, &counts);
+        search.record(&thresholds, &counts);
     }
     diffusion.run(&[search.nearest()])?;
     diffusion.marks_of(0)
 }
 
-/// Thresholds tried at once, what they choose, and how many points each chooses.
-type Group<'a> = ((&'a [f64], &'a mut Vec<u16>), &'a mut Vec<usize>);
-
-/// What one pass shares with the next: the density, the options and the buffers.
+/// What all passes share: the density, the options and the buffers.
 struct Diffusion<'a> {
     density: &'a Density,
     size: usize,
-    serpentine: bool,
+    is_serpentine: bool,
     weights: Weights,
-    /// Sum of each field.
+    /// The sum of each field.
     sums: Vec<f64>,
-    /// Errors that row 0 of each field starts with.
+    /// The errors that row 0 of each field starts with.
     initial_errors: Vec<Vec<f64>>,
-    /// For each lattice point a bit for each threshold of the last pass that chose it, a field for
-    /// each of the groups of thresholds that threads try side by side.
+    /// For each group of thresholds and each lattice point one bit for each threshold of the last
+    /// pass, set where it chose the point.
     chosen: Vec<Vec<u16>>,
     level: Level,
     control: &'a dyn Control,
-    /// Thresholds tried before the one in work.
+    /// Thresholds tried so far.
     tries: usize,
 }
 
@@ -96,64 +95,51 @@ impl<'a> Diffusion<'a> {
         parameters: &Parameters,
         control: &'a dyn Control,
     ) -> Result<Self, Cancelled> {
-        let width = density.width;
+        let (width, groups) = (density.width, control.threads().get().min(MAX_GROUPS));
         let mut diffusion = Self {
             density,
             size,
-            serpentine: parameters.scan == Scan::Serpentine,
+            is_serpentine: parameters.scan == Scan::Serpentine,
             weights: Weights::new(parameters.leaky),
             sums: Vec::new(),
-            initial_errors: vec![vec![0.0; width]; density.fields.len()],
-            // Not copies of one, which would be read.
-            chosen: (0..control.threads().get().min(MAX_GROUPS))
-                .map(|_| vec![0; width * density.height])
-                .collect(),
+            initial_errors: Vec::new(),
+            // Each allocated as zeros, which costs nothing until it is written.
+            chosen: (0..groups).map(|_| vec![0; width * density.height]).collect(),
             level: Level::new(),
             control,
             tries: 0,
         };
-        for field in 0..density.fields.len() {
-            let sum = diffusion.sum_of(field)?;
+        for field in &density.fields {
+            let (mut poller, mut sum) = (diffusion.poller(control), 0.0);
+            for chunk in field.chunks(POINTS_PER_POLL) {
+                poller.step(chunk.len())?;
+                sum = chunk.iter().fold(sum, |sum, value| sum + value);
+            }
             diffusion.sums.push(sum);
         }
         for field in 0..density.fields.len() {
-            match parameters.startup {
-                Startup::Classic => {}
+            let errors = match parameters.startup {
+                Startup::Classic => vec![0.0; width],
                 Startup::Mirroring => {
-                    diffusion.initial_errors[field] = diffusion.mirrored_errors(field)?;
+                    let level = diffusion.level;
+                    dispatch!(level, simd => diffusion.mirrored_errors(simd, field))?
                 }
                 Startup::Random => {
                     let reach = diffusion.first_threshold();
-                    diffusion.initial_errors[field] =
-                        random_errors(width, reach, parameters.seed, field as u64);
+                    random_errors(width, reach, parameters.seed, field as u64)
                 }
-            }
+            };
+            diffusion.initial_errors.push(errors);
         }
         Ok(diffusion)
     }
 
-    fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
-        control.poll(Stage::Diffuse, self.tries, MAX_TRIES)
+    fn poller<'c>(&self, control: &'c dyn Control) -> Poller<'c> {
+        Poller::new(control, Stage::Diffuse, self.tries, MAX_TRIES)
     }
 
-    /// Polls at the first of every few rows.
-    fn poll_row(&self, y: usize, control: &dyn Control) -> Result<(), Cancelled> {
-        let is_due = y.is_multiple_of(rows_per_poll(self.density.width));
-        if is_due { self.poll(control) } else { Ok(()) }
-    }
-
-    /// The sum of a field.
-    fn sum_of(&self, field: usize) -> Result<f64, Cancelled> {
-        let mut sum = 0.0;
-        for chunk in self.density.fields[field].chunks(POINTS_PER_POLL) {
-            self.poll(self.control)?;
-            sum = chunk.iter().fold(sum, |sum, value| sum + value);
-        }
-        Ok(sum)
-    }
-
-    /// The threshold at which, all density being turned into points of weight `2 threshold`, the
-    /// first field that is not 0 everywhere gives the number asked for.
+    /// The threshold at which the first field that is not 0 everywhere gives the number of points
+    /// asked for if no error is lost: a point takes twice the threshold from the sum.
     fn first_threshold(&self) -> f64 {
         let sum = self.sums.iter().find(|&&sum| sum > 0.0);
         sum.copied().unwrap_or_default() / (2.0 * self.size as f64)
@@ -161,27 +147,37 @@ impl<'a> Diffusion<'a> {
 
     /// The errors that row 0 receives from the picture mirrored at it: rows `height - 1` down to 1
     /// diffused once, each into the next.
-    fn mirrored_errors(&mut self, field: usize) -> Result<Vec<f64>, Cancelled> {
-        let count = self.density.fields.len() as f64;
+    #[inline(always)]
+    fn mirrored_errors<S: Simd>(&mut self, simd: S, field: usize) -> Result<Vec<f64>, Cancelled> {
+        let (density, count) = (self.density, self.density.fields.len() as f64);
         let threshold = count * self.sums[field] / (2.0 * self.size as f64);
-        let mut ignored = vec![0; self.density.width];
-        let mut rightwards = true;
-        let mut row = self.density.row(field, self.density.height - 1).to_vec();
-        let (mut above, nothing) = (row.clone(), vec![0.0; self.density.width]);
-        for y in (0..self.density.height - 1).rev() {
-            self.poll_row(y, self.control)?;
-            let densities = if y == 0 { &nothing } else { self.density.row(field, y) };
-            let weights = &self.weights;
-            let marks = &mut ignored;
-            weights.diffuse_row(&row, densities, &mut above, threshold, rightwards, marks);
+        let mut rows = self.rows(Lanes::<_, f64x2<S>, 1>::splat(simd, threshold), self.control);
+        let nothing = vec![0.0; density.width];
+        let below =
+            (1..density.height - 1).rev().map(|y| density.row(field, y)).chain([&nothing[..]]);
+        let mut ignored = vec![0; density.width];
+        let top = density.row(field, density.height - 1).iter().copied();
+        let [mut row, mut above] = rows.start(simd, top)?;
+        for densities in below {
+            rows.diffuse(&row, densities, &mut above, &mut ignored)?;
             std::mem::swap(&mut row, &mut above);
-            rightwards ^= self.serpentine;
         }
-        Ok(row)
+        Ok(row.iter().map(Lanes::first).collect())
     }
 
-    /// How many thresholds one thread tries in little more time than one: a lane of the last vector
-    /// is left.
+    /// A diffusion of rows by these thresholds, the first one rightwards.
+    fn rows<'c, L>(&'c self, thresholds: L, control: &'c dyn Control) -> RowDiffusion<'c, L> {
+        RowDiffusion {
+            weights: &self.weights,
+            thresholds,
+            is_serpentine: self.is_serpentine,
+            is_leftwards: false,
+            poller: self.poller(control),
+        }
+    }
+
+    /// How many thresholds one thread tries in little more time than one. A lane of the last vector
+    /// is not used.
     fn thresholds_per_group(&self) -> usize {
         if has_wide_vectors(self.level) { 15 } else { 7 }
     }
@@ -193,16 +189,16 @@ impl<'a> Diffusion<'a> {
 
     /// One pass over every field for each threshold; returns how many points each one chose.
     fn run(&mut self, thresholds: &[f64]) -> Result<Vec<usize>, Cancelled> {
-        let mut fields = std::mem::take(&mut self.chosen);
-        let per_group = self.thresholds_per_group();
+        let mut chosen = std::mem::take(&mut self.chosen);
         let this = &*self;
-        let mut counts = vec![Vec::new(); thresholds.len().div_ceil(per_group)];
-        let groups = thresholds.chunks(per_group).zip(&mut fields).zip(&mut counts);
-        let run = |((group, chosen), counts): Group<'_>, control: &dyn Control| {
-            this.run_group(group, chosen, control).map(|counted| *counts = counted)
-        };
-        let result = share_out(groups, this.control, run);
-        self.chosen = fields;
+        let groups: Vec<&[f64]> = thresholds.chunks(self.thresholds_per_group()).collect();
+        let mut counts = vec![Vec::new(); groups.len()];
+        let shares = groups.into_iter().zip(chosen.iter_mut().zip(&mut counts));
+        let result = share_out(shares, this.control, |(group, (chosen, counts)), control| {
+            *counts = this.run_group(group, chosen, control)?;
+            Ok(())
+        });
+        self.chosen = chosen;
         result.map(|()| counts.concat())
     }
 
@@ -215,14 +211,18 @@ impl<'a> Diffusion<'a> {
     ) -> Result<Vec<usize>, Cancelled> {
         let mut lanes = [f64::INFINITY; 16];
         lanes[..thresholds.len()].copy_from_slice(thresholds);
-        let [first, second] = [0, 8].map(|start| std::array::from_fn(|i| lanes[start + i]));
+        let (first, second) = lanes.split_at(8);
+        let level = self.level;
         for field in 0..self.density.fields.len() {
-            let level = self.level;
             if thresholds.len() > 8 {
-                let both = [first, second];
-                dispatch!(level, simd => self.run_field::<_, 2>(simd, field, both, chosen, control))?;
+                dispatch!(level, simd => {
+                    let both = [f64x8::from_slice(simd, first), f64x8::from_slice(simd, second)];
+                    self.run_field(simd, field, both, chosen, control)
+                })?;
             } else {
-                dispatch!(level, simd => self.run_field::<_, 1>(simd, field, [first], chosen, control))?;
+                dispatch!(level, simd => {
+                    self.run_field(simd, field, [f64x8::from_slice(simd, first)], chosen, control)
+                })?;
             }
         }
         self.counts_of_lanes(chosen, thresholds.len(), control)
@@ -234,45 +234,39 @@ impl<'a> Diffusion<'a> {
         &self,
         simd: S,
         field: usize,
-        thresholds: [[f64; 8]; N],
+        thresholds: [f64x8<S>; N],
         chosen: &mut [u16],
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
-        let (width, height) = (self.density.width, self.density.height);
-        let thresholds = Lanes::load(simd, &thresholds);
-        let starts = self.density.row(field, 0).iter().zip(&self.initial_errors[field]);
-        let mut row: Vec<_> = starts.map(|(density, error)| [[density + error; 8]; N]).collect();
-        let mut above = vec![[[0.0; 8]; N]; width];
-        let mut rightwards = true;
-        for (y, chosen) in chosen.chunks_exact_mut(width).enumerate() {
-            self.poll_row(y, control)?;
+        let (density, height) = (self.density, self.density.height);
+        let mut rows = self.rows(Lanes::new(thresholds), control);
+        let bottom = density.row(field, 0).iter().zip(&self.initial_errors[field]);
+        let [mut row, mut above] = rows.start(simd, bottom.map(|(a, b)| a + b))?;
+        for (y, chosen) in chosen.chunks_exact_mut(density.width).enumerate() {
             if field == 0 {
                 chosen.fill(0);
             }
-            let weights = &self.weights;
             if y + 1 < height {
-                let next = self.density.row(field, y + 1);
-                weights.diffuse_row(&row, next, &mut above, thresholds, rightwards, chosen);
+                rows.diffuse(&row, density.row(field, y + 1), &mut above, chosen)?;
             } else {
-                weights.diffuse_last_row(&row, thresholds, rightwards, chosen);
+                rows.diffuse_last(&row, chosen)?;
             }
             std::mem::swap(&mut row, &mut above);
-            rightwards ^= self.serpentine;
         }
         Ok(())
     }
 
-    /// How many points have the bit of each lane set.
+    /// How many points each of the first `lanes` thresholds chose.
     fn counts_of_lanes(
         &self,
         chosen: &[u16],
         lanes: usize,
         control: &dyn Control,
     ) -> Result<Vec<usize>, Cancelled> {
-        let mut counts = vec![0; lanes];
+        let (mut poller, mut counts) = (self.poller(control), vec![0; lanes]);
         // In 16 bits a lane counts up to 2^16 - 1 points.
         for chunk in chosen.chunks(usize::from(u16::MAX)) {
-            self.poll(control)?;
+            poller.step(chunk.len())?;
             for (lane, count) in counts.iter_mut().enumerate() {
                 *count += usize::from(chunk.iter().map(|bits| bits >> lane & 1).sum::<u16>());
             }
@@ -282,12 +276,13 @@ impl<'a> Diffusion<'a> {
 
     /// 1 for each lattice point that a threshold of the last pass chose, 0 for the others.
     fn marks_of(self, threshold: usize) -> Result<Vec<u8>, Cancelled> {
-        let per_group = self.thresholds_per_group();
-        let chosen = &self.chosen[threshold / per_group];
-        let mut marks = Vec::with_capacity(chosen.len());
-        for chunk in chosen.chunks(POINTS_PER_POLL) {
-            self.poll(self.control)?;
-            marks.extend(chunk.iter().map(|bits| (bits >> (threshold % per_group) & 1) as u8));
+        let (group, lane) =
+            (threshold / self.thresholds_per_group(), threshold % self.thresholds_per_group());
+        let mut poller = self.poller(self.control);
+        let mut marks = Vec::with_capacity(self.chosen[group].len());
+        for chunk in self.chosen[group].chunks(POINTS_PER_POLL) {
+            poller.step(chunk.len())?;
+            marks.extend(chunk.iter().map(|bits| (bits >> lane & 1) as u8));
         }
         Ok(marks)
     }
@@ -305,7 +300,7 @@ fn has_wide_vectors(level: Level) -> bool {
 fn random_errors(width: usize, reach: f64, seed: u64, field: u64) -> Vec<f64> {
     let mut stream = ChaCha8Rng::seed_from_u64(seed);
     stream.set_stream(field);
-    // 53 random bits, as many as a fraction in 0..1 has.
+    // The 53 random bits that a fraction in 0..1 has.
     let fraction = |bits: u64| (bits >> 11) as f64 / (1u64 << 53) as f64;
     (0..width).map(|_| (2.0 * fraction(stream.next_u64()) - 1.0) * reach).collect()
 }
@@ -326,16 +321,20 @@ mod tests {
     use std::num::NonZeroUsize;
 
     #[test]
-    fn a_pass_can_be_cancelled_among_its_rows() {
+    fn cancels_at_any_poll() {
         let field: Vec<f64> = (0..4 * 100).map(|i| f64::from(i % 7) / 6.0).collect();
         let density = Density { width: 4, height: 100, fields: vec![field] };
         let parameters = Parameters::default().target(Target::Size(90));
-        for polls in 0..4 {
-            let control = Recorder::cancelling_at(polls);
+        let recorder = Recorder::default();
+        let marks = diffuse_to_size(&density, 90, &parameters, &recorder).unwrap();
+        assert!(marks.iter().map(|&mark| usize::from(mark)).sum::<usize>().abs_diff(90) <= 10);
+        for poll in 0..recorder.reports().len() {
+            let control = Recorder::cancelling_at(poll);
+            assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
+            // The helper thread stops, too.
+            let control = OnThreads(Recorder::cancelling_at(poll), NonZeroUsize::new(2).unwrap());
             assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
         }
-        let marks = diffuse_to_size(&density, 90, &parameters, &()).unwrap();
-        assert!(marks.iter().map(|&mark| usize::from(mark)).sum::<usize>().abs_diff(90) <= 10);
     }
 
     #[test]
@@ -343,29 +342,24 @@ mod tests {
         for (width, height) in [(4, 100_000), (700, 700), (100_000, 4)] {
             let field = (0..width * height).map(|i| (i % 7) as f64 / 6.0).collect();
             let density = Density { width, height, fields: vec![field] };
-            let parameters = Parameters {
-                startup: Startup::Classic,
-                ..Parameters::default().target(Target::Size(9))
-            };
-            let mut diffusion = Diffusion::new(&density, 900, &parameters, &()).unwrap();
-            let recorder = Recorder::default();
-            diffusion.control = &recorder;
-            diffusion.run(&[0.1]).unwrap();
-            let passes = recorder.done(Stage::Diffuse, MAX_TRIES).len();
-            assert!(passes >= width * height / POINTS_PER_POLL, "{width} by {height}: {passes}");
+            for startup in [Startup::Classic, Startup::Mirroring] {
+                let parameters =
+                    Parameters { startup, ..Parameters::default().target(Target::Size(9)) };
+                let recorder = Recorder::default();
+                let mut diffusion = Diffusion::new(&density, 900, &parameters, &recorder).unwrap();
+                diffusion.run(&[0.1]).unwrap();
+                diffusion.marks_of(0).unwrap();
+                let polls = recorder.done(Stage::Diffuse, MAX_TRIES).len();
+                // The sum, the mirrored pass, the pass, the counts and the marks.
+                let passes = if startup == Startup::Mirroring { 5 } else { 4 };
+                let least = passes * width * height / (2 * POINTS_PER_POLL);
+                assert!(polls >= least, "{width} by {height}: {polls} of {least}");
+            }
         }
     }
 
     #[test]
-    fn helper_threads_stop_at_a_cancellation() {
-        let density = Density { width: 4, height: 100, fields: vec![vec![0.5; 400]] };
-        let parameters = Parameters::default().target(Target::Size(90));
-        let control = OnThreads(Recorder::cancelling_at(1), NonZeroUsize::new(2).unwrap());
-        assert_eq!(diffuse_to_size(&density, 90, &parameters, &control), Err(Cancelled));
-    }
-
-    #[test]
-    fn random_errors_are_those_of_the_seed_and_the_field_and_within_reach() {
+    fn random_errors_follow_seed_and_field_within_reach() {
         let errors = random_errors(1000, 0.25, 7, 0);
         assert_eq!(errors, random_errors(1000, 0.25, 7, 0));
         assert_ne!(errors, random_errors(1000, 0.25, 8, 0));

@@ -30,8 +30,6 @@ type Extremes = (u32, u32);
 struct Subdivision<'a> {
     points: &'a [Point],
     poller: Poller<'a>,
-    /// Number of the points that have edges.
-    reached: u32,
     /// The vertex at which each half-edge begins.
     origins: Vec<u32>,
     /// The next half-edge of the same origin, counter-clockwise.
@@ -47,13 +45,13 @@ impl<'a> Subdivision<'a> {
         // There are fewer than three edges a point.
         let most = 6 * points.len();
         let [origins, following, preceding] = [0; 3].map(|_| Vec::with_capacity(most));
-        let poller = Poller::new(control, Stage::Triangulate, points.len());
-        Self { points, poller, reached: 0, origins, following, preceding, free: Vec::new() }
+        let poller = Poller::new(control, Stage::Triangulate, 0, points.len());
+        Self { points, poller, origins, following, preceding, free: Vec::new() }
     }
 
     /// Triangulates the points of a range.
     fn triangulate(&mut self, from: u32, to: u32) -> Result<Extremes, Cancelled> {
-        self.reached = to.min(from + 3);
+        self.poller.done = to.min(from + 3) as usize;
         match to - from {
             2 => Ok(self.segment(from)),
             3 => Ok(self.triangle(from)),
@@ -107,7 +105,7 @@ impl<'a> Subdivision<'a> {
     /// The half-edges of both hulls out of the ends of their common tangent.
     fn tangent(&mut self, mut lower: u32, mut upper: u32) -> Result<(u32, u32), Cancelled> {
         loop {
-            self.poll()?;
+            self.poller.step(STEPS_PER_POINT)?;
             if self.is_left_of(self.origin(upper), lower) {
                 lower = self.following_at_left(lower);
             } else if self.is_right_of(self.origin(lower), upper) {
@@ -152,7 +150,7 @@ impl<'a> Subdivision<'a> {
         let (origin, destination) = (self.origin(base), self.destination(base));
         let mut edge = first;
         loop {
-            self.poll()?;
+            self.poller.step(STEPS_PER_POINT)?;
             let next = next(self, edge);
             let apex = self.destination(edge);
             if !self.in_circle(destination, origin, apex, self.destination(next)) {
@@ -161,12 +159,6 @@ impl<'a> Subdivision<'a> {
             self.delete(edge);
             edge = next;
         }
-    }
-
-    /// Counts a step of a merge.
-    #[inline]
-    fn poll(&mut self) -> Result<(), Cancelled> {
-        self.poller.step(STEPS_PER_POINT, self.reached as usize)
     }
 
     #[inline]
@@ -264,8 +256,8 @@ impl<'a> Subdivision<'a> {
     ///
     /// Each array is freed after its last use, so that not all are in memory at once.
     fn into_triangles(self, hull: u32) -> Result<HalfEdges, Cancelled> {
-        let Self { points, mut poller, origins, following, preceding, free, .. } = self;
-        let mut poll = || poller.step(1, points.len());
+        let Self { mut poller, origins, following, preceding, free, .. } = self;
+        let mut poll = || poller.step(1);
         let following_at_left = |e: u32| preceding[e as usize ^ 1];
         // The number of each half-edge among those of the triangles.
         let mut numbers = following;

@@ -36,7 +36,7 @@ impl<'a> Flipping<'a> {
             outer: most as u32,
             suspects: Vec::new(),
             flips: 0,
-            poller: Poller::new(control, Stage::Triangulate, points.len()),
+            poller: Poller::new(control, Stage::Triangulate, 0, points.len()),
         }
     }
 
@@ -66,7 +66,9 @@ impl<'a> Flipping<'a> {
     /// Adds a counter-clockwise triangle without twins; returns its first half-edge.
     #[inline]
     pub(super) fn add(&mut self, corners: [u32; 3]) -> Result<u32, Cancelled> {
-        self.poll()?;
+        // Almost two triangles a point.
+        self.poller.done = self.origins.len() / 6;
+        self.poller.step(STEPS_PER_POINT)?;
         let h = self.origins.len() as u32;
         self.origins.extend(corners);
         Ok(h)
@@ -139,13 +141,7 @@ impl<'a> Flipping<'a> {
         self.origins[twin as usize] = self.origins[from_c as usize];
         self.link(twin, twin_of_ca);
         self.link(from_c, from_d);
-        self.poll()
-    }
-
-    /// Counts a triangle or a flip.
-    #[inline]
-    fn poll(&mut self) -> Result<(), Cancelled> {
-        self.poller.step(STEPS_PER_POINT, self.origins.len() / 6)
+        self.poller.step(STEPS_PER_POINT)
     }
 
     /// Origins and twins of the triangles' half-edges, with [`NONE`] for outer half-edges.
@@ -153,7 +149,7 @@ impl<'a> Flipping<'a> {
         let Self { origins, mut twins, outer, mut poller, .. } = self;
         twins.truncate(origins.len());
         for twin in &mut twins {
-            poller.step(1, origins.len() / 6)?;
+            poller.step(1)?;
             *twin = if *twin < outer { *twin } else { NONE };
         }
         Ok((origins, twins))

@@ -98,10 +98,11 @@ impl Triangulation {
         let row = 6 * (width - 1);
         let mut origins = Vec::with_capacity(row * (height - 1));
         let mut twins = Vec::with_capacity(row * (height - 1));
-        let mut poller = Poller::new(control, Stage::Triangulate, points.len());
+        let mut poller = Poller::new(control, Stage::Triangulate, 0, points.len());
         for y in 0..height - 1 {
+            poller.done = y * width;
             for x in 0..width - 1 {
-                poller.step(1, y * width)?;
+                poller.step(1)?;
                 let (v, h) = (y * width + x, origins.len());
                 let square = [v, v + 1, v + width + 1, v, v + width + 1, v + width];
                 origins.extend(square.map(|v| v as u32));
@@ -132,8 +133,8 @@ fn faces(
     vertex_count: usize,
     control: &dyn Control,
 ) -> Result<Vec<Face>, Cancelled> {
-    let mut poller = Poller::new(control, Stage::Triangulate, vertex_count);
-    let mut poll = || poller.step(1, vertex_count);
+    let mut poller = Poller::new(control, Stage::Triangulate, vertex_count, vertex_count);
+    let mut poll = || poller.step(1);
     let mut faces = Vec::with_capacity(origins.len() / 3);
     let mut ends = vec![0u32; vertex_count];
     for v in origins.chunks_exact(3) {
