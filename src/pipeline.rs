@@ -13,14 +13,15 @@ pub use convert::convert;
 pub use resize::{Resized, resize};
 
 use crate::digest::Digest;
-use crate::extract::accept::Format;
 use crate::extract::params::Order;
 use crate::extract::upload::Weighed;
 use crate::pool::Watch;
 use crate::problem::Problem;
 use crate::telemetry;
-use encode::{Writing, encode, encoded};
-use pixmesh_codec::{Limits, Texture, model_comments, read_weights_while, write_progression};
+use encode::{encode, encoded};
+use pixmesh_codec::{
+    Encodable, Format, Limits, Texture, model_comments, read_weights_while, write_progression,
+};
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Image, Progression, mesh_image};
 use std::time::Duration;
@@ -104,16 +105,12 @@ fn make(
     let progression =
         ordered.then(|| Progression::new(&image, &model.mesh, &parameters, watch)).transpose()?;
     drop(image);
-    let writing = Writing {
-        format,
-        output: &order.output,
-        texture: texture.as_ref(),
+    let source = Encodable {
         comments: &model_comments(&parameters),
-        model: Some(&model),
-        fidelity: Some(&model.fidelity),
         progression: progression.as_ref(),
+        ..Encodable::from(&model)
     };
-    let bytes = encode(&model.mesh, &writing, watch)?;
+    let bytes = encode(&source, format, &order.output.writing(texture.as_ref()), watch)?;
     let answer = Answer {
         digest: Digest::of_while(&bytes, || watch.check())?,
         bytes,

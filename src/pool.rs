@@ -147,8 +147,8 @@ fn panicked() -> Problem {
 mod tests {
     use super::*;
     use crate::admission::{Admission, Cost, Limits};
-    use crate::extract::accept::Format;
     use crate::extract::owner::Owner;
+    use pixmesh_codec::Format;
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Control, Method, Target};
     use std::sync::atomic::{AtomicBool, Ordering};

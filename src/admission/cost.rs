@@ -2,8 +2,8 @@
 
 use super::effort::Effort;
 use super::footprint::{self, Footprint};
-use crate::extract::accept::Format;
 use crate::extract::params::Output;
+use pixmesh_codec::Format;
 use pixmesh_codec::Header;
 use pixmesh_meshing::parameters::Plan;
 use pixmesh_meshing::{Parameters, Shape};

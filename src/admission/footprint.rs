@@ -6,7 +6,7 @@
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
 use super::cost::{Compared, Kept};
-use crate::extract::accept::Format;
+use pixmesh_codec::Format;
 use pixmesh_codec::Header;
 use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, Parallel, Plan, Policy};
 use pixmesh_meshing::{Parameters, Shape};

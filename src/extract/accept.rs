@@ -3,37 +3,7 @@
 use crate::problem::{Kind, Problem};
 use axum::http::HeaderMap;
 use axum::http::header::ACCEPT;
-use pixmesh_meshing::ParameterError;
-use std::str::FromStr;
-
-/// The formats of an answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// MODEL, the mesh as text.
-    Model,
-    /// Binary glTF 2.0.
-    Glb,
-    /// The picture rebuilt from the mesh, as PNG.
-    Png,
-    /// The same as PNM.
-    Pnm,
-    /// glTF 2.0 as JSON, its buffer within.
-    Gltf,
-    /// The triangles as SVG.
-    Svg,
-    /// Binary PLY.
-    Ply,
-    /// Wavefront OBJ.
-    Obj,
-    /// Binary STL of a solid.
-    Stl,
-    /// The figures and the arrays as JSON.
-    Json,
-    /// Points and samples, compressed: pmesh.
-    Pmesh,
-    /// The same with the order of importance of the vertices: every smaller size at once.
-    Progression,
-}
+use pixmesh_codec::Format;
 
 /// A format with the media type that it is sent as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,160 +12,26 @@ pub struct Representation {
     pub format: Format,
     /// Type and subtype, as `Accept` names them.
     pub media_type: &'static str,
-    /// The whole value of `Content-Type`.
-    pub content_type: &'static str,
-    /// Name of the file, where somebody saves the answer.
-    pub file_name: &'static str,
 }
 
-/// Every representation, the first being the one for clients that do not mind.
-pub const OFFERED: [Representation; 13] = [
-    Representation {
-        format: Format::Model,
-        media_type: "text/plain",
-        content_type: "text/plain; charset=utf-8",
-        file_name: "mesh.model",
-    },
-    Representation {
-        format: Format::Model,
-        media_type: "application/vnd.pixmesh.model",
-        content_type: "application/vnd.pixmesh.model",
-        file_name: "mesh.model",
-    },
-    Representation {
-        format: Format::Glb,
-        media_type: "model/gltf-binary",
-        content_type: "model/gltf-binary",
-        file_name: "mesh.glb",
-    },
-    PNG,
-    PNM,
-    Representation {
-        format: Format::Gltf,
-        media_type: "model/gltf+json",
-        content_type: "model/gltf+json",
-        file_name: "mesh.gltf",
-    },
-    Representation {
-        format: Format::Svg,
-        media_type: "image/svg+xml",
-        content_type: "image/svg+xml",
-        file_name: "mesh.svg",
-    },
-    Representation {
-        format: Format::Ply,
-        media_type: "application/ply",
-        content_type: "application/ply",
-        file_name: "mesh.ply",
-    },
-    Representation {
-        format: Format::Obj,
-        media_type: "model/obj",
-        content_type: "model/obj",
-        file_name: "mesh.obj",
-    },
-    Representation {
-        format: Format::Stl,
-        media_type: "model/stl",
-        content_type: "model/stl",
-        file_name: "mesh.stl",
-    },
-    Representation {
-        format: Format::Json,
-        media_type: "application/json",
-        content_type: "application/json",
-        file_name: "mesh.json",
-    },
-    Representation {
-        format: Format::Pmesh,
-        media_type: "application/vnd.pixmesh.pmesh",
-        content_type: "application/vnd.pixmesh.pmesh",
-        file_name: "mesh.pmesh",
-    },
-    // Asked for by name alone: by media type it is a pmesh like any other.
-    Representation {
-        format: Format::Progression,
-        media_type: "application/vnd.pixmesh.pmesh",
-        content_type: "application/vnd.pixmesh.pmesh",
-        file_name: "progression.pmesh",
-    },
-];
+impl Representation {
+    /// The whole value of `Content-Type`.
+    #[must_use]
+    pub fn content_type(self) -> &'static str {
+        if self.media_type == "text/plain" { "text/plain; charset=utf-8" } else { self.media_type }
+    }
+}
 
-/// A picture rebuilt from a mesh, as PNG.
-const PNG: Representation = Representation {
-    format: Format::Png,
-    media_type: "image/png",
-    content_type: "image/png",
-    file_name: "mesh.png",
-};
-
-/// The same as PNM.
-const PNM: Representation = Representation {
-    format: Format::Pnm,
-    media_type: "image/x-portable-anymap",
-    content_type: "image/x-portable-anymap",
-    file_name: "mesh.pnm",
-};
+/// Every representation, the default one first.
+pub fn offered() -> impl Iterator<Item = Representation> {
+    Format::ALL.iter().flat_map(|&format| {
+        format.media_types().iter().map(move |media_type| Representation { format, media_type })
+    })
+}
 
 /// The representations that are pictures.
-pub const PICTURES: [Representation; 2] = [PNG, PNM];
-
-impl Format {
-    /// Every format, in the order of [`Self::NAMES`].
-    const ALL: [Self; 12] = [
-        Self::Model,
-        Self::Glb,
-        Self::Png,
-        Self::Pnm,
-        Self::Gltf,
-        Self::Svg,
-        Self::Ply,
-        Self::Obj,
-        Self::Stl,
-        Self::Json,
-        Self::Pmesh,
-        Self::Progression,
-    ];
-    /// The name of every format, as the parameter `format` takes it.
-    pub const NAMES: &'static [&'static str] = &[
-        "model",
-        "glb",
-        "png",
-        "pnm",
-        "gltf",
-        "svg",
-        "ply",
-        "obj",
-        "stl",
-        "json",
-        "pmesh",
-        "progression",
-    ];
-
-    /// The format's name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        let index = Self::ALL.iter().position(|format| *format == self);
-        index.map_or("model", |index| Self::NAMES[index])
-    }
-
-    /// The representation of a client that asks for the format by name.
-    fn representation(self) -> Representation {
-        OFFERED.into_iter().find(|offer| offer.format == self).unwrap_or(OFFERED[0])
-    }
-}
-
-impl FromStr for Format {
-    type Err = ParameterError;
-
-    fn from_str(name: &str) -> Result<Self, ParameterError> {
-        let index = Self::NAMES.iter().position(|known| *known == name);
-        index.map(|index| Self::ALL[index]).ok_or_else(|| ParameterError::UnknownValue {
-            parameter: "format",
-            value: name.chars().take(64).collect(),
-            allowed: Self::NAMES,
-        })
-    }
+pub fn pictures() -> impl Iterator<Item = Representation> {
+    offered().filter(|offer| offer.format.is_picture())
 }
 
 /// Chooses the representation: the `format` asked for wins, then the best match of `Accept`, and
@@ -204,7 +40,7 @@ impl FromStr for Format {
 /// # Errors
 /// `not-acceptable` when `Accept` allows nothing that is offered.
 pub fn choose(format: Option<Format>, headers: &HeaderMap) -> Result<Representation, Problem> {
-    choose_among(&OFFERED, format, headers)
+    choose_among(offered(), format, headers)
 }
 
 /// The same, where a client that does not mind gets the format that was asked for before.
@@ -216,29 +52,30 @@ pub fn choose_rather(
     format: Option<Format>,
     headers: &HeaderMap,
 ) -> Result<Representation, Problem> {
-    let mut offered = OFFERED;
+    let mut offered: Vec<_> = offered().collect();
     offered.sort_by_key(|offer| rather.is_some_and(|rather| offer.format != rather));
-    choose_among(&offered, format, headers)
+    choose_among(offered, format, headers)
 }
 
-/// The same among some representations, which hold the format asked for.
+/// Chooses as [`choose`] does among some representations.
 ///
 /// # Errors
 /// As [`choose`].
 pub fn choose_among(
-    offered: &[Representation],
+    offered: impl IntoIterator<Item = Representation>,
     format: Option<Format>,
     headers: &HeaderMap,
 ) -> Result<Representation, Problem> {
     if let Some(format) = format {
-        return Ok(format.representation());
+        return Ok(Representation { format, media_type: format.media_types()[0] });
     }
+    let offered: Vec<_> = offered.into_iter().collect();
     if !headers.contains_key(ACCEPT) {
-        return offered.first().copied().ok_or_else(|| not_acceptable(offered));
+        return offered.first().copied().ok_or_else(|| not_acceptable(&offered));
     }
     let values = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
     let ranges: Vec<MediaRange> = values.flat_map(|v| v.split(',')).filter_map(range).collect();
-    best(offered, &ranges).ok_or_else(|| not_acceptable(offered))
+    best(&offered, &ranges).ok_or_else(|| not_acceptable(&offered))
 }
 
 /// Whether a client that may have a page or JSON would rather have JSON: one that asks for it, and

@@ -16,9 +16,9 @@ pub use output::Output;
 pub use sources::{MOST_MEMBERS, pairs_of_json, pairs_of_query, skip_rest};
 pub use table::{Parameter, TABLE, Takes};
 
-use super::accept::Format;
 use super::fields::{Fields, repeated, unknown};
 use crate::problem::{Kind, Problem};
+use pixmesh_codec::Format;
 use pixmesh_codec::{
     Alpha, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource, Shading,
     Texturing,

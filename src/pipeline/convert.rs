@@ -1,11 +1,10 @@
 //! From MODEL to any other format: of a job's mesh, or of one that a client sends.
 
-use super::encode::{Writing, encode};
-use crate::extract::accept::Format;
+use super::encode::encode;
 use crate::extract::params::Output;
 use crate::pool::Watch;
 use crate::problem::Problem;
-use pixmesh_codec::{Limits, read_model_while};
+use pixmesh_codec::{Encodable, Format, Limits, read_model_while};
 
 /// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format.
 ///
@@ -23,14 +22,5 @@ pub fn convert(
     let mesh = read_model_while(model.as_ref(), limits, &|| watch.check())?;
     drop(model);
     watch.check()?;
-    let writing = Writing {
-        format,
-        output,
-        texture: None,
-        comments: &[],
-        model: None,
-        fidelity: None,
-        progression: None,
-    };
-    encode(&mesh, &writing, watch)
+    encode(&Encodable::new(&mesh), format, &output.writing(None), watch)
 }

@@ -1,11 +1,10 @@
 //! From the order of vertices that a job keeps to the mesh of any size, in any format.
 
-use super::encode::{Writing, encode};
-use crate::extract::accept::Format;
+use super::encode::encode;
 use crate::extract::params::Output;
 use crate::pool::Watch;
 use crate::problem::{Problem, internal};
-use pixmesh_codec::{Limits, PmeshError, read_progression_while};
+use pixmesh_codec::{Encodable, Format, Limits, PmeshError, read_progression_while};
 use pixmesh_meshing::{Fidelity, ProgressionError};
 
 /// A mesh of another size as bytes, with what is known of it.
@@ -49,15 +48,11 @@ pub fn resize(
     watch.begin("triangulate");
     let mesh = progression.mesh(size, watch).map_err(damaged)?;
     let fidelity = progression.fidelity(size).map_err(damaged)?;
-    let writing = Writing {
-        format,
-        output,
-        texture: None,
-        comments: &[],
-        model: None,
+    let source = Encodable {
         fidelity: Some(&fidelity),
         progression: Some(&progression),
+        ..Encodable::new(&mesh)
     };
-    let bytes = encode(&mesh, &writing, watch)?;
+    let bytes = encode(&source, format, &output.writing(None), watch)?;
     Ok(Resized { bytes, faces: mesh.faces().len(), fidelity })
 }

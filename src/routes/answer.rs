@@ -50,9 +50,9 @@ pub(super) fn tag(text: impl std::fmt::Display) -> String {
 
 /// The headers of a representation, by its entity tag.
 pub(super) fn headers_of(representation: Representation, tag: &str) -> Result<HeaderMap, Problem> {
-    let disposition = format!("inline; filename=\"{}\"", representation.file_name);
+    let disposition = format!("inline; filename=\"{}\"", representation.format.file_name());
     collected([
-        (CONTENT_TYPE, representation.content_type.to_owned()),
+        (CONTENT_TYPE, representation.content_type().to_owned()),
         (CONTENT_DISPOSITION, disposition),
         (ETAG, tag.to_owned()),
         (VARY, "Accept".to_owned()),

@@ -1,6 +1,6 @@
 //! `GET /v1/methods`: every method, policy, parameter and format, from the parser's own table.
 
-use crate::extract::accept::OFFERED;
+use crate::extract::accept::offered;
 use crate::extract::params::{
     DEFAULT_DENSITY, DEFAULT_METHOD, Order, Output, Parameter, TABLE, Takes,
 };
@@ -16,10 +16,10 @@ pub async fn list() -> Json<Value> {
         "methods": Method::ALL.iter().map(|&method| of_method(method)).collect::<Vec<_>>(),
         "policies": Policy::ALL.iter().map(|&policy| of_policy(policy)).collect::<Vec<_>>(),
         "parameters": TABLE.iter().map(of_parameter).collect::<Vec<_>>(),
-        "formats": OFFERED.map(|offer| json!({
+        "formats": offered().map(|offer| json!({
             "format": offer.format.name(),
             "media_type": offer.media_type,
-        })),
+        })).collect::<Vec<_>>(),
     }))
 }
 

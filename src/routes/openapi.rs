@@ -6,7 +6,7 @@
 mod examples;
 mod jobs;
 
-use crate::extract::accept::OFFERED;
+use crate::extract::accept::offered;
 use crate::extract::params::{Parameter as Row, TABLE, Takes};
 use crate::problem::Kind;
 use axum::http::header::CONTENT_TYPE;
@@ -243,7 +243,7 @@ fn mesh() -> Response {
         .header("Mesh-Parameters", header(Type::String, "What was run, as a query"))
         .header("Server-Timing", header(Type::String, "Milliseconds of each stage"))
         .header("ETag", header(Type::String, "SHA-256 of the body: same request, same tag"));
-    for offer in OFFERED {
+    for offer in offered() {
         let content = match offer.media_type {
             "text/plain" => example(text(), examples::model()),
             other if other.starts_with("text/") => content(text()),

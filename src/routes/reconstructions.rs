@@ -3,7 +3,7 @@
 use super::{Service, answer};
 use crate::admission::{Cost, Memory};
 use crate::digest::Digest;
-use crate::extract::accept::{self, Format, PICTURES, Representation};
+use crate::extract::accept::{self, Representation};
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
 use crate::extract::params::Output;
@@ -14,6 +14,7 @@ use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
+use pixmesh_codec::Format;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -42,7 +43,7 @@ async fn rebuild(service: &Service, request: Request) -> Result<Response, Proble
     let receiving = service.intake.receive(&owner, &MODEL, &head.headers, body, &mut parameters);
     let [upload] = receiving.await?;
     let format = parameters.get("format").map(picture_format).transpose()?;
-    let representation = accept::choose_among(&PICTURES, format, &head.headers)?;
+    let representation = accept::choose_among(accept::pictures(), format, &head.headers)?;
     let (bytes, digest, memory) = run(service, &owner, upload, representation).await?;
     let mut headers = answer::headers_of(representation, &answer::tag(digest))?;
     headers.insert(CONTENT_LENGTH, bytes.len().into());
@@ -51,9 +52,9 @@ async fn rebuild(service: &Service, request: Request) -> Result<Response, Proble
 
 /// The format of this name, when it is that of a picture.
 fn picture_format(name: &str) -> Result<Format, Problem> {
-    let names = PICTURES.map(|picture| picture.format.name());
-    let found = PICTURES.into_iter().find(|picture| picture.format.name() == name);
-    found.map(|picture| picture.format).ok_or_else(|| {
+    let names = accept::pictures().map(|picture| picture.format.name()).collect::<Vec<_>>();
+    let found = Format::ALL.iter().find(|format| format.is_picture() && format.name() == name);
+    found.copied().ok_or_else(|| {
         let detail = format!("format must be one of {}", names.join(", "));
         Problem::new(Kind::UnknownValue, detail).param("format").allowed(&names)
     })

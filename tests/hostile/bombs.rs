@@ -345,7 +345,7 @@ fn of_work() -> Vec<Row> {
             "every format of the largest mesh that 256x256 pixels have",
             Expected::Served,
             || {
-                let names = pixmesh::extract::accept::Format::NAMES.iter();
+                let names = pixmesh_codec::Format::NAMES.iter();
                 let picture = crate::pictures::noise(256);
                 names
                     .map(|format| {

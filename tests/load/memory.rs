@@ -4,8 +4,8 @@ use crate::pictures::{flat, noise};
 use crate::server::Server;
 use crate::slow_decoders::KINDS;
 use pixmesh::admission::Cost;
-use pixmesh::extract::accept::Format;
 use pixmesh::extract::params::ParameterSet;
+use pixmesh_codec::Format;
 
 /// A query, the format it asks for, and the picture.
 type Work = (&'static str, Format, Vec<u8>);

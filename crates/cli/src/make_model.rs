@@ -6,7 +6,7 @@ use crate::options::MeshOptions;
 use crate::output::{OutputOptions, picture_of};
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Texture};
+use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Format, Texture};
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{
     Approximation, Image, MeshingError, OnThreads, Parameters, Progression, Removal, Stage,
@@ -150,8 +150,9 @@ impl MakeModel {
         let control = OnThreads(&attendant, self.threads());
         let model = mesh_image(&image, &parameters, &control)?;
         let stages = attendant.finish();
-        let encoding = self.write(&model, &parameters, texture.as_ref())?;
-        self.write_compact(&image, &parameters, &model)?;
+        let progression = self.progression(&image, &parameters, &model)?;
+        let encoding = self.write(&model, &parameters, texture.as_ref(), progression.as_ref())?;
+        self.write_compact(&model, progression.as_ref())?;
         if self.stats {
             let ssim = structural_similarity(&image, &*picture_of(&model)?, &())?;
             // Statistics that nobody can read are no reason to fail.
@@ -170,25 +171,37 @@ impl MakeModel {
             .map_err(|source| CliError::Weights { name: name(), source })
     }
 
-    /// Writes the mesh in the compact forms asked for.
-    fn write_compact(
+    /// The order of the mesh's vertices, when a file with it is asked for.
+    fn progression(
         &self,
         image: &Image,
         parameters: &Parameters,
         model: &Approximation,
+    ) -> Result<Option<Progression>, CliError> {
+        let format = self.written.format(self.output.as_deref());
+        if format != Format::Progression && self.progressive.is_none() {
+            return Ok(None);
+        }
+        if !parameters.is_of_points_alone() {
+            return Err(EncodeError::NotOfPointsAlone { format: "progression" }.into());
+        }
+        Ok(Some(Progression::new(image, &model.mesh, parameters, &())?))
+    }
+
+    /// Writes the mesh in the compact forms asked for.
+    fn write_compact(
+        &self,
+        model: &Approximation,
+        progression: Option<&Progression>,
     ) -> Result<(), CliError> {
         if let Some(file) = &self.pmesh {
             let mut bytes = Vec::new();
             pixmesh_codec::write_pmesh(&model.mesh, &mut bytes)?;
             files::write(Some(file), &bytes)?;
         }
-        if let Some(file) = &self.progressive {
-            if !parameters.is_of_points_alone() {
-                return Err(EncodeError::NotOfPointsAlone { format: "pmesh" }.into());
-            }
-            let progression = Progression::new(image, &model.mesh, parameters, &())?;
+        if let (Some(file), Some(progression)) = (&self.progressive, progression) {
             let mut bytes = Vec::new();
-            pixmesh_codec::write_progression(&progression, &mut bytes)?;
+            pixmesh_codec::write_progression(progression, &mut bytes)?;
             files::write(Some(file), &bytes)?;
         }
         Ok(())
@@ -200,9 +213,11 @@ impl MakeModel {
         model: &Approximation,
         parameters: &Parameters,
         texture: Option<&Texture>,
+        progression: Option<&Progression>,
     ) -> Result<Duration, CliError> {
         let start = Instant::now();
-        let bytes = self.written.write(model, parameters, self.output.as_deref(), texture)?;
+        let path = self.output.as_deref();
+        let bytes = self.written.write(model, parameters, path, texture, progression)?;
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {

@@ -2,12 +2,12 @@
 
 use crate::CliError;
 use crate::options::named;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use pixmesh_codec::{
-    Compression, EncodeError, Geometry, GltfOptions, LengthUnit, PngCompression, Relief,
-    ReliefHeight, ReliefSource, Shading, Texture, Texturing, model_comments,
+    Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit, PngCompression, Relief,
+    ReliefSource, Shading, Texture, Texturing, encode, model_comments,
 };
-use pixmesh_meshing::{Approximation, Image, Parameters, rasterize};
+use pixmesh_meshing::{Approximation, Image, Parameters, Progression, rasterize};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -22,8 +22,8 @@ const MAX_LENGTH: f64 = 1e9;
 #[derive(Args, Clone, Debug)]
 pub struct OutputOptions {
     /// Format to write [default: by the ending of --output, else model]
-    #[arg(long, help_heading = FILES, value_enum)]
-    format: Option<MeshFormat>,
+    #[arg(long, help_heading = FILES, value_parser = named(Format::NAMES, Format::ALL))]
+    format: Option<Format>,
     /// How glTF stores vertices and indices: none, 16-bit integers, or those compressed
     #[arg(long, help_heading = FILES, default_value = "none",
         value_parser = named(Compression::NAMES, Compression::ALL))]
@@ -68,50 +68,12 @@ pub struct OutputOptions {
     unit: LengthUnit,
 }
 
-/// A format that meshes are written in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MeshFormat {
-    /// MODEL text.
-    Model,
-    /// glTF 2.0, binary.
-    Glb,
-    /// glTF 2.0 as JSON, its buffer within.
-    Gltf,
-    /// The triangles as SVG.
-    Svg,
-    /// PLY, binary.
-    Ply,
-    /// Wavefront OBJ.
-    Obj,
-    /// STL of a solid, binary.
-    Stl,
-    /// The figures and the arrays as JSON.
-    Json,
-    /// Points and samples, compressed.
-    Pmesh,
-    /// The picture rebuilt from the mesh, as PNG.
-    Png,
-    /// The same as PGM, PPM or PAM.
-    Pnm,
-}
-
-impl MeshFormat {
-    /// The format that a file's ending names.
-    #[must_use]
-    pub fn of_path(path: &Path) -> Option<Self> {
-        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-        match ending.as_str() {
-            "pgm" | "ppm" | "pam" => Some(Self::Pnm),
-            ending => Self::from_str(ending, true).ok(),
-        }
-    }
-}
-
 impl OutputOptions {
     /// The format: the one named, else that of the file's ending, else MODEL.
-    fn format(&self, path: Option<&Path>) -> MeshFormat {
-        let of_path = || path.and_then(MeshFormat::of_path);
-        self.format.or_else(of_path).unwrap_or(MeshFormat::Model)
+    #[must_use]
+    pub fn format(&self, path: Option<&Path>) -> Format {
+        let of_path = || path.and_then(Path::extension)?.to_str().and_then(Format::of_file_ending);
+        self.format.or_else(of_path).unwrap_or_default()
     }
 
     /// The picture to embed, if that is asked for.
@@ -124,8 +86,7 @@ impl OutputOptions {
         picture: &[u8],
         image: &Image,
     ) -> Result<Option<Texture>, CliError> {
-        let is_gltf = matches!(self.format(path), MeshFormat::Glb | MeshFormat::Gltf);
-        let wanted = is_gltf && self.texture == Texturing::Embed;
+        let wanted = self.format(path).holds_texture() && self.texture == Texturing::Embed;
         Ok(wanted.then(|| Texture::of_file(picture, image)).transpose()?)
     }
 
@@ -147,45 +108,25 @@ impl OutputOptions {
         parameters: &Parameters,
         path: Option<&Path>,
         texture: Option<&Texture>,
+        progression: Option<&Progression>,
     ) -> Result<Vec<u8>, CliError> {
-        let (mesh, geometry) = (&model.mesh, self.geometry());
-        let gltf = GltfOptions { geometry, compression: self.compression, texture };
+        let comments = model_comments(parameters);
+        let source = Encodable { comments: &comments, progression, ..Encodable::from(model) };
+        let options = EncodeOptions {
+            geometry: self.geometry(),
+            compression: self.compression,
+            texture,
+            shading: self.shading,
+            png_compression: self.png_compression,
+        };
         let mut bytes = Vec::new();
-        let out = &mut bytes;
-        match self.format(path) {
-            MeshFormat::Model => {
-                pixmesh_codec::write_model_with_comments(mesh, &model_comments(parameters), out)
-                    .map_err(EncodeError::from)?;
-            }
-            MeshFormat::Glb => pixmesh_codec::write_glb(mesh, &gltf, out)?,
-            MeshFormat::Gltf => pixmesh_codec::write_gltf(mesh, &gltf, out)?,
-            MeshFormat::Svg => pixmesh_codec::write_svg(mesh, self.shading, out)?,
-            MeshFormat::Ply => pixmesh_codec::write_ply(mesh, &geometry, out)?,
-            MeshFormat::Obj => pixmesh_codec::write_obj(mesh, &geometry, out)?,
-            MeshFormat::Stl => pixmesh_codec::write_stl(mesh, &geometry, out)?,
-            MeshFormat::Json => {
-                pixmesh_codec::write_json(mesh, Some(&model.fidelity), &geometry, out)?;
-            }
-            MeshFormat::Pmesh => pixmesh_codec::write_pmesh(mesh, out)?,
-            MeshFormat::Png => {
-                let picture = picture_of(model)?;
-                pixmesh_codec::write_png_with(&picture, self.png_compression, out)?;
-            }
-            MeshFormat::Pnm => pixmesh_codec::write_pnm(picture_of(model)?.as_ref(), out)?,
-        }
+        encode(&source, self.format(path), &options, &mut bytes, &|| Ok(()))?;
         Ok(bytes)
     }
 
     /// How the mesh lies in space.
     fn geometry(&self) -> Geometry {
-        let height = self.height.map(ReliefHeight::Total);
-        let height = height.or(self.z_scale.map(ReliefHeight::PerSample));
-        let wanted = self.relief.is_some() || height.is_some() || self.invert_relief;
-        let relief = wanted.then(|| Relief {
-            source: self.relief.unwrap_or_default(),
-            height: height.unwrap_or_default(),
-            invert: self.invert_relief,
-        });
+        let relief = Relief::of_choices(self.relief, self.height, self.z_scale, self.invert_relief);
         let base = self.base.unwrap_or(0.0);
         Geometry { pixel_size: self.pixel_size, relief, base, unit: self.unit }
     }

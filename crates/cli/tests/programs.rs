@@ -407,6 +407,8 @@ fn the_ending_of_the_output_and_the_option_choose_the_format() {
             assert!(succeed(MAKE_MODEL, &words, &gray_pgm()).starts_with(start), "{ending}");
         }
     }
+    let words = "--method med --density 4 --format progression";
+    assert!(succeed(MAKE_MODEL, words, &gray_pgm()).starts_with(b"PMSH\x01\x01"));
     let model = succeed(MAKE_MODEL, "--method med --density 4", &gray_pgm());
     let picture = folder.join("rebuilt.PNG");
     succeed(RASTERIZE_MODEL, &format!("--output {}", picture.display()), &model);

@@ -48,6 +48,7 @@ mod canvas;
 mod choices;
 mod color;
 mod decode;
+mod encode;
 mod error;
 mod face_order;
 mod format;
@@ -60,6 +61,7 @@ mod jpeg;
 mod json;
 mod limits;
 mod lines;
+mod mesh_format;
 mod meshopt;
 mod model;
 mod obj;
@@ -79,6 +81,7 @@ mod weights;
 pub use alpha::Alpha;
 pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
 pub use decode::{DecodeOptions, decode, probe};
+pub use encode::{Encodable, EncodeOptions, encode, estimated_bytes};
 pub use error::{DecodeError, EncodeError};
 pub use format::PictureFormat;
 
@@ -87,6 +90,7 @@ pub use guard::in_guarded_decoder;
 pub use header::Header;
 pub use json::write_json;
 pub use limits::Limits;
+pub use mesh_format::Format;
 pub use model::{
     ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_while,
     write_model, write_model_with_comments,

@@ -2,11 +2,10 @@
 //! itself mean together.
 
 use super::Choices;
-use crate::extract::accept::Format;
 use crate::problem::Problem;
 use pixmesh_codec::{
-    Alpha, Compression, DecodeOptions, Geometry, Limits, PngCompression, Relief, ReliefHeight,
-    Shading, Texturing,
+    Alpha, Compression, DecodeOptions, EncodeOptions, Format, Geometry, Limits, PngCompression,
+    Relief, Shading, Texture, Texturing,
 };
 use pixmesh_meshing::Shape;
 
@@ -39,7 +38,14 @@ impl Output {
     /// Whether the answer shows the image itself.
     #[must_use]
     pub fn shows_image(&self, format: Format) -> bool {
-        matches!(format, Format::Glb | Format::Gltf) && self.texture == Texturing::Embed
+        format.holds_texture() && self.texture == Texturing::Embed
+    }
+
+    /// How the mesh is encoded, with the image to show in it.
+    #[must_use]
+    pub fn writing<'a>(&self, texture: Option<&'a Texture>) -> EncodeOptions<'a> {
+        let Self { geometry, compression, shading, png_compression, .. } = *self;
+        EncodeOptions { geometry, compression, texture, shading, png_compression }
     }
 
     /// Checks what is asked for against the image.
@@ -49,16 +55,10 @@ impl Output {
 }
 
 impl Choices {
-    /// How to read and write; a height, a step or an inversion makes a relief.
+    /// How to read and write.
     pub(super) fn output(&self) -> Output {
-        let given = self.height.map(ReliefHeight::Total);
-        let height = given.or(self.z_scale.map(ReliefHeight::PerSample));
-        let wanted = self.relief.is_some() || height.is_some() || self.invert_relief == Some(true);
-        let relief = wanted.then(|| Relief {
-            source: self.relief.unwrap_or_default(),
-            height: height.unwrap_or_default(),
-            invert: self.invert_relief.unwrap_or_default(),
-        });
+        let invert = self.invert_relief.unwrap_or_default();
+        let relief = Relief::of_choices(self.relief, self.height, self.z_scale, invert);
         let unlike = Geometry::default();
         Output {
             alpha: self.alpha.unwrap_or_default(),

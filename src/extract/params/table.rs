@@ -4,8 +4,8 @@
 
 use super::grammar::{decimal, flag, malformed, whole_between};
 use super::{Choices, Order};
-use crate::extract::accept::Format;
 use crate::problem::Problem;
+use pixmesh_codec::Format;
 use pixmesh_codec::{
     Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
 };
@@ -163,8 +163,7 @@ fn put_word<T: FromStr<Err = ParameterError>>(
     place: &mut Option<T>,
     text: &str,
 ) -> Result<(), ParameterError> {
-    let bounded: String = text.chars().take(64).collect();
-    *place = Some(bounded.parse()?);
+    *place = Some(text.parse()?);
     Ok(())
 }
 

@@ -8,7 +8,7 @@
 
 use crate::admission::{Cost, Kept};
 use crate::digest::Digest;
-use crate::extract::accept::{self, Format};
+use crate::extract::accept;
 use crate::extract::fields::Few;
 use crate::extract::owner::Owner;
 use crate::extract::params::{Output, ParameterSet, whole_between};
@@ -23,6 +23,7 @@ use axum::extract::{Path, Request, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
+use pixmesh_codec::Format;
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use std::ops::Range;

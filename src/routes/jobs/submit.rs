@@ -4,7 +4,6 @@
 use super::{document, mesh};
 use crate::admission::Cost;
 use crate::digest::Digest;
-use crate::extract::accept::Format;
 use crate::extract::idempotency;
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
@@ -23,6 +22,7 @@ use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
+use pixmesh_codec::Format;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::spawn_blocking;

@@ -4,7 +4,7 @@
 //! routes work by.
 
 use super::{content, form, mesh, query_parameter, refusal, text};
-use crate::extract::accept::PICTURES;
+use crate::extract::accept::pictures;
 use crate::extract::params::TABLE;
 use crate::jobs::queue::MAX_ATTEMPTS;
 use crate::jobs::record::State;
@@ -239,7 +239,7 @@ fn reconstruct() -> OperationBuilder {
         "A MODEL in, the picture rebuilt from it out",
         "The body is the MODEL text, or a form with one part `model`.",
     );
-    let formats = PICTURES.map(|picture| picture.format.name());
+    let formats: Vec<_> = pictures().map(|picture| picture.format.name()).collect();
     let format = json!({
         "name": "format", "in": "query", "required": false,
         "description": "The format of the picture; wins over the Accept header. Default: png.",
@@ -250,7 +250,7 @@ fn reconstruct() -> OperationBuilder {
         .required("model")
         .property(
             "format",
-            ObjectBuilder::new().schema_type(Type::String).enum_values(Some(formats)),
+            ObjectBuilder::new().schema_type(Type::String).enum_values(Some(formats.clone())),
         )
         .build();
     let body = RequestBodyBuilder::new()
@@ -262,7 +262,7 @@ fn reconstruct() -> OperationBuilder {
         .content("multipart/form-data", content(file))
         .build();
     let mut picture = ResponseBuilder::new().description("The picture").build();
-    for offer in PICTURES {
+    for offer in pictures() {
         picture.content.insert(offer.media_type.to_owned(), RefOr::T(content(super::bytes())));
     }
     let operation =

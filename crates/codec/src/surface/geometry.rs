@@ -39,6 +39,26 @@ pub struct Relief {
     pub invert: bool,
 }
 
+impl Relief {
+    /// The relief that separate choices ask for: none unless one of them is made. `total` is a
+    /// [`ReliefHeight::Total`] and wins over `per_sample`, a [`ReliefHeight::PerSample`].
+    #[must_use]
+    pub fn of_choices(
+        source: Option<ReliefSource>,
+        total: Option<f64>,
+        per_sample: Option<f64>,
+        invert: bool,
+    ) -> Option<Self> {
+        let height = total.map(ReliefHeight::Total);
+        let height = height.or(per_sample.map(ReliefHeight::PerSample));
+        (source.is_some() || height.is_some() || invert).then(|| Self {
+            source: source.unwrap_or_default(),
+            height: height.unwrap_or_default(),
+            invert,
+        })
+    }
+}
+
 /// How high a relief is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ReliefHeight {

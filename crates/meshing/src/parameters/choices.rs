@@ -48,7 +48,7 @@ macro_rules! named_values {
                     $($name => Ok(Self::$value),)+
                     _ => Err($crate::ParameterError::UnknownValue {
                         parameter: $parameter,
-                        value: name.to_owned(),
+                        value: name.chars().take(64).collect(),
                         allowed: Self::NAMES,
                     }),
                 }

@@ -1,0 +1,137 @@
+//! Writing a mesh in any format.
+
+use crate::choices::{Compression, PngCompression, Shading};
+use crate::error::EncodeError;
+use crate::gltf::{GltfOptions, Texture, write_glb, write_gltf};
+use crate::json::write_json;
+use crate::mesh_format::Format;
+use crate::model::write_model_with_comments;
+use crate::obj::write_obj;
+use crate::ply::write_ply;
+use crate::pmesh::{write_pmesh, write_progression};
+use crate::png::write_png_while;
+use crate::pnm::write_pnm;
+use crate::stl::write_stl;
+use crate::surface::Geometry;
+use crate::svg::write_svg;
+use crate::wanted::{Wanted, While};
+use pixmesh_meshing::{Approximation, Fidelity, Image, Mesh, Progression, Shape, rasterize};
+use std::borrow::Cow;
+use std::io::Write;
+
+/// Bytes of a file beside its vertices and faces, at most.
+const FRAME: usize = 4096;
+
+/// What [`encode`] writes: a mesh, and what some formats show beside it.
+#[derive(Clone, Copy, Debug)]
+pub struct Encodable<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Comment lines of MODEL, see [`model_comments`](crate::model_comments).
+    pub comments: &'a [&'a str],
+    /// The error of the mesh, which JSON states.
+    pub fidelity: Option<&'a Fidelity>,
+    /// The picture of the mesh, where it is not the one that [`rasterize`] rebuilds.
+    pub picture: Option<&'a Image>,
+    /// The order of the vertices, which [`Format::Progression`] needs.
+    pub progression: Option<&'a Progression>,
+}
+
+impl<'a> Encodable<'a> {
+    /// A mesh alone.
+    #[must_use]
+    pub fn new(mesh: &'a Mesh) -> Self {
+        Self { mesh, comments: &[], fidelity: None, picture: None, progression: None }
+    }
+}
+
+impl<'a> From<&'a Approximation> for Encodable<'a> {
+    /// A mesh that was made of an image, with its error and its flat picture.
+    fn from(made: &'a Approximation) -> Self {
+        let picture = made.flat.as_ref().map(|flat| &flat.picture);
+        Self { fidelity: Some(&made.fidelity), picture, ..Self::new(&made.mesh) }
+    }
+}
+
+/// How the formats write what leaves a choice.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EncodeOptions<'a> {
+    /// How the mesh lies in space, in the formats of three dimensions.
+    pub geometry: Geometry,
+    /// How glTF stores vertices and indices.
+    pub compression: Compression,
+    /// The picture that glTF embeds.
+    pub texture: Option<&'a Texture>,
+    /// How SVG fills triangles.
+    pub shading: Shading,
+    /// How much time a PNG may take.
+    pub png_compression: PngCompression,
+}
+
+/// Writes a mesh in a format, for as long as the file is wanted.
+///
+/// Only the PNG and the rebuilt picture poll `wanted`; the other formats stop when `out` fails.
+///
+/// # Errors
+/// When the format cannot hold the mesh, writing fails, or the file is no longer wanted.
+pub fn encode(
+    source: &Encodable<'_>,
+    format: Format,
+    options: &EncodeOptions<'_>,
+    out: &mut impl Write,
+    wanted: &Wanted<'_>,
+) -> Result<(), EncodeError> {
+    let Encodable { mesh, comments, fidelity, progression, .. } = *source;
+    let EncodeOptions { geometry, compression, texture, shading, png_compression } = *options;
+    let gltf = GltfOptions { geometry, compression, texture };
+    match format {
+        Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
+        Format::Glb => write_glb(mesh, &gltf, out),
+        Format::Gltf => write_gltf(mesh, &gltf, out),
+        Format::Svg => write_svg(mesh, shading, out),
+        Format::Ply => write_ply(mesh, &geometry, out),
+        Format::Obj => write_obj(mesh, &geometry, out),
+        Format::Stl => write_stl(mesh, &geometry, out),
+        Format::Json => write_json(mesh, fidelity, &geometry, out),
+        Format::Pmesh => write_pmesh(mesh, out),
+        Format::Progression => match progression {
+            Some(progression) => write_progression(progression, out),
+            None => Err(EncodeError::NotOfPointsAlone { format: format.name() }),
+        },
+        Format::Png => write_png_while(&*picture(source, wanted)?, png_compression, out, wanted),
+        Format::Pnm => write_pnm(&*picture(source, wanted)?, out),
+    }
+}
+
+/// The picture of a mesh.
+fn picture<'a>(source: &Encodable<'a>, wanted: &Wanted<'_>) -> Result<Cow<'a, Image>, EncodeError> {
+    match source.picture {
+        Some(picture) => Ok(Cow::Borrowed(picture)),
+        None => Ok(Cow::Owned(rasterize(source.mesh, &While(wanted))?)),
+    }
+}
+
+/// About the most bytes that [`encode`] writes: the capacity of a buffer that need not grow.
+#[must_use]
+pub fn estimated_bytes(mesh: &Mesh, format: Format, options: &EncodeOptions<'_>) -> usize {
+    let Shape { width, height, component_count, precision } = mesh.shape();
+    let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
+    let picture = width * height * component_count * usize::from(precision).div_ceil(8);
+    let texture = options.texture.map_or(0, |texture| texture.bytes().len());
+    let gltf = vertices * 32 + faces * 12 + texture;
+    let bytes = match format {
+        Format::Model => vertices * (12 + 6 * component_count) + faces * 27,
+        Format::Glb => gltf,
+        Format::Gltf => gltf / 3 * 4,
+        Format::Svg if options.shading == Shading::Flat => faces * 70,
+        Format::Svg => faces * 330 * component_count,
+        Format::Ply => vertices * 16 + faces * 13,
+        Format::Obj => vertices * 55 + faces * 24,
+        Format::Stl => faces * 50,
+        Format::Json => vertices * (40 + 6 * component_count) + faces * 24,
+        Format::Pmesh | Format::Progression => vertices * (14 + 2 * component_count),
+        // Noise that does not compress becomes a little longer.
+        Format::Png | Format::Pnm => picture + picture / 8,
+    };
+    bytes + FRAME
+}
