@@ -277,7 +277,7 @@ fn unconstrain(
         mesh.errors = FaceErrors::new(&unweighted);
         mesh.measure(Stage::Measure, control)?;
     }
-    let squared_error = Some(mesh.total_error());
+    let squared_error = Some(mesh.triangulation.total_error);
     let samples = order.iter().flat_map(|&v| mesh.values_of(v).iter().copied()).collect();
     Ok(Valued { mesh: Mesh::from_kernel(image.shape(), points, samples, faces), squared_error })
 }

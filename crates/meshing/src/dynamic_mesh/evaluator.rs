@@ -104,7 +104,8 @@ impl<M: FaceMeasure> Evaluator<M> {
         let replaced_error: u64 = replaced.map(|&slot| triangulation.face_error(slot)).sum();
         let before = detached.error + replaced_error;
         faces.clear();
-        faces.extend(triangulation.fan_around(at, cavity));
+        let point = |v: u32| triangulation.points[v as usize];
+        faces.extend(cavity.edges().map(|(from, to)| [point(from), point(to), at]));
         let most = limit.saturating_add_unsigned(before).max(0) as u64;
         let change = measure.errors_below(faces, most, errors) as i64 - before as i64;
         Ok((change < limit).then_some(change))

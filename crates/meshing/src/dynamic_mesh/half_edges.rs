@@ -7,7 +7,7 @@
 //! inserted again at its old position has its old triangles. Both take time proportional to the
 //! number of triangles that change, six on average.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, collect};
 use crate::image::Point;
 use crate::triangulation::hole::HoleTriangle;
 use crate::triangulation::predicates::{in_circle, orientation};
@@ -15,9 +15,6 @@ use crate::triangulation::{Face, NONE, Triangulation, next, previous, smallest_f
 
 /// Stands for the opposite of a half-edge on the boundary of a patch.
 pub(crate) const PATCH_BOUNDARY: u32 = NONE - 1;
-
-/// Half-edges, vertices or errors between two polls of the control: some milliseconds.
-const ITEMS_PER_POLL: usize = 1 << 16;
 
 /// A triangulation as arrays of half-edges, with an error for each face.
 ///
@@ -124,13 +121,14 @@ impl DynamicTriangulation {
 
     /// A copy.
     pub(crate) fn copy(&self, control: &dyn Control) -> Result<Self, Cancelled> {
+        let poll = || control.poll(Stage::Refine, 0, 1);
         Ok(Self {
-            points: copy_of(&self.points, control)?,
-            origins: copy_of(&self.origins, control)?,
-            twins: copy_of(&self.twins, control)?,
-            outgoing: copy_of(&self.outgoing, control)?,
-            free: copy_of(&self.free, control)?,
-            face_errors: copy_of(&self.face_errors, control)?,
+            points: collect(self.points.iter().copied(), poll)?,
+            origins: collect(self.origins.iter().copied(), poll)?,
+            twins: collect(self.twins.iter().copied(), poll)?,
+            outgoing: collect(self.outgoing.iter().copied(), poll)?,
+            free: collect(self.free.iter().copied(), poll)?,
+            face_errors: collect(self.face_errors.iter().copied(), poll)?,
             ..*self
         })
     }
@@ -181,12 +179,6 @@ impl DynamicTriangulation {
     #[inline]
     pub(crate) fn corners(&self, slot: u32) -> [Point; 3] {
         self.vertices_of(slot).map(|v| self.points[v as usize])
-    }
-
-    /// The faces of a vertex at a position that replace the triangles inside a link.
-    pub(crate) fn fan_around(&self, at: Point, link: &Link) -> impl Iterator<Item = [Point; 3]> {
-        let point = |v: u32| self.points[v as usize];
-        link.edges().map(move |(from, to)| [point(from), point(to), at])
     }
 
     /// A triangle's vertices.
@@ -455,28 +447,18 @@ pub(crate) struct SortedMesh {
     pub(crate) order: Vec<u32>,
 }
 
-/// Polls at the first of every [`ITEMS_PER_POLL`] indices.
+/// Polls at the first of every [`POINTS_PER_POLL`] indices.
 pub(crate) fn poll_at(index: usize, control: &dyn Control) -> Result<(), Cancelled> {
-    if index.is_multiple_of(ITEMS_PER_POLL) { control.poll(Stage::Refine, 0, 1) } else { Ok(()) }
+    if index.is_multiple_of(POINTS_PER_POLL) { control.poll(Stage::Refine, 0, 1) } else { Ok(()) }
 }
 
-/// A copy made with a poll for every [`ITEMS_PER_POLL`] items.
-fn copy_of<T: Copy>(items: &[T], control: &dyn Control) -> Result<Vec<T>, Cancelled> {
-    let mut copy = Vec::with_capacity(items.len());
-    for chunk in items.chunks(ITEMS_PER_POLL) {
-        control.poll(Stage::Refine, 0, 1)?;
-        copy.extend_from_slice(chunk);
-    }
-    Ok(copy)
-}
-
-/// Sorts distinct items in ascending order, with a poll for every [`ITEMS_PER_POLL`] or fewer.
+/// Sorts distinct items in ascending order, with a poll for every [`POINTS_PER_POLL`] or fewer.
 pub(crate) fn sort_with_polls<T: Ord>(
     items: &mut [T],
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
     control.poll(Stage::Refine, 0, 1)?;
-    if items.len() <= ITEMS_PER_POLL {
+    if items.len() <= POINTS_PER_POLL {
         items.sort_unstable();
         return Ok(());
     }
@@ -578,14 +560,14 @@ mod tests {
         let side = 160;
         let lattice = (0..side).flat_map(|y| (0..side).map(move |x| Point::new(x, y)));
         let whole = dynamic(&lattice.collect(), side, side);
-        let steps = whole.origins.len() / ITEMS_PER_POLL;
+        let steps = whole.origins.len() / POINTS_PER_POLL;
         assert!(steps >= 2);
         let copied = Recorder::default();
         let sorted = whole.copy(&copied).unwrap().sorted(&()).unwrap();
         assert_eq!(sorted.points, whole.points);
         assert!(copied.reports().len() >= 2 * steps);
         let mut items: Vec<u32> =
-            (0..5 * ITEMS_PER_POLL as u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
+            (0..5 * POINTS_PER_POLL as u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
         let control = Recorder::default();
         sort_with_polls(&mut items, &control).unwrap();
         assert!(items.is_sorted());

@@ -15,9 +15,6 @@ use crate::removal::Removal;
 /// A batch takes at most one in this many of the vertices that are left.
 const LARGEST_BATCH: usize = 4;
 
-/// The change of the error by the removal of a vertex, and the vertex.
-type Cost = (i64, u32);
-
 /// Removes `count` vertices, or all that can be removed, and returns them in order; calls
 /// `on_change` with the neighbours of each.
 pub(crate) fn remove_in_batches<M: FaceMeasure>(
@@ -28,7 +25,8 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
 ) -> Result<Vec<Removal>, Cancelled> {
     let mut is_outdated = vec![false; mesh.triangulation.points.len()];
     let mut outdated: Vec<u32> = (0..is_outdated.len() as u32).collect();
-    let mut costs = Vec::<Cost>::new();
+    // The change of the error by the removal of a vertex, and the vertex.
+    let mut costs = Vec::<(i64, u32)>::new();
     let mut removals = Vec::new();
     while removals.len() < count {
         outdated.retain(|&v| mesh.triangulation.is_movable(v));

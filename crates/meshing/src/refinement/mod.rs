@@ -24,8 +24,7 @@ use progress::StepProgress;
 use relocation::Relocation;
 use schedule::{Step, steps};
 
-/// Lowers the error of a mesh with an effort of 0 (nothing) to 9, and returns its vertices and
-/// faces. The number of vertices stays.
+/// Lowers a mesh's error with an effort of 0 (nothing) to 9. The number of vertices stays.
 pub(crate) fn refine<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     effort: u8,
@@ -38,7 +37,7 @@ pub(crate) fn refine<M: FaceMeasure>(
         match step {
             Step::Relocate(search) => relocation.pass(mesh, search, &Cuts::BOTH, &progress)?,
             Step::RelocateAll(search) => {
-                relocation.restart();
+                relocation.is_outdated.fill(true);
                 relocation.pass(mesh, search, &Cuts::BOTH, &progress)?;
             }
             Step::Grow(search, percent) => {

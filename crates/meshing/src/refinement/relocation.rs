@@ -50,7 +50,7 @@ pub(crate) enum Search {
 #[derive(Clone)]
 pub(crate) struct Relocation {
     /// Whether the faces of each vertex have changed since its last visit.
-    is_outdated: Vec<bool>,
+    pub(super) is_outdated: Vec<bool>,
     /// Whether the current pass has yet to visit each vertex.
     is_pending: Vec<bool>,
     /// The vertices tile by tile, by their first positions.
@@ -81,11 +81,6 @@ impl Relocation {
         self.is_outdated.push(true);
         self.is_pending.push(true);
         self.order.push(vertex);
-    }
-
-    /// Visits every vertex in the next pass.
-    pub(crate) fn restart(&mut self) {
-        self.is_outdated.fill(true);
     }
 
     /// Visits these vertices again, as their faces have changed.

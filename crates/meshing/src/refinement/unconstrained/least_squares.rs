@@ -27,7 +27,7 @@ pub(crate) fn fit_values(
 ) -> Result<(), Cancelled> {
     let equations = NormalEquations::new(mesh, control)?;
     let (count, largest) = (mesh.image.component_count(), f64::from(mesh.image.max_sample()));
-    let (values_before, error_before) = (mesh.values.clone(), mesh.total_error());
+    let (values_before, error_before) = (mesh.values.clone(), mesh.triangulation.total_error);
     for c in 0..count {
         let before = values_before.iter().skip(c).step_by(count);
         let mut values: Vec<f64> = before.map(|&value| value.into()).collect();
@@ -37,7 +37,7 @@ pub(crate) fn fit_values(
         }
     }
     mesh.measure(Stage::Refine, control)?;
-    if mesh.total_error() >= error_before {
+    if mesh.triangulation.total_error >= error_before {
         mesh.values = values_before;
         mesh.measure(Stage::Refine, control)?;
     }
@@ -252,7 +252,7 @@ mod tests {
             let expected_error = error(&expected);
             fit_values(&mut mesh, &()).unwrap();
             prop_assert_eq!(&mesh.values, &expected);
-            prop_assert_eq!(mesh.total_error(), expected_error);
+            prop_assert_eq!(mesh.triangulation.total_error, expected_error);
         }
     }
 

@@ -51,7 +51,7 @@ pub(crate) struct VertexMoves {
     /// Offsets of the positions tried, the vertex's own first.
     offsets: Vec<(i32, i32)>,
     /// Whether the faces of each vertex have changed since its last visit.
-    is_outdated: Vec<bool>,
+    pub(super) is_outdated: Vec<bool>,
     star: Link,
     parabolas: Vec<Parabola>,
     /// Values at the position estimated last, and at the best one so far.
@@ -68,11 +68,6 @@ impl VertexMoves {
             is_outdated: vec![true; vertex_count],
             ..Self::default()
         }
-    }
-
-    /// Visits every vertex in the next pass.
-    pub(crate) fn restart(&mut self) {
-        self.is_outdated.fill(true);
     }
 
     /// Visits once each vertex whose faces have changed.
@@ -318,7 +313,7 @@ mod tests {
             VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
             let at = mesh.triangulation.points[vertex];
             assert_eq!((at.x, at.y), expected);
-            assert_eq!(mesh.total_error(), 63 * 63);
+            assert_eq!(mesh.triangulation.total_error, 63 * 63);
         }
     }
 
@@ -355,14 +350,14 @@ mod tests {
                         mesh.values[2 * vertex + c] = sample;
                     }
                     mesh.measure(Stage::Refine, &()).unwrap();
-                    assert!(mesh.total_error() > 0);
+                    assert!(mesh.triangulation.total_error > 0);
                     let freedom = Freedom { connectivity: true, values };
                     let mut moves = VertexMoves::new(points.len(), freedom);
                     moves.is_outdated.fill(false);
                     moves.is_outdated[vertex] = true;
                     moves.pass(&mut mesh, &()).unwrap();
                     assert_eq!(mesh.triangulation.points, points, "{vertex} from {to:?}");
-                    assert_eq!((&mesh.values, mesh.total_error()), (&plain.values, 0));
+                    assert_eq!((&mesh.values, mesh.triangulation.total_error), (&plain.values, 0));
                     // The neighbours are visited in the next pass.
                     assert!(moves.is_outdated.contains(&true));
                 }

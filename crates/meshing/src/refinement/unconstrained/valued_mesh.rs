@@ -50,11 +50,6 @@ impl<'a> ValuedMesh<'a> {
         Ok(())
     }
 
-    /// The sum of the errors of all faces.
-    pub(crate) fn total_error(&self) -> u64 {
-        self.triangulation.total_error
-    }
-
     /// The values of a vertex.
     pub(crate) fn values_of(&self, vertex: u32) -> &[u16] {
         values_of(&self.values, self.image, vertex)
@@ -233,14 +228,14 @@ pub(crate) mod tests {
             let error = |mesh: &ValuedMesh<'_>, faces: &[Face]| {
                 error_of_rebuilt(&image, &points, &mesh.values, faces)
             };
-            prop_assert_eq!(mesh.total_error(), error(&mesh, &faces));
+            prop_assert_eq!(mesh.triangulation.total_error, error(&mesh, &faces));
             mesh.flip_edges(&()).unwrap();
             let after = faces_of(&mesh);
-            prop_assert_eq!(mesh.total_error(), error(&mesh, &after));
-            prop_assert!(mesh.total_error() <= error(&mesh, &faces));
+            prop_assert_eq!(mesh.triangulation.total_error, error(&mesh, &after));
+            prop_assert!(mesh.triangulation.total_error <= error(&mesh, &faces));
             prop_assert_eq!(after.len(), faces.len());
             for other in flipped(&points, &after) {
-                prop_assert!(error(&mesh, &other) >= mesh.total_error());
+                prop_assert!(error(&mesh, &other) >= mesh.triangulation.total_error);
             }
         }
     }
