@@ -1,9 +1,9 @@
-//! Progress and cancellation, polled by the kernels.
+//! Progress and cancellation.
 //!
-//! The crate owns no clock, no thread and no logger: whoever calls a kernel passes a [`Control`],
-//! hears of each stage as it begins and advances, and may answer that the work is no longer
-//! wanted. It also says how many threads they may use. Kernels poll at least every few thousand elementary steps, so that a cancelled call
-//! returns within milliseconds.
+//! The crate has no clock, no thread pool and no logger. The caller of a kernel passes a [`Control`].
+//! The kernel reports the progress of each stage to it, and stops if it cancels. The control also
+//! sets the number of threads. Kernels poll their control at intervals of some milliseconds, so a
+//! cancelled call returns soon.
 
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -12,7 +12,7 @@ use thiserror::Error;
 /// The stages of a method, in the order in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// Meshes of several sizes, one after the other, until the smallest of a quality is found.
+    /// The search for the smallest mesh of a quality, by meshes of several sizes.
     Search,
     /// Significance of every lattice point, normalised to a density.
     Density,
@@ -24,15 +24,15 @@ pub enum Stage {
     Triangulate,
     /// Greedy point removal.
     Simplify,
-    /// Refinement: vertices moved, swapped and fitted, edges flipped.
+    /// Refinement: vertices are moved, exchanged and fitted, edges are flipped.
     Refine,
-    /// The squared error of the mesh, where removal has not kept account of it.
+    /// The squared error of the mesh, if removal does not yield it.
     Measure,
     /// The order of importance of the mesh's vertices.
     Order,
     /// The picture rebuilt from the mesh.
     Rasterize,
-    /// Checks of a mesh or a progression made of parts.
+    /// The checks of a mesh or a progression that a caller makes of its parts.
     Check,
 }
 
@@ -52,7 +52,7 @@ impl Stage {
         Self::Check,
     ];
 
-    /// The stage's name in lower case, as logs, metrics and `Server-Timing` carry it.
+    /// The stage's name in lower case, for logs and metrics.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -82,24 +82,44 @@ impl fmt::Display for Stage {
 #[error("cancelled")]
 pub struct Cancelled;
 
-/// What a kernel asks while it works.
+/// Receives a kernel's progress, and may cancel its work.
+///
+/// ```
+/// use pixmesh_meshing::{Cancelled, Control, Image, Method, Stage, Target, mesh_image};
+/// use std::time::{Duration, Instant};
+///
+/// /// Cancels work that takes too long.
+/// struct Deadline(Instant);
+///
+/// impl Control for Deadline {
+///     fn poll(&self, _: Stage, _done: usize, _total: usize) -> Result<(), Cancelled> {
+///         if Instant::now() < self.0 { Ok(()) } else { Err(Cancelled) }
+///     }
+/// }
+///
+/// let image = Image::from_top_down(32, 32, 8, vec![vec![7; 32 * 32]])?;
+/// let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
+/// assert!(mesh_image(&image, &parameters, &Deadline(Instant::now())).is_err());
+/// let deadline = Deadline(Instant::now() + Duration::from_secs(60));
+/// assert!(mesh_image(&image, &parameters, &deadline).is_ok());
+/// # Ok::<(), pixmesh_meshing::ImageError>(())
+/// ```
 pub trait Control: Sync {
-    /// Hears that `done` of `total` steps of `stage` are behind; `done == 0` when the stage
-    /// begins.
+    /// Reports that `done` of `total` steps of `stage` are done; 0 when the stage begins.
     ///
-    /// Called often: an implementation must return at once.
+    /// Kernels call it often, so it should return at once.
     ///
     /// # Errors
-    /// [`Cancelled`] makes the kernel stop and its caller get that error.
+    /// [`Cancelled`] stops the kernel, which returns that error to its caller.
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled>;
 
-    /// How many threads the kernels may work on, the caller's among them. No result depends on it.
+    /// How many threads a kernel may use, the caller's among them. No result depends on it.
     fn threads(&self) -> NonZeroUsize {
         NonZeroUsize::MIN
     }
 }
 
-/// Lattice points that a kernel works on between two polls: some milliseconds at the most.
+/// The lattice points that a kernel processes between two polls: at most some milliseconds.
 pub(crate) const POINTS_PER_POLL: usize = 1 << 16;
 
 /// Collects items, with a poll for each [`POINTS_PER_POLL`] of them.
@@ -113,11 +133,6 @@ pub(crate) fn collect<T>(
         collected.extend(items.by_ref().take(POINTS_PER_POLL));
     }
     Ok(collected)
-}
-
-/// Rows of this width that a kernel works on between two polls, at least one.
-pub(crate) fn rows_per_poll(width: usize) -> usize {
-    (POINTS_PER_POLL / width).max(1)
 }
 
 /// Polls a control once in [`POINTS_PER_POLL`] steps of a stage.
@@ -149,7 +164,7 @@ impl<'a> Poller<'a> {
     }
 }
 
-/// Work on several threads under a control that knows nothing of them.
+/// A control with this number of threads.
 #[derive(Clone, Copy, Debug)]
 pub struct OnThreads<C>(pub C, pub NonZeroUsize);
 
@@ -173,7 +188,7 @@ impl<C: Control + ?Sized> Control for &C {
     }
 }
 
-/// The control of unattended work: it ignores every report and never cancels.
+/// Ignores every report, never cancels, and allows one thread.
 impl Control for () {
     fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
         Ok(())
@@ -244,7 +259,7 @@ pub(crate) mod tests {
     const THREE: NonZeroUsize = NonZeroUsize::new(3).unwrap();
 
     #[test]
-    fn a_stage_has_its_own_name_in_lower_case() {
+    fn names_of_stages_are_in_lower_case() {
         for stage in Stage::ALL {
             assert_eq!(stage.name(), format!("{stage:?}").to_lowercase());
             assert_eq!(stage.to_string(), stage.name());
@@ -252,7 +267,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_control_behind_something_answers_as_itself() {
+    fn wrapped_controls_poll_the_inner_one() {
         fn answers(control: &impl Control) -> (Result<(), Cancelled>, usize) {
             (control.poll(Stage::Density, 0, 1), control.threads().get())
         }

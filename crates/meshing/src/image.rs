@@ -1,15 +1,14 @@
 //! Planar integer images: the input of every method and the output of rasterisation.
 //!
-//! This is the one statement of the coordinate convention: `x` grows to the right from 0 to
-//! `width - 1`, `y` grows **upwards** from 0 to `height - 1`, so row 0 is the bottom row of the
-//! picture. Decoders, whose rows come from the top, put them there, or flip once with
-//! [`Image::from_top_down`]; nothing inside this crate flips again.
+//! The coordinate convention of the crate: `x` grows to the right from 0 to `width - 1`, `y` grows
+//! **upwards** from 0 to `height - 1`, so row 0 is the bottom row of the picture. Decoders yield rows
+//! from the top; [`Image::from_top_down`] reverses them, and nothing else in this crate does.
 
 use std::fmt;
 use thiserror::Error;
 
-/// The most columns or rows an image may have, so that `2 * area` of any triangle and every
-/// product of two coordinates fit comfortably into 64 bits.
+/// The most columns or rows an image may have, so that `2 * area` of any triangle and every product
+/// of two coordinates fit into 64 bits.
 pub const MAX_SIDE: usize = 1 << 20;
 
 /// The most lattice points an image may have: a mesh of all of them has fewer than six times as
@@ -20,7 +19,7 @@ pub const MAX_POINTS: usize = u32::MAX as usize / 6;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Point {
-    /// Row, `0..height`, 0 at the bottom. Declared first, so that points compare by row, then column.
+    /// Row, `0..height`, 0 at the bottom. The first field, so points compare by row, then column.
     pub y: i32,
     /// Column, `0..width`.
     pub x: i32,
@@ -97,7 +96,8 @@ pub enum ImageError {
     },
     /// A side is longer than [`MAX_SIDE`], or there are more than [`MAX_POINTS`] lattice points.
     #[error(
-        "an image of {width}x{height} is too large: {MAX_SIDE} columns and rows and {MAX_POINTS} points are the most"
+        "an image of {width}x{height} is too large: {MAX_SIDE} columns and rows and {MAX_POINTS} \
+         points are the most"
     )]
     TooLarge {
         /// Columns given.
@@ -131,7 +131,8 @@ pub enum ImageError {
     },
     /// A sample does not fit the precision.
     #[error(
-        "component {component} holds the sample {sample}, more than the {maximum} that {precision} bits allow"
+        "component {component} holds the sample {sample}, more than the {maximum} that \
+         {precision} bits allow"
     )]
     SampleRange {
         /// Index of the component.
@@ -222,7 +223,7 @@ impl Image {
         Ok(Self { width, height, precision, components })
     }
 
-    /// An image of parts that a kernel of this crate has made valid.
+    /// An image of parts that are valid by construction.
     pub(crate) fn from_kernel(
         width: usize,
         height: usize,
@@ -232,8 +233,7 @@ impl Image {
         Self { width, height, precision, components }
     }
 
-    /// An image of the same shape but for its components, which a kernel of this crate made of
-    /// this image's samples.
+    /// An image of the same size and precision with other components, valid by construction.
     pub(crate) fn with_components(&self, components: Vec<Vec<u16>>) -> Self {
         Self { components, ..*self }
     }
@@ -309,7 +309,7 @@ pub(crate) fn largest_sample(precision: u8) -> u16 {
     u16::MAX >> (16 - precision)
 }
 
-/// Checks what can be known of an image before its samples.
+/// Checks the size and the precision of an image.
 pub(crate) fn check_shape(width: usize, height: usize, precision: u8) -> Result<(), ImageError> {
     if width < 2 || height < 2 {
         return Err(ImageError::TooSmall { width, height });
@@ -342,7 +342,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_given_from_the_top_end_up_with_the_bottom_row_first() {
+    fn from_top_down_puts_the_bottom_row_first() {
         let image = Image::from_top_down(2, 3, 8, vec![vec![1, 2, 3, 4, 5, 6]]).unwrap();
         assert_eq!(image.row(0, 0), [5, 6]);
         assert_eq!(image.row(0, 2), [1, 2]);
@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_sides_are_taken() {
+    fn largest_shapes_are_valid() {
         assert_eq!(check_shape(MAX_SIDE, 2, 16), Ok(()));
         assert_eq!(check_shape(2, MAX_SIDE, 1), Ok(()));
         assert!(check_shape(2, MAX_SIDE + 1, 1).is_err());
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_refused_with_the_numbers_in_the_message() {
+    fn errors_name_the_numbers() {
         let message = |result: Result<Image, ImageError>| result.unwrap_err().to_string();
         assert!(message(Image::from_bottom_up(1, 5, 8, vec![vec![0; 5]])).contains("1x5"));
         assert!(message(Image::from_bottom_up(5, 1, 8, vec![vec![0; 5]])).contains("5x1"));

@@ -1,6 +1,6 @@
-//! Work shared out to threads.
+//! Work shared by threads.
 //!
-//! Only the calling thread polls the caller's [`Control`], and once that cancels, all threads stop.
+//! Only the calling thread polls the caller's [`Control`]; when that cancels, all threads stop.
 
 use crate::control::{Cancelled, Control, OnThreads, Stage};
 use std::num::NonZeroUsize;
@@ -23,12 +23,12 @@ impl Control for CancelledElsewhere<'_> {
     }
 }
 
-/// Calls `work` once for each share, on at most `control.threads()` threads, of which the calling
-/// thread is one. Work on the calling thread polls `control`; work on a helper thread polls whether
-/// the calling thread's work was cancelled. No share is begun after that.
+/// Calls `work` once for each share, on at most `control.threads()` threads, the calling thread
+/// among them. Work on the calling thread polls `control`. Work on a helper thread polls whether the
+/// calling thread was cancelled. No share begins after a cancellation.
 ///
-/// The result of a share must not depend on its thread: fewer threads run where the system starts
-/// no more.
+/// The result of a share must not depend on its thread. Fewer threads run if the system starts no
+/// more.
 pub(crate) fn share_out<S: Send>(
     shares: impl ExactSizeIterator<Item = S> + Send,
     control: &dyn Control,
@@ -59,27 +59,14 @@ fn share_out_on<S: Send>(
     // The calling thread returns a cancellation; helper threads only stop.
     let help = || _ = work_on_shares(&CancelledElsewhere(&is_cancelled));
     thread::scope(|scope| {
-        // Where one thread does not start, the next would not either.
+        // If one thread does not start, the next one does not either.
         (0..helper_count).all(|_| new_thread().spawn_scoped(scope, help).is_ok());
         work_on_shares(control).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed))
     })
 }
 
-/// Calls `work` once for each share, on at most this many threads, without cancellation.
-pub(crate) fn share_out_all<S: Send>(
-    threads: NonZeroUsize,
-    shares: impl ExactSizeIterator<Item = S> + Send,
-    work: impl Fn(S) + Sync,
-) {
-    let work = |share, _: &dyn Control| {
-        work(share);
-        Ok(())
-    };
-    let _ = share_out(shares, &OnThreads((), threads), work);
-}
-
-/// Calls `work` on corresponding parts of two slices of one length, on at most this many threads.
-/// What `work` makes of an element must not depend on the part it is in.
+/// Calls `work` on corresponding parts of two slices of one length, on at most this many threads,
+/// without cancellation. The result of an element must not depend on the part that holds it.
 pub(crate) fn in_parallel<A: Sync, B: Send>(
     input: &[A],
     output: &mut [B],
@@ -88,11 +75,15 @@ pub(crate) fn in_parallel<A: Sync, B: Send>(
 ) {
     let share = input.len().div_ceil(threads.get()).max(LEAST_SHARE);
     let shares = input.chunks(share).zip(output.chunks_mut(share));
-    share_out_all(threads, shares, |(input, output): (&[A], &mut [B])| work(input, output));
+    let work = |(input, output): (&[A], &mut [B]), _: &dyn Control| {
+        work(input, output);
+        Ok(())
+    };
+    let _ = share_out(shares, &OnThreads((), threads), work);
 }
 
-/// Calls `work` on bands of whole rows of a field: with the number of the band's first row, the
-/// band, and the control of its thread as [`share_out`] has it.
+/// Calls `work` on bands of whole rows of a field, with the number of the band's first row, the
+/// band, and the control that [`share_out`] gives its thread.
 pub(crate) fn in_row_bands<T: Send>(
     field: &mut [T],
     width: usize,
@@ -112,13 +103,13 @@ mod tests {
 
     const THREADS: NonZeroUsize = NonZeroUsize::new(8).unwrap();
 
-    /// A thread for whose stack no system has the memory.
+    /// A thread with a stack larger than the memory of any system.
     fn never_starting() -> Builder {
         Builder::new().stack_size(1 << 60)
     }
 
     #[test]
-    fn caller_works_alone_where_no_thread_starts() {
+    fn caller_works_alone_if_no_thread_starts() {
         assert!(never_starting().spawn(|| ()).is_err());
         for count in [0, 1, 2, 7] {
             let done = Mutex::new(Vec::new());

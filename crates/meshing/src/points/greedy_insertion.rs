@@ -1,12 +1,12 @@
-//! Points in a moment: greedy insertion.
+//! Greedy insertion: initial points within some tens of milliseconds for a quarter of a megapixel,
+//! for a mesh that a page shows before a better one arrives.
 //!
 //! Michael Garland and Paul S. Heckbert, "Fast polygonal approximation of terrains and height
-//! fields", 1995, insert again and again the point of largest error. Here the face of largest
-//! error gets a vertex, at its worst point or at the middle of its squared error, whichever lowers
-//! the error of the mesh more. Costs some tens of milliseconds for a quarter of a megapixel: the mesh is
-//! what a page shows before a better one arrives.
+//! fields", 1995, repeatedly insert the point of largest error. Here the face of largest error gets
+//! a vertex, at its pixel of largest error or at the centroid of its squared error, whichever lowers
+//! the error of the mesh more.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::pixels_of_face::for_each_row;
@@ -16,10 +16,10 @@ use crate::parameters::choices::ErrorMetric;
 use crate::triangulation::predicates::orientation;
 use std::collections::BinaryHeap;
 
-/// Insertions between two polls of the control.
-const INSERTIONS_PER_POLL: usize = 64;
+/// How many steps of a [`Poller`] an insertion counts, beside one for each pixel.
+const STEPS_PER_INSERTION: usize = 1024;
 
-/// A face that wants a vertex: compares by its error, then by its vertices.
+/// A face with an error, in the order in which faces get vertices: by error, then by vertices.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Demand {
     error: u64,
@@ -28,7 +28,7 @@ struct Demand {
 }
 
 /// Chooses up to `size` points of an image, by row, then column, the corners among them, by greedy
-/// insertion; fewer where no face has an error any more.
+/// insertion; fewer if all faces have no error before.
 ///
 /// # Errors
 /// When the control cancels.
@@ -43,16 +43,15 @@ pub(crate) fn inserted_points(
     let measure = ErrorEvaluator::new(image, metric, weights);
     let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
     let mesh = MeasuredMesh::new(corners, sides, errors, Stage::Insert, control)?;
-    let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new() };
+    let poller = Poller::new(control, Stage::Insert, 0, size);
+    let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new(), poller };
     for slot in 0..insertion.mesh.triangulation.slot_count() as u32 {
         insertion.demand(slot);
     }
     control.poll(Stage::Insert, 0, size)?;
     for count in 4..size {
-        if count % INSERTIONS_PER_POLL == 0 {
-            control.poll(Stage::Insert, count, size)?;
-        }
-        if !insertion.insert_one() {
+        insertion.poller.done = count;
+        if !insertion.insert_one()? {
             break;
         }
     }
@@ -61,17 +60,18 @@ pub(crate) fn inserted_points(
     Ok(points)
 }
 
-/// A mesh that gets one vertex after the other.
+/// A mesh that receives vertices one by one.
 struct Insertion<'a> {
     image: &'a Image,
     weights: Option<&'a [u8]>,
     mesh: MeasuredMesh<FaceErrors<'a>>,
-    /// The faces, the worst first; some are no more.
+    /// The faces, the largest error first; some of them were replaced since.
     demands: BinaryHeap<Demand>,
+    poller: Poller<'a>,
 }
 
 impl Insertion<'_> {
-    /// Notes that a face wants a vertex, if it has an error.
+    /// Queues a face if it has an error.
     fn demand(&mut self, slot: u32) {
         let error = self.mesh.triangulation.face_error(slot);
         if error > 0 {
@@ -80,33 +80,43 @@ impl Insertion<'_> {
         }
     }
 
-    /// Gives the worst face a vertex, at the better of two places; tells whether there was a face
-    /// to give it to.
-    fn insert_one(&mut self) -> bool {
+    /// Inserts a vertex into the face of largest error, at the better of two positions. Returns
+    /// whether any face has an error.
+    fn insert_one(&mut self) -> Result<bool, Cancelled> {
         while let Some(Demand { corners, slot, .. }) = self.demands.pop() {
             if self.mesh.triangulation.corners(slot) != corners {
                 continue;
             }
-            let (mut best, mut limit) = (None, i64::MAX);
-            for place in places(self.image, self.weights, corners).into_iter().flatten() {
-                if let Some(change) = self.mesh.insertion_change(place, slot, limit) {
-                    (best, limit) = (Some(place), change);
+            let (mut best, mut limit, [a, b, c]) = (None, i64::MAX, corners);
+            self.poller.step(STEPS_PER_INSERTION)?;
+            let (area, poller) = (orientation(a, b, c) as usize / 2, &mut self.poller);
+            let tried = positions(self.image, self.weights, corners, poller)?;
+            for position in tried.into_iter().flatten() {
+                self.poller.step(area)?;
+                if let Some(change) = self.mesh.insertion_change(position, slot, limit) {
+                    (best, limit) = (Some(position), change);
                 }
             }
-            let Some(place) = best else { continue };
-            self.mesh.add_vertex(place, slot);
+            let Some(position) = best else { continue };
+            self.mesh.add_vertex(position, slot);
             for i in 0..self.mesh.fan.len() {
                 self.demand(self.mesh.fan[i]);
             }
-            return true;
+            return Ok(true);
         }
-        false
+        Ok(false)
     }
 }
 
-/// The point of largest squared error of a face that has an error, and the one at the middle of that
-/// error where it is no vertex; errors count by the weights.
-fn places(image: &Image, weights: Option<&[u8]>, corners: [Point; 3]) -> [Option<Point>; 2] {
+/// The first point of largest squared error of a face, and the centroid of the errors if it lies in
+/// the face and is no vertex; `None` of a face without error. Weights multiply the errors.
+fn positions(
+    image: &Image,
+    weights: Option<&[u8]>,
+    corners: [Point; 3],
+    poller: &mut Poller<'_>,
+) -> Result<[Option<Point>; 2], Cancelled> {
+    let mut polled = Ok(());
     let (mut sum, mut by_column, mut by_row) = (0u64, 0u128, 0u128);
     let interpolants: Vec<Interpolant> = (0..image.component_count())
         .map(|c| {
@@ -118,6 +128,10 @@ fn places(image: &Image, weights: Option<&[u8]>, corners: [Point; 3]) -> [Option
     let mut worst: Option<(u64, Point)> = None;
     for_each_row(corners, |y, first, end| {
         let columns = first as usize..end as usize;
+        polled = polled.and_then(|()| poller.step(columns.len()));
+        if polled.is_err() {
+            return;
+        }
         errors.clear();
         errors.resize(columns.len(), 0u64);
         approximation.resize(columns.len(), 0u16);
@@ -143,19 +157,21 @@ fn places(image: &Image, weights: Option<&[u8]>, corners: [Point; 3]) -> [Option
             }
         }
     });
-    let Some((_, worst)) = worst else { return [None; 2] };
+    polled?;
+    let Some((_, worst)) = worst else { return Ok([None; 2]) };
     let half = u128::from(sum) / 2;
     let middle = |moment: u128| ((moment + half) / u128::from(sum)) as i32;
     let middle = Point::new(middle(by_column), middle(by_row));
     let [a, b, c] = corners;
     let is_left = |from, to| orientation(from, to, middle) >= 0;
     let is_inside = is_left(a, b) && is_left(b, c) && is_left(c, a) && !corners.contains(&middle);
-    [Some(worst), is_inside.then_some(middle)]
+    Ok([Some(worst), is_inside.then_some(middle)])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::POINTS_PER_POLL;
     use crate::control::tests::Recorder;
     use crate::face_error::FaceMeasure;
     use crate::triangulation::{Face, triangulate};
@@ -163,12 +179,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn insertion_gives_as_many_points_as_asked_for_or_leaves_no_error(
+        fn inserts_the_size_or_leaves_no_error(
             (width, height) in (2usize..12, 2usize..12),
             samples in prop::collection::vec(0u16..9, 144),
             size in 4usize..40,
         ) {
-            let image = Image::from_bottom_up(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
+            let samples = samples[..width * height].to_vec();
+            let image = Image::from_bottom_up(width, height, 8, vec![samples]).unwrap();
             let metric = ErrorMetric::MeanCompSe;
             let points = inserted_points(&image, metric, None, size, &()).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
@@ -208,8 +225,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_face_offers_its_first_worst_point_and_the_middle_of_its_error_if_that_lies_inside(
-            places_of_corners in prop::array::uniform6(0i32..12),
+        fn positions_are_the_largest_error_and_the_centroid(
+            coordinates in prop::array::uniform6(0i32..12),
             samples in prop::collection::vec(0u16..6, 2 * 144),
             weights in prop::option::of(prop::collection::vec(0u8..4, 144)),
         ) {
@@ -217,14 +234,15 @@ mod tests {
             let image = Image::from_bottom_up(12, 12, 8, components).unwrap();
             let weights = weights.as_deref();
             let mut corners =
-                [0, 2, 4].map(|i| Point::new(places_of_corners[i], places_of_corners[i + 1]));
+                [0, 2, 4].map(|i| Point::new(coordinates[i], coordinates[i + 1]));
             if orientation(corners[0], corners[1], corners[2]) < 0 {
                 corners.swap(1, 2);
             }
             prop_assume!(orientation(corners[0], corners[1], corners[2]) > 0);
             let errors = errors_of_points(&image, weights, corners);
             let most = errors.iter().map(|&(_, error)| error).max().unwrap_or(0);
-            let found = places(&image, weights, corners);
+            let mut poller = Poller::new(&(), Stage::Insert, 0, 0);
+            let found = positions(&image, weights, corners, &mut poller).unwrap();
             if most == 0 {
                 prop_assert_eq!(found, [None; 2]);
                 return Ok(());
@@ -246,21 +264,20 @@ mod tests {
     }
 
     #[test]
-    fn polls_every_64_points() {
-        let samples = (0..30 * 30).map(|i| (i * 53 % 97) as u16).collect();
-        let image = Image::from_bottom_up(30, 30, 8, vec![samples]).unwrap();
+    fn polls_are_frequent_within_large_faces() {
+        let samples = (0..700 * 700).map(|i| (i * 53 % 97) as u16).collect();
+        let image = Image::from_bottom_up(700, 700, 8, vec![samples]).unwrap();
         let recorder = Recorder::default();
-        let points =
-            inserted_points(&image, ErrorMetric::MeanCompSe, None, 200, &recorder).unwrap();
+        inserted_points(&image, ErrorMetric::MeanCompSe, None, 5, &recorder).unwrap();
         let reports = recorder.reports();
-        let insertions = reports.iter().filter(|(_, _, total)| *total == 200);
-        let done: Vec<usize> = insertions.map(|(_, done, _)| *done).collect();
-        assert_eq!((points.len(), done), (200, vec![0, 64, 128, 192]));
         assert!(reports.iter().all(|report| report.0 == Stage::Insert));
+        // Half the picture is scanned for positions, then measured for one or two of them.
+        let inserted = reports.iter().filter(|report| report.1 == 4).count();
+        assert!(inserted > 700 * 700 / 2 / POINTS_PER_POLL, "{reports:?}");
     }
 
     #[test]
-    fn no_point_is_inserted_for_what_does_not_matter() {
+    fn pixels_of_weight_zero_get_no_points() {
         let samples = (0..20 * 20).map(|i| (i * 53 % 97) as u16).collect();
         let image = Image::from_bottom_up(20, 20, 8, vec![samples]).unwrap();
         let weights: Vec<u8> = (0..20 * 20).map(|i| if i % 20 < 8 { 7 } else { 0 }).collect();

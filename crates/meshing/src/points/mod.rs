@@ -5,7 +5,7 @@ pub(crate) mod floyd_steinberg;
 pub(crate) mod greedy_insertion;
 pub(crate) mod threshold_search;
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, rows_per_poll};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::density::Density;
 use crate::error::MeshingError;
 use crate::image::{Image, Point, corner_points};
@@ -47,7 +47,7 @@ pub(crate) fn initial_points(
     control: &dyn Control,
 ) -> Result<Vec<Point>, Cancelled> {
     let (width, height) = (image.width(), image.height());
-    let poll = || control.poll(Stage::Triangulate, 0, size);
+    let mut poller = Poller::new(control, Stage::Triangulate, 0, size);
     let mut marks = match parameters.generator {
         _ if size >= width * height => vec![1; width * height],
         Generator::All => vec![1; width * height],
@@ -55,8 +55,8 @@ pub(crate) fn initial_points(
             let weights = parameters.weights.as_ref().map(Weights::values);
             return inserted_points(image, parameters.error_metric, weights, size, control);
         }
-        Generator::Random => random_points(width, height, size, parameters.seed, &poll)?,
-        Generator::Uniform => uniform_points(width, height, size, &poll)?,
+        Generator::Random => random_points(width, height, size, parameters.seed, &mut poller)?,
+        Generator::Uniform => uniform_points(width, height, size, &mut poller)?,
         Generator::ErrorDiffusion => {
             let density = Density::of_checked(image, parameters, control)?;
             diffuse_to_size(&density, size, parameters, control)?
@@ -65,19 +65,18 @@ pub(crate) fn initial_points(
     for corner in corner_points(width, height) {
         marks[corner.y as usize * width + corner.x as usize] = 1;
     }
-    marked_points(&marks, width, &poll)
+    marked_points(&marks, width, &mut poller)
 }
 
-/// What a generator calls every [`POINTS_PER_POLL`] lattice points.
-type Poll<'a> = &'a dyn Fn() -> Result<(), Cancelled>;
-
 /// The marked lattice points, by row, then column.
-fn marked_points(marks: &[u8], width: usize, poll: Poll<'_>) -> Result<Vec<Point>, Cancelled> {
+fn marked_points(
+    marks: &[u8],
+    width: usize,
+    poller: &mut Poller<'_>,
+) -> Result<Vec<Point>, Cancelled> {
     let mut points = Vec::with_capacity(marks.iter().map(|&mark| usize::from(mark)).sum());
     for (y, row) in marks.chunks_exact(width).enumerate() {
-        if y.is_multiple_of(rows_per_poll(width)) {
-            poll()?;
-        }
+        poller.step(width)?;
         let marked = row.iter().enumerate().filter(|(_, mark)| **mark != 0);
         points.extend(marked.map(|(x, _)| Point::new(x as i32, y as i32)));
     }
@@ -93,7 +92,7 @@ fn random_points(
     height: usize,
     size: usize,
     seed: u64,
-    poll: Poll<'_>,
+    poller: &mut Poller<'_>,
 ) -> Result<Vec<u8>, Cancelled> {
     let all = width * height;
     // The lattice index of the inner point of this number, the corners being skipped.
@@ -104,9 +103,7 @@ fn random_points(
     };
     let (mut marks, mut stream) = (vec![0; all], ChaCha8Rng::seed_from_u64(seed));
     for bound in all - size..all - 4 {
-        if bound.is_multiple_of(POINTS_PER_POLL) {
-            poll()?;
-        }
+        poller.step(1)?;
         // The high half of a 128-bit product maps 64 random bits to 0..=bound, evenly but for
         // a bias below 2^-24.
         let drawn = ((u128::from(stream.next_u64()) * (bound as u128 + 1)) >> 64) as usize;
@@ -122,7 +119,7 @@ fn uniform_points(
     width: usize,
     height: usize,
     size: usize,
-    poll: Poll<'_>,
+    poller: &mut Poller<'_>,
 ) -> Result<Vec<u8>, Cancelled> {
     let aspect = (width - 1) as f64 / (height - 1) as f64;
     let rows = ((size as f64 / aspect).sqrt().round() as usize).clamp(2, height.min(size / 2));
@@ -131,9 +128,7 @@ fn uniform_points(
         |i: usize, count: usize, side: usize| (i * (side - 1) + (count - 1) / 2) / (count - 1);
     let mut marks = vec![0; width * height];
     for j in 0..rows {
-        if j.is_multiple_of(rows_per_poll(columns)) {
-            poll()?;
-        }
+        poller.step(columns)?;
         for i in 0..columns {
             marks[position(j, rows, height) * width + position(i, columns, width)] = 1;
         }
@@ -144,6 +139,7 @@ fn uniform_points(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::POINTS_PER_POLL;
     use crate::control::tests::Recorder;
     use crate::parameters::Target;
     use crate::parameters::choices::Policy;
@@ -152,12 +148,16 @@ mod tests {
         chosen.iter().map(|&mark| usize::from(mark)).sum()
     }
 
+    fn poller() -> Poller<'static> {
+        Poller::new(&(), Stage::Triangulate, 0, 0)
+    }
+
     fn random(width: usize, height: usize, size: usize, seed: u64) -> Vec<u8> {
-        random_points(width, height, size, seed, &|| Ok(())).unwrap()
+        random_points(width, height, size, seed, &mut poller()).unwrap()
     }
 
     fn uniform(width: usize, height: usize, size: usize) -> Vec<u8> {
-        uniform_points(width, height, size, &|| Ok(())).unwrap()
+        uniform_points(width, height, size, &mut poller()).unwrap()
     }
 
     fn gradient(width: usize, height: usize) -> Image {
@@ -203,7 +203,7 @@ mod tests {
                 let image = gradient(width, height);
                 sample_points(&image, &with_generator(generator), size, &recorder).unwrap();
                 let polls = recorder.reports().len();
-                assert!(polls >= width * height / POINTS_PER_POLL, "{generator}: {polls}");
+                assert!(polls >= width * height / (2 * POINTS_PER_POLL), "{generator}: {polls}");
             }
         }
     }

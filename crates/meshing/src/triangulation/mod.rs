@@ -13,7 +13,7 @@ pub(crate) mod predicates;
 mod sweep;
 
 use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
-use crate::image::Point;
+use crate::image::{MAX_POINTS, MAX_SIDE, Point};
 
 /// Three indices of vertices, counter-clockwise with `y` up.
 pub type Face = [u32; 3];
@@ -53,19 +53,32 @@ pub(crate) fn previous(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
-/// The faces of the preferred-directions Delaunay triangulation of `points`, in any order, with
-/// coordinates from 0 to below [`MAX_SIDE`](crate::MAX_SIDE).
+/// The faces of the preferred-directions Delaunay triangulation of points in any order.
 ///
 /// Faces are counter-clockwise triples of indices of `points`, each beginning with its smallest
-/// index, in ascending order. They cover the convex hull; collinear points have none. Of points
-/// that share a place only the first belongs to faces.
+/// index, in ascending order. They cover the convex hull; collinear points have none. Of equal
+/// points only the first belongs to faces. A point with a coordinate beyond
+/// [`MAX_SIDE`], positive or negative, belongs to none, nor does any point of more than
+/// [`MAX_POINTS`].
+///
+/// ```
+/// use pixmesh_meshing::{Point, triangulate};
+///
+/// let points = [(0, 0), (4, 0), (1, 2), (0, 4), (4, 4)].map(|(x, y)| Point::new(x, y));
+/// assert_eq!(triangulate(&points), [[0, 1, 2], [0, 2, 3], [1, 4, 2], [2, 4, 3]]);
+/// ```
 #[must_use]
 pub fn triangulate(points: &[Point]) -> Vec<Face> {
+    if points.len() > MAX_POINTS {
+        return Vec::new();
+    }
+    let is_valid = |p: Point| p.x.unsigned_abs().max(p.y.unsigned_abs()) <= MAX_SIDE as u32;
     let mut by_row: Vec<u32> = (0..points.len() as u32).collect();
+    by_row.retain(|&v| is_valid(points[v as usize]));
     by_row.sort_unstable_by_key(|&v| (points[v as usize], v));
     by_row.dedup_by_key(|v| points[*v as usize]);
     let sorted = by_row.iter().map(|&v| points[v as usize]).collect();
-    // Nobody is there to cancel.
+    // This control never cancels.
     let Ok(mut triangulation) = Triangulation::new(sorted, &()) else { return Vec::new() };
     for origin in &mut triangulation.origins {
         *origin = by_row[*origin as usize];

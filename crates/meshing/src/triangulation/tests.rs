@@ -269,6 +269,15 @@ fn first_of_equal_points_is_the_vertex() {
 }
 
 #[test]
+fn points_out_of_range_have_no_faces() {
+    let far = 1 + MAX_SIDE as i32;
+    let square = [(0, 0), (3, 0), (3, 3), (0, 3), (far, 1), (1, -far), (i32::MIN, i32::MAX)];
+    assert_eq!(triangulate(&square.map(|(x, y)| Point::new(x, y))), [[0, 1, 2], [0, 2, 3]]);
+    let widest = [(1 - far, 1 - far), (far - 1, 1 - far), (0, far - 1)];
+    assert_eq!(triangulate(&widest.map(|(x, y)| Point::new(x, y))), [[0, 1, 2]]);
+}
+
+#[test]
 fn too_many_flips_end_the_sweep() {
     let points = far_rows(300);
     assert!(swept(&points).is_none());
