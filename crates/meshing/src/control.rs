@@ -1,9 +1,9 @@
 //! Progress and cancellation.
 //!
-//! The crate has no clock, no thread pool and no logger. The caller of a kernel passes a [`Control`].
-//! The kernel reports the progress of each stage to it, and stops if it cancels. The control also
-//! sets the number of threads. Kernels poll their control at intervals of some milliseconds, so a
-//! cancelled call returns soon.
+//! The crate has no clock, no thread pool and no logger. The caller of a kernel passes a
+//! [`Control`]. The kernel reports the progress of each stage to it, and stops if it cancels. The
+//! control also sets the number of threads. Kernels poll their control at intervals of some
+//! milliseconds, so a cancelled call returns soon.
 
 use std::fmt;
 use std::num::NonZeroUsize;

@@ -1,4 +1,4 @@
-//! The image whose errors choose the points, and the parameters that hold for it.
+//! The image whose errors choose the points, and its parameters.
 
 use crate::control::{Cancelled, Control};
 use crate::density::luma::guide_picture;
@@ -37,7 +37,7 @@ impl<'a> Guided<'a> {
         self.parameters.weights.as_ref().map(Weights::values)
     }
 
-    /// Tells whether the errors that guide are the squared errors of the image to mesh.
+    /// Whether the errors that guide are the squared errors of the image to mesh.
     pub(crate) fn has_squared_errors(&self) -> bool {
         let is_whole = matches!(self.image, Cow::Borrowed(_));
         is_whole && self.weights().is_none() && self.parameters.error_metric.is_squared_difference()

@@ -1,8 +1,8 @@
 //! Planar integer images: the input of every method and the output of rasterisation.
 //!
 //! The coordinate convention of the crate: `x` grows to the right from 0 to `width - 1`, `y` grows
-//! **upwards** from 0 to `height - 1`, so row 0 is the bottom row of the picture. Decoders yield rows
-//! from the top; [`Image::from_top_down`] reverses them, and nothing else in this crate does.
+//! **upwards** from 0 to `height - 1`, so row 0 is the bottom row of the picture. Decoders yield
+//! rows from the top; [`Image::from_top_down`] reverses them, and nothing else in this crate does.
 
 use std::fmt;
 use thiserror::Error;

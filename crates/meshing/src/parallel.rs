@@ -24,8 +24,8 @@ impl Control for CancelledElsewhere<'_> {
 }
 
 /// Calls `work` once for each share, on at most `control.threads()` threads, the calling thread
-/// among them. Work on the calling thread polls `control`. Work on a helper thread polls whether the
-/// calling thread was cancelled. No share begins after a cancellation.
+/// among them. Work on the calling thread polls `control`. Work on a helper thread polls whether
+/// the calling thread was cancelled. No share begins after a cancellation.
 ///
 /// The result of a share must not depend on its thread. Fewer threads run if the system starts no
 /// more.

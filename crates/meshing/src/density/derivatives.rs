@@ -2,11 +2,12 @@
 //!
 //! [`Derivatives`] is the specification and serves every choice of parameters. The component is
 //! extended beyond its border, smoothed without rounding and differentiated, and only the result is
-//! cropped: each derivative is the correlation of the extended component with one separable stencil,
-//! the smoothing kernel convolved with a difference kernel. With double convolution the smoothed
-//! component is cropped to the image and extended again before it is differentiated. Stencils hold
-//! whole numbers, so up to smoothing order 17 every value of a component of up to 16 bits is exact;
-//! beyond, it is rounded in the same way on every machine. One division at the end applies the unit.
+//! cropped: each derivative is the correlation of the extended component with one separable
+//! stencil, the smoothing kernel convolved with a difference kernel. With double convolution the
+//! smoothed component is cropped to the image and extended again before it is differentiated.
+//! Stencils hold whole numbers, so up to smoothing order 17 every value of a component of up to 16
+//! bits is exact; beyond, it is rounded in the same way on every machine. One division at the end
+//! applies the unit.
 //!
 //! [`BinomialRow`] is the fast path for the second derivatives of the default filter, binomial
 //! smoothing of order 3 in both directions. The test `fast_path_equals_specification` ties the two.
@@ -24,7 +25,7 @@ struct Stencil {
     y: Vec<f64>,
 }
 
-/// What makes one derivative of a component: one stencil, or two with a crop in between.
+/// The stencils of one derivative: one, or two with a crop in between.
 #[derive(Clone, Debug)]
 struct Steps {
     smoothing: Option<Stencil>,
@@ -207,8 +208,8 @@ fn weights(kernel: &[f64]) -> impl Iterator<Item = (usize, &f64)> {
     kernel.iter().enumerate().filter(|(_, weight)| **weight != 0.0)
 }
 
-/// The index of the sample that stands at `at` in an axis of `length` extended beyond its ends;
-/// `None` for zero.
+/// The index of the sample at position `at` of an axis of `length` extended beyond its ends; `None`
+/// for zero.
 fn extended_index(at: isize, length: usize, boundary: Boundary) -> Option<usize> {
     let last = length as isize - 1;
     if (0..=last).contains(&at) {
@@ -271,7 +272,7 @@ pub(crate) struct BinomialRow {
     boundary: Boundary,
     level: Level,
     sums: ColumnSums,
-    /// Stands for the rows beyond a border that is extended by zeros.
+    /// The rows beyond a border that is extended by zeros.
     zeros: Vec<u16>,
 }
 
@@ -435,7 +436,7 @@ mod tests {
             let samples: Vec<u16> = (0..81).map(|i| 50 + i * i % 97).collect();
             let one = second_derivatives(&once, &samples, 9);
             let two = second_derivatives(&twice, &samples, 9);
-            // Filters at right angles to each other do not see each other's border.
+            // Filters at right angles to each other do not depend on each other's border.
             assert_eq!(one != two, smoothing_direction == SmoothingDirection::Both);
             let is_inner = |i: &usize| (2..7).contains(&(i % 9)) && (2..7).contains(&(i / 9));
             for (one, two) in one.iter().zip(&two) {

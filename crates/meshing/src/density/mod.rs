@@ -43,7 +43,7 @@ pub struct Density {
     pub(crate) fields: Vec<Vec<f64>>,
 }
 
-/// How the components of an image give one field.
+/// How one field is computed from the components of an image.
 #[derive(Clone, Copy)]
 enum Operator {
     /// The largest of the components' significances.

@@ -2,9 +2,9 @@
 //!
 //! Yongyi Yang, Miles N. Wernick and Jovan G. Brankov, "A fast approach for accurate
 //! content-adaptive mesh generation", 2003, set mesh nodes where Floyd-Steinberg error diffusion of
-//! a feature map exceeds a threshold, and search the threshold that gives the number of points asked
-//! for. Error that has no neighbour to receive it is shared among the others (non-leaky), and the
-//! first row may start with the errors of the picture mirrored below it.
+//! a feature map exceeds a threshold, and search the threshold that gives the number of points
+//! asked for. Error that has no neighbour to receive it is shared among the others (non-leaky), and
+//! the first row may start with the errors of the picture mirrored below it.
 //!
 //! The search tries about ten thresholds. One pass tries seven or fifteen of them at once, those
 //! that the search will most likely use next (see `threshold_search`). The result is the one of a
@@ -25,8 +25,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// points.
 const MAX_TRIES: usize = 60;
 
-/// The most groups of thresholds, each tried on one thread. A group takes two bytes for each lattice
-/// point, and more than two groups rarely save a pass.
+/// The most groups of thresholds, each tried on one thread. A group takes two bytes for each
+/// lattice point, and more than two groups rarely save a pass.
 const MAX_GROUPS: usize = 2;
 
 /// The difference from the number of points asked for that ends the search, for one field and for

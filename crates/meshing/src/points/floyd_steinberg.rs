@@ -4,9 +4,9 @@
 //!
 //! Each point depends on the point before it, which takes some nanoseconds whatever the width of
 //! vectors. So a row is diffused for several thresholds at once, side by side in the lanes of
-//! vectors: fifteen take little longer than one. All lanes do the same operations in the same order,
-//! so the results are the same to the last bit for any number of thresholds. Both outcomes of a
-//! decision are computed before it is taken, which shortens the dependence.
+//! vectors: fifteen take little longer than one. All lanes do the same operations in the same
+//! order, so the results are the same to the last bit for any number of thresholds. Both outcomes
+//! of a decision are computed before it is taken, which shortens the dependence.
 
 use crate::control::{Cancelled, POINTS_PER_POLL, Poller};
 use fearless_simd::{Simd, prelude::*};
@@ -148,9 +148,9 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> RowDiffusion<'_, L
     /// Diffuses a row into itself and the row above, and marks the chosen points.
     ///
     /// `row` holds the densities of its points plus the errors from below; `above` becomes the same
-    /// of the next row, whose densities are `densities_above`. A point of that row receives from the
-    /// one below and both its neighbours, in the order of the scan: its sum stays in registers until
-    /// the last of them has added its share.
+    /// of the next row, whose densities are `densities_above`. A point of that row receives from
+    /// the one below and both its neighbours, in the order of the scan: its sum stays in registers
+    /// until the last of them has added its share.
     #[inline(always)]
     pub(crate) fn diffuse(
         &mut self,
@@ -278,10 +278,11 @@ mod tests {
     fn values_that_reach_the_threshold_are_chosen() {
         dispatch!(Level::new(), simd => {
             for (value, is_chosen) in [(0.25, true), (0.25_f64.next_down(), false)] {
-                let [value_lanes, next, threshold] =
+                let [number, next, threshold] =
                     [value, 1.0, 0.25].map(|v| Lanes::<_, f64x8<_>, 1>::splat(simd, v));
                 let mut chosen = 0;
-                let (error, next) = value_lanes.decide(next, f64x8::splat(simd, 0.5), threshold, &mut chosen);
+                let half = f64x8::splat(simd, 0.5);
+                let (error, next) = number.decide(next, half, threshold, &mut chosen);
                 assert_eq!(chosen, if is_chosen { 0xff } else { 0 });
                 let expected = if is_chosen { value - 0.5 } else { value };
                 assert_eq!((error.first(), next.first()), (expected, 1.0 + 0.5 * expected));

@@ -3,8 +3,8 @@
 //!
 //! Michael Garland and Paul S. Heckbert, "Fast polygonal approximation of terrains and height
 //! fields", 1995, repeatedly insert the point of largest error. Here the face of largest error gets
-//! a vertex, at its pixel of largest error or at the centroid of its squared error, whichever lowers
-//! the error of the mesh more.
+//! a vertex, at its pixel of largest error or at the centroid of its squared error, whichever
+//! lowers the error of the mesh more.
 
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;

@@ -1,8 +1,8 @@
 //! Triangles that are added one by one, and flips until each edge is the preferred one.
 //!
-//! C. L. Lawson, "Software for C1 surface interpolation", 1977. Each flip lowers the lifted surface,
-//! so the flips end. A triangulation without an edge to flip is the Delaunay triangulation; with the
-//! lift of `predicates` it is the one with preferred directions.
+//! C. L. Lawson, "Software for C1 surface interpolation", 1977. Each flip lowers the lifted
+//! surface, so the flips end. A triangulation without an edge to flip is the Delaunay
+//! triangulation; with the lift of `predicates` it is the one with preferred directions.
 
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::image::Point;
@@ -129,9 +129,8 @@ impl<'a> Flipping<'a> {
 
     /// Replaces the diagonal `h` of its quadrilateral by the other one.
     ///
-    /// With `h` from `a` to `b`, `c` at its left and `d` at its right, the triangles `a b c` and
-    /// `b a d` become `d b c` in the slots of the first and `c a d` in those of the second, so `b c`
-    /// and `a d` keep their half-edges.
+    /// With `h` from `a` to `b`, `c` at its left and `d` at its right, the triangle `abc` becomes
+    /// `dbc` and `bad` becomes `cad`, each in its slots, so `bc` and `ad` keep their half-edges.
     fn flip(&mut self, h: u32, twin: u32) -> Result<(), Cancelled> {
         self.flips += 1;
         let (from_c, from_d) = (previous(h), previous(twin));

@@ -1,7 +1,7 @@
 //! The preferred-directions Delaunay triangulation (PDDT) of points, in flat arrays.
 //!
-//! The triangulation depends on the points alone, so the fastest of three ways makes it. A full grid
-//! is written directly. Other points that hold the corners of a rectangle around them are
+//! The triangulation depends on the points alone, so the fastest of three ways makes it. A full
+//! grid is written directly. Other points that hold the corners of a rectangle around them are
 //! triangulated by a `sweep` over the rows. Where that takes too many flips, and for other points,
 //! `divide_and_conquer` does it: slower in pictures, but in time `n log n` for all points.
 

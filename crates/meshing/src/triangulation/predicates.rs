@@ -9,15 +9,16 @@
 //! A symbolic perturbation makes the same choice without angles. Lift every point `p` to the height
 //! `|p|^2 - e1 (p.d1)^2 - e2 (p.d2)^2` with infinitesimals `e1 >> e2 > 0`. Where the diagonals `ac`
 //! and `bd` of a cocircular quadrilateral cross at `o`, the lifted chord `ac` lies above `q(o)` by
-//! `|oa| |oc| q(u)`, where `q` is the quadratic form of the lift and `u` the unit direction of `ac`.
-//! Since `|oa| |oc| = |ob| |od|`, the lower hull takes the diagonal of smaller `q(u)`, that is of
-//! larger `(u.d1)^2`, at a tie of larger `(u.d2)^2`: the one of smaller angle. The lower hull is the
-//! Delaunay triangulation of the lifted points. So no four points are ever cocircular, and the PDDT
-//! depends on the points alone.
+//! `|oa| |oc| q(u)`, where `q` is the quadratic form of the lift and `u` the unit direction of
+//! `ac`. Since `|oa| |oc| = |ob| |od|`, the lower hull takes the diagonal of smaller `q(u)`, that
+//! is of larger `(u.d1)^2`, at a tie of larger `(u.d2)^2`: the one of smaller angle. The lower hull
+//! is the Delaunay triangulation of the lifted points. So no four points are ever cocircular, and
+//! the PDDT depends on the points alone.
 //!
 //! All terms are integer determinants. The one of the circle itself has the sign of the sine of the
 //! sum of two opposite angles of the quadrilateral, which takes fewer multiplications: A. K. Cline
-//! and R. L. Renka, "A storage-efficient method for construction of a Thiessen triangulation", 1984.
+//! and R. L. Renka, "A storage-efficient method for construction of a Thiessen triangulation",
+//! 1984.
 
 use crate::image::Point;
 
@@ -122,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn cocircular_points_take_the_diagonal_of_the_smaller_angle() {
+    fn cocircular_points_take_the_smaller_angle() {
         for squared_radius in [1, 2, 25, 50, 65, 325, 1105] {
             let circle = lattice_circle(squared_radius);
             let n = circle.len();

@@ -82,8 +82,8 @@ impl Triangulation {
         in_circle(a, b, c, d)
     }
 
-    /// Asserts that half-edges pair up, every triangle turns counter-clockwise, no edge is wrong, and
-    /// the triangles cover the rectangle around the points if its corners are among them.
+    /// Asserts that half-edges pair up, every triangle turns counter-clockwise, no edge is wrong,
+    /// and the triangles cover the rectangle around the points if its corners are among them.
     fn assert_preferred(&self) {
         let mut double_area = 0;
         for (h, &twin) in (0..).zip(&self.twins) {
@@ -146,7 +146,7 @@ fn with_corners(
     inner.chain(corners).collect::<BTreeSet<_>>().into_iter().collect()
 }
 
-/// Numbers that look random.
+/// Pseudorandom numbers.
 fn noise(count: usize) -> impl Iterator<Item = i32> {
     let step = |state: &u64| Some(state.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(1));
     std::iter::successors(Some(1), step).skip(1).take(count).map(|state| (state >> 33) as i32)
@@ -157,8 +157,9 @@ fn random(count: usize, width: i32, height: i32) -> Vec<Point> {
     with_corners(numbers.chunks_exact(2).map(|n| (n[0] % width, n[1] % height)), width, height)
 }
 
-/// The right half of the bottom row of a tall rectangle and the left half of its top row: each point
-/// of the top row is nearer to the bottom row than the points before it, and takes their edges.
+/// The right half of the bottom row of a tall rectangle and the left half of its top row: each
+/// point of the top row is nearer to the bottom row than the points before it, and takes their
+/// edges.
 fn far_rows(count: i32) -> Vec<Point> {
     let lower = (count..2 * count).map(|x| (x, 0));
     with_corners(lower.chain((1..count).map(|x| (x, 6 * count))), 2 * count, 6 * count + 1)

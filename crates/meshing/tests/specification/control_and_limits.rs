@@ -212,9 +212,9 @@ fn rasterize_cancels_at_every_poll() {
     let mesh = model(&picture, &Method::Med.parameters(Target::Percent(50.0))).mesh;
     let listener = Listener::default();
     rasterize(&mesh, &listener).unwrap();
-    let heard = listener.0.into_inner().unwrap();
-    assert_eq!(heard[0], (Stage::Rasterize, 0, mesh.faces().len()));
-    for k in 0..heard.len() {
+    let reports = listener.0.into_inner().unwrap();
+    assert_eq!(reports[0], (Stage::Rasterize, 0, mesh.faces().len()));
+    for k in 0..reports.len() {
         assert_eq!(rasterize(&mesh, &Countdown(AtomicUsize::new(k))), Err(Cancelled));
     }
 }
@@ -226,17 +226,17 @@ fn stages_come_in_order_within_totals() {
         for &generator in Generator::ALL {
             let own = method.parameters(Target::Size(100));
             let parameters = own.generator(generator);
-            let heard = polls(&picture, &parameters);
-            for (stage, done, total) in &heard {
+            let reports = polls(&picture, &parameters);
+            for (stage, done, total) in &reports {
                 assert!(done <= total, "{done} of {total} in {stage}");
             }
-            for pair in heard.windows(2) {
+            for pair in reports.windows(2) {
                 assert!(pair[0].0 <= pair[1].0, "{method}: {} then {}", pair[0].0, pair[1].0);
                 let went_on = pair[0].0 == pair[1].0;
                 assert!(!went_on || pair[0].1 <= pair[1].1, "{method}: {pair:?}");
                 assert!(went_on || pair[1].1 == 0, "{method}: {pair:?}");
             }
-            assert_eq!(heard[0].1, 0);
+            assert_eq!(reports[0].1, 0);
         }
     }
 }

@@ -51,7 +51,7 @@ fn choices() -> impl Strategy<Value = Parameters> {
     })
 }
 
-/// The same parameters with each policy that is defined for so many components.
+/// The same parameters with each policy that is defined for this number of components.
 fn with_policies(parameters: &Parameters, component_count: usize) -> Vec<Parameters> {
     let fits = |p: &&Policy| p.component_count().is_none_or(|count| count == component_count);
     let with = |&policy: &Policy| parameters.clone().policy(policy);
@@ -64,8 +64,8 @@ fn check_density(image: &Image, parameters: &Parameters) {
     assert_eq!(actual.fields().len(), expected.len());
     for (actual, expected) in actual.fields().iter().zip(&expected) {
         assert_eq!(actual.len(), expected.len());
-        for (place, (a, e)) in actual.iter().zip(expected).enumerate() {
-            assert!((a - e).abs() <= 1e-12, "{a} is not {e} at place {place}, {parameters:?}");
+        for (i, (a, e)) in actual.iter().zip(expected).enumerate() {
+            assert!((a - e).abs() <= 1e-12, "{a} is not {e} at {i}, {parameters:?}");
         }
     }
 }
@@ -124,7 +124,8 @@ proptest! {
         seed in any::<u64>(),
     ) {
         let size = 4 + ((image.pixel_count() - 4) as f64 * share) as usize;
-        let parameters = Parameters::default().target(Target::Size(size)).generator(generator).seed(seed);
+        let own = Parameters::default().target(Target::Size(size));
+        let parameters = own.generator(generator).seed(seed);
         let points = sample_points(&image, &parameters, size, &()).unwrap();
         prop_assert!(points.windows(2).all(|pair| pair[0] < pair[1]));
         let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);

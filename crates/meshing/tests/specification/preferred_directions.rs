@@ -37,10 +37,10 @@ fn subsets() -> impl Strategy<Value = Vec<Point>> {
 /// Few points spread over a wide lattice, so that circles are large.
 fn scattered() -> impl Strategy<Value = Vec<Point>> {
     (2..=300i32, 2..=300i32).prop_flat_map(|(width, height)| {
-        let places = prop::collection::btree_set((0..height, 0..width), 0..40);
-        places.prop_map(move |places| {
+        let coordinates = prop::collection::btree_set((0..height, 0..width), 0..40);
+        coordinates.prop_map(move |coordinates| {
             let corners = [(0, 0), (0, width - 1), (height - 1, 0), (height - 1, width - 1)];
-            let all: BTreeSet<_> = places.into_iter().chain(corners).collect();
+            let all: BTreeSet<_> = coordinates.into_iter().chain(corners).collect();
             all.into_iter().map(|(y, x)| Point::new(x, y)).collect()
         })
     })
@@ -71,11 +71,11 @@ proptest! {
 
     #[test]
     fn predicates_match_determinants(
-        places in prop::collection::vec((0..6i32, 0..6i32), 4),
+        coordinates in prop::collection::vec((0..6i32, 0..6i32), 4),
         scale in prop::sample::select(vec![1, 1000, 60_000, 209_000]),
     ) {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| {
-            let (x, y): (i32, i32) = places[i];
+            let (x, y): (i32, i32) = coordinates[i];
             Point::new(x * scale, y * scale)
         });
         prop_assert_eq!(i128::from(orientation(a, b, c)), double_area(a, b, c));
@@ -130,14 +130,14 @@ fn square_has_rising_diagonal() {
 fn predicates_are_exact_at_largest_coordinates() {
     let last = (1 << 20) - 1;
     let middle = last / 2;
-    check(&chosen_of_places(last, &[(middle, middle), (middle + 1, middle), (middle, middle + 1)]));
-    check(&chosen_of_places(last, &[(1, 0), (last, last - 1), (last - 1, last), (0, 1)]));
+    check(&chosen_of_list(last, &[(middle, middle), (middle + 1, middle), (middle, middle + 1)]));
+    check(&chosen_of_list(last, &[(1, 0), (last, last - 1), (last - 1, last), (0, 1)]));
 }
 
 /// The corners of a square of side `last` and some more points.
-fn chosen_of_places(last: i32, places: &[(i32, i32)]) -> Vec<Point> {
+fn chosen_of_list(last: i32, coordinates: &[(i32, i32)]) -> Vec<Point> {
     let corners = [(0, 0), (last, 0), (0, last), (last, last)];
     let all: BTreeSet<Point> =
-        corners.iter().chain(places).map(|&(x, y)| Point::new(x, y)).collect();
+        corners.iter().chain(coordinates).map(|&(x, y)| Point::new(x, y)).collect();
     all.into_iter().collect()
 }

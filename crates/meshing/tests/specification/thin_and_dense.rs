@@ -88,12 +88,12 @@ fn middle_row(width: usize) -> Image {
 #[test]
 fn triangulates_long_row_in_time() {
     for transposed in [false, true] {
-        let place = |along: i32, across: i32| {
+        let point = |along: i32, across: i32| {
             if transposed { Point::new(across, along) } else { Point::new(along, across) }
         };
         let last = (1 << 14) - 1;
-        let mut points: Vec<Point> = (0..=last).map(|along| place(along, 1)).collect();
-        points.extend([place(0, 0), place(last, 0), place(0, 2), place(last, 2)]);
+        let mut points: Vec<Point> = (0..=last).map(|along| point(along, 1)).collect();
+        points.extend([point(0, 0), point(last, 0), point(0, 2), point(last, 2)]);
         points.sort_unstable();
         let start = Instant::now();
         let faces = triangulate(&points);
