@@ -20,9 +20,11 @@ mod effort;
 mod footprint;
 mod gate;
 mod memory;
+mod task;
 
 pub use cost::{Compared, Cost, Kept};
 pub use memory::Memory;
+pub use task::MeshTask;
 
 use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};

@@ -97,6 +97,15 @@ pub struct Weighed<T> {
     pub weights: Option<T>,
 }
 
+impl<T: AsRef<[u8]>> Weighed<T> {
+    /// Both files' bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> Weighed<&[u8]> {
+        let weights = self.weights.as_ref().map(AsRef::as_ref);
+        Weighed { image: self.image.as_ref(), weights }
+    }
+}
+
 impl AsRef<[u8]> for Upload {
     fn as_ref(&self) -> &[u8] {
         &self.bytes

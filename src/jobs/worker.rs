@@ -9,7 +9,7 @@ use super::Jobs;
 use super::blobs::Hold;
 use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
-use crate::admission::{Admission, Cost, Slot};
+use crate::admission::{Admission, MeshTask, Slot};
 use crate::digest::Digest;
 use crate::extract::params::{Order, ParameterSet};
 use crate::extract::upload::Weighed;
@@ -19,7 +19,7 @@ use crate::problem::{Kind, Problem};
 use crate::telemetry;
 use bytes::Bytes;
 use pixmesh_codec::Format;
-use pixmesh_codec::{Limits, probe_weights};
+use pixmesh_codec::Limits;
 use pixmesh_meshing::Cancelled;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -206,22 +206,10 @@ impl Worker {
         let deadline = Instant::now() + self.deadline;
         let file = self.fetch(claim.picture.digest, deadline).await?;
         let source = parted(&file, &claim.picture)?;
-        let reading = order.output.reading(&self.pictures);
-        let header = reading.probe(&source.image)?;
-        let plan = order.plan(&header)?;
-        let keeps_progression = order.keeps_progression(&plan);
-        let format = if keeps_progression { Format::Progression } else { Format::Model };
-        let cost =
-            Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(file.len() as u64);
-        let cost = match &source.weights {
-            Some(weights) => {
-                let size = (header.width, header.height);
-                cost.with_weights(&probe_weights(weights, size, &self.pictures)?)
-            }
-            None => cost,
-        };
+        let task = MeshTask::for_job(source.as_bytes(), &order, &self.pictures)?;
+        let keeps_progression = task.format == Format::Progression;
         drop(file);
-        let ticket = self.admission.admit_to(slot, cost, deadline).await?;
+        let ticket = self.admission.admit_to(slot, task.cost, deadline).await?;
         let (limits, make) = (self.pictures, self.make);
         let answer =
             self.workers.run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {

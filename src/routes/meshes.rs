@@ -2,7 +2,7 @@
 
 use super::answer::{self, Figures};
 use super::{Service, jobs};
-use crate::admission::{Cost, Memory};
+use crate::admission::{Memory, MeshTask};
 use crate::extract::accept::{self, Representation};
 use crate::extract::owner::Owner;
 use crate::extract::params::{Order, ParameterSet};
@@ -15,7 +15,6 @@ use axum::extract::{Request, State};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
-use pixmesh_codec::{Header, Limits, probe_weights};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -75,37 +74,18 @@ async fn run(
     representation: Representation,
 ) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
-    let reading = order.output.reading(&limits);
-    let header = reading.probe(&upload.image.bytes)?;
-    let plan = order.plan(&header)?;
-    let cost = Cost::of_mesh(&header, &plan, &order.parameters, representation.format).of_output(
-        &header,
-        &order.output,
-        representation.format,
-    );
-    let cost = with_weights(cost, upload.weights.as_ref(), &header, &limits)?;
+    let format = representation.format;
+    let cost = MeshTask::for_response(upload.as_bytes(), &order, format, &limits)?.cost;
     let deadline = Instant::now() + service.deadline;
     let ticket = service.admission.admit(owner, cost, deadline).await?;
     service
         .workers
         .run(ticket, deadline, move |watch, ticket| {
-            let answer = pipeline::mesh(upload, &order, representation.format, &limits, watch)?;
+            let answer = pipeline::mesh(upload, &order, format, &limits, watch)?;
             let memory = ticket.keep(answer.bytes.len());
             Ok((answer, memory))
         })
         .await
-}
-
-/// The cost with that of the weights, which must fit the image.
-pub(super) fn with_weights(
-    cost: Cost,
-    weights: Option<&Upload>,
-    image: &Header,
-    limits: &Limits,
-) -> Result<Cost, Problem> {
-    let Some(weights) = weights else { return Ok(cost) };
-    let header = probe_weights(&weights.bytes, (image.width, image.height), limits)?;
-    Ok(cost.with_weights(&header))
 }
 
 /// The answer with its headers.

@@ -2,7 +2,7 @@
 //! whose clients prefer one.
 
 use super::{document, mesh};
-use crate::admission::Cost;
+use crate::admission::MeshTask;
 use crate::digest::Digest;
 use crate::extract::idempotency;
 use crate::extract::owner::Owner;
@@ -15,7 +15,6 @@ use crate::jobs::record::{
 };
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
-use crate::routes::meshes::with_weights;
 use crate::telemetry;
 use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
@@ -149,14 +148,9 @@ async fn submit(
     order: &Order,
 ) -> Result<Submission, Problem> {
     let idempotency_key = idempotency::key_of(headers)?;
-    let reading = order.output.reading(&service.pictures);
-    let header = reading.probe(&upload.image.bytes)?;
-    let plan = order.plan(&header)?;
-    let format = if order.keeps_progression(&plan) { Format::Progression } else { Format::Model };
-    let cost = Cost::of_mesh(&header, &plan, &order.parameters, format)
-        .with_file(upload.image.bytes.len() as u64);
-    let cost = with_weights(cost, upload.weights.as_ref(), &header, &service.pictures)?;
-    service.admission.refuse_too_large(cost)?;
+    let task = MeshTask::for_job(upload.as_bytes(), order, &service.pictures)?;
+    service.admission.refuse_too_large(task.cost)?;
+    let header = task.header;
     let length = upload.image.bytes.len() as u64;
     let Packed { digest, file: image, weights } = packed(upload).await?;
     let shape = PictureShape { weights, ..PictureShape::from(&header) };

@@ -1,0 +1,87 @@
+//! A mesh to make, checked against its image's header: the one place that says what a mesh costs.
+
+use super::Cost;
+use crate::extract::params::Order;
+use crate::extract::upload::Weighed;
+use crate::problem::Problem;
+use pixmesh_codec::{Format, Header, Limits, probe_weights};
+
+/// A mesh to make, before its pixels are decoded.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshTask {
+    /// The image's header.
+    pub header: Header,
+    /// The format that the mesh is written in.
+    pub format: Format,
+    /// What it takes.
+    pub cost: Cost,
+}
+
+impl MeshTask {
+    /// A mesh for a response. The memory for bodies is charged for the files themselves.
+    ///
+    /// # Errors
+    /// When a header cannot be read, is over a limit, or does not fit the order.
+    pub fn for_response(
+        source: Weighed<&[u8]>,
+        order: &Order,
+        format: Format,
+        limits: &Limits,
+    ) -> Result<Self, Problem> {
+        let header = order.output.reading(limits).probe(source.image)?;
+        let plan = order.plan(&header)?;
+        let cost = Cost::of_mesh(&header, &plan, &order.parameters, format).of_output(
+            &header,
+            &order.output,
+            format,
+        );
+        Self { header, format, cost }.with_weights(source.weights, limits)
+    }
+
+    /// A job's mesh, stored as MODEL or, where the order of its vertices is kept, with that. The cost
+    /// includes the files, which the job's attempt reads into memory.
+    ///
+    /// # Errors
+    /// As [`for_response`](Self::for_response).
+    pub fn for_job(
+        source: Weighed<&[u8]>,
+        order: &Order,
+        limits: &Limits,
+    ) -> Result<Self, Problem> {
+        let header = order.output.reading(limits).probe(source.image)?;
+        let plan = order.plan(&header)?;
+        let format =
+            if order.keeps_progression(&plan) { Format::Progression } else { Format::Model };
+        let files = source.image.len() + source.weights.map_or(0, <[u8]>::len);
+        let cost = Cost::of_mesh(&header, &plan, &order.parameters, format).with_file(files as u64);
+        Self { header, format, cost }.with_weights(source.weights, limits)
+    }
+
+    /// The task with its weights, which must fit the image.
+    fn with_weights(self, weights: Option<&[u8]>, limits: &Limits) -> Result<Self, Problem> {
+        let Some(weights) = weights else { return Ok(self) };
+        let size = (self.header.width, self.header.height);
+        let header = probe_weights(weights, size, limits)?;
+        Ok(Self { cost: self.cost.with_weights(&header), ..self })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::extract::params::ParameterSet;
+
+    #[test]
+    fn a_job_costs_the_bytes_of_its_weights_too() {
+        let order = ParameterSet::of_query(Some("density=50")).unwrap().finish().unwrap();
+        let image = &b"P5 4 4 255\n0123456789abcdef"[..];
+        // Bytes behind a picture's end are ignored, and held in memory all the same.
+        let weights = [image, &vec![0; 8 << 20]].concat();
+        let mib = |weights| {
+            let source = Weighed { image, weights };
+            MeshTask::for_job(source, &order, &Limits::default()).unwrap().cost.mib()
+        };
+        assert!(mib(Some(&weights[..])) >= mib(Some(image)) + 8);
+        assert!(mib(Some(image)) >= mib(None));
+    }
+}
