@@ -1,6 +1,6 @@
 //! Who may use the service, and how often: keys and their quotas.
 //!
-//! Without a file of keys everyone is [anonymous](Owner::anonymous), without a quota. With one,
+//! Without a file of keys everyone is [anonymous](Owner::Anonymous), without a quota. With one,
 //! every request below `/v1/` needs a key. The file holds a digest of each key and never the key
 //! ([`file`]). It is read again when it changes, so that a key can be added before the old one of
 //! the same name is taken out, and a leaked one is refused within seconds; a file that cannot be

@@ -140,7 +140,7 @@ impl Admission {
     /// meanwhile; `None` when there will be none.
     pub async fn slot(&self) -> Option<Slot> {
         let asked = Instant::now();
-        let (slot, _) = self.gate.enter(&Owner::jobs(), 0).await?;
+        let (slot, _) = self.gate.enter(&Owner::Jobs, 0).await?;
         Some(Slot { slot, waited: asked.elapsed() })
     }
 
@@ -270,14 +270,14 @@ mod tests {
         let gate = gate(0.02);
         let cost = Cost::of_effort(Effort { kind: WorkKind::OneShot, units: 1.0 });
         let deadline = Instant::now() + Duration::from_secs(60);
-        let mut ticket = gate.admit(&Owner::anonymous(), cost, deadline).await.unwrap();
+        let mut ticket = gate.admit(&Owner::Anonymous, cost, deadline).await.unwrap();
         let kept = ticket.keep(usize::MAX);
         drop(ticket);
-        assert!(gate.gate.has_slot_for(&Owner::anonymous()));
-        let problem = gate.admit(&Owner::anonymous(), cost, deadline).await.unwrap_err();
+        assert!(gate.gate.has_slot_for(&Owner::Anonymous));
+        let problem = gate.admit(&Owner::Anonymous, cost, deadline).await.unwrap_err();
         assert_eq!(problem.kind(), Kind::Overloaded, "it waits no longer than the queue may take");
         drop(kept);
-        assert!(gate.admit(&Owner::anonymous(), cost, deadline).await.is_ok());
+        assert!(gate.admit(&Owner::Anonymous, cost, deadline).await.is_ok());
     }
 
     #[tokio::test]
@@ -285,12 +285,12 @@ mod tests {
         let gate = gate(60.0);
         let cost = Cost::of_effort(Effort { kind: WorkKind::OneShot, units: 1.0 });
         let ticket = gate
-            .admit(&Owner::anonymous(), cost, Instant::now() + Duration::from_secs(60))
+            .admit(&Owner::Anonymous, cost, Instant::now() + Duration::from_secs(60))
             .await
             .unwrap();
         let soon = Instant::now() + Duration::from_millis(20);
         assert_eq!(
-            gate.admit(&Owner::anonymous(), cost, soon).await.unwrap_err().kind(),
+            gate.admit(&Owner::Anonymous, cost, soon).await.unwrap_err().kind(),
             Kind::DeadlineExceeded
         );
         drop(ticket);

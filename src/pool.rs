@@ -179,7 +179,7 @@ mod tests {
         let (gate, workers) = (gate(), Workers::start(1).unwrap());
         let deadline = Instant::now() + Duration::from_secs(60);
         for _ in 0..3 {
-            let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
+            let ticket = gate.admit(&Owner::Anonymous, cost(), deadline).await.unwrap();
             let result: Result<(), _> =
                 workers.run(ticket, deadline, |_, _| panic!("on purpose")).await;
             let problem = result.unwrap_err();
@@ -200,7 +200,7 @@ mod tests {
         });
         let workers = Workers::start(4).unwrap();
         let deadline = Instant::now() + Duration::from_secs(60);
-        let admit = async || gate.admit(&Owner::anonymous(), cost(), deadline).await;
+        let admit = async || gate.admit(&Owner::Anonymous, cost(), deadline).await;
         let threads = async |ticket| {
             workers.run(ticket, deadline, |watch, _| Ok(watch.threads().get())).await.unwrap()
         };
@@ -216,7 +216,7 @@ mod tests {
     async fn dropping_the_wait_stops_the_work_and_only_then_gives_the_ticket_back() {
         let (gate, workers) = (gate(), Workers::start(1).unwrap());
         let deadline = Instant::now() + Duration::from_secs(60);
-        let ticket = gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
+        let ticket = gate.admit(&Owner::Anonymous, cost(), deadline).await.unwrap();
         let has_ended = Arc::new(AtomicBool::new(false));
         let ends = Arc::clone(&has_ended);
         let work = workers.run(ticket, deadline, move |watch, _| -> Result<(), Problem> {
@@ -228,7 +228,7 @@ mod tests {
             Ok(())
         });
         assert!(tokio::time::timeout(Duration::from_millis(50), work).await.is_err());
-        gate.admit(&Owner::anonymous(), cost(), deadline).await.unwrap();
+        gate.admit(&Owner::Anonymous, cost(), deadline).await.unwrap();
         assert!(has_ended.load(Ordering::SeqCst));
     }
 }

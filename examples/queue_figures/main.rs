@@ -156,7 +156,7 @@ fn job() -> NewJob {
     let digest = Digest::of(id.as_bytes());
     NewJob {
         id,
-        owner: Owner::anonymous(),
+        owner: Owner::Anonymous,
         order: "method=mgprfs&density=2".into(),
         picture: Picture { digest, bytes: 262_144, shape },
         idempotency_key: None,

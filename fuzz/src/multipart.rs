@@ -38,7 +38,7 @@ fn receive(body: &[u8], length: usize) -> Outcome {
     };
     let mut parameters = ParameterSet::default();
     let body = Body::from_stream(stream::iter(pieces));
-    let owner = Owner::anonymous();
+    let owner = Owner::Anonymous;
     let receiving = intake.receive_image(&owner, &IMAGE, &headers, body, &mut parameters);
     let received = RUNTIME.with(|runtime| runtime.block_on(receiving));
     let source = received.map_err(|problem| problem.kind().slug())?;

@@ -103,7 +103,7 @@ impl Backlog {
         let others = state.waiting.len() - usize::from(waiting.count > 0);
         let waiting_s = self.seconds(&waiting.units, &state);
         drop(state);
-        if !owner.is_anonymous() && waiting.count >= self.queued_per_key {
+        if owner.is_key() && waiting.count >= self.queued_per_key {
             return Err(self.too_many_of_key(waiting.count));
         }
         let share_s = self.limit_s / (others + 1) as f64;
@@ -254,7 +254,7 @@ mod tests {
         assert_eq!(admitted, [true, true, false], "half a second is the part of each");
         let problem = backlog.enter(&a, cost, false).unwrap_err();
         assert_eq!(problem.kind(), Kind::QuotaExceeded, "three of a key may wait");
-        assert!(backlog.enter(&Owner::anonymous(), cost, false).is_ok());
+        assert!(backlog.enter(&Owner::Anonymous, cost, false).is_ok());
     }
 
     #[test]
@@ -262,16 +262,16 @@ mod tests {
         let backlog = backlog(1);
         let [one_shot, simplifying] = WorkKind::ALL.map(|kind| guessed(kind, 0.55));
         let costs = [one_shot, simplifying, one_shot];
-        let places = costs.map(|cost| backlog.enter(&Owner::anonymous(), cost, false));
+        let places = costs.map(|cost| backlog.enter(&Owner::Anonymous, cost, false));
         assert!(places[0].is_ok() && places[1].is_ok());
         assert_eq!(places[2].as_ref().unwrap_err().kind(), Kind::Overloaded);
         assert_eq!(backlog.drain_s(), 2, "twice 0.55 s");
         assert!(
-            backlog.enter(&Owner::anonymous(), one_shot, true).is_ok(),
+            backlog.enter(&Owner::Anonymous, one_shot, true).is_ok(),
             "an idle worker never refuses"
         );
         drop(places);
-        assert!(backlog.enter(&Owner::anonymous(), one_shot, false).is_ok());
+        assert!(backlog.enter(&Owner::Anonymous, one_shot, false).is_ok());
     }
 
     #[test]
@@ -291,7 +291,7 @@ mod tests {
     fn long_quick_work_makes_room_for_more() {
         let backlog = backlog(2);
         let cost = guessed(WorkKind::OneShot, 100.0);
-        assert!(backlog.enter(&Owner::anonymous(), cost, false).is_ok());
+        assert!(backlog.enter(&Owner::Anonymous, cost, false).is_ok());
         for _ in 0..20 {
             backlog.learn(cost, Duration::from_secs(1));
         }

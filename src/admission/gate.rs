@@ -194,11 +194,7 @@ impl Gate {
     }
 
     fn slots_of(&self, owner: &Owner) -> usize {
-        if owner.is_anonymous() || *owner == Owner::jobs() {
-            self.capacity.slots
-        } else {
-            self.capacity.slots_per_key
-        }
+        if owner.is_key() { self.capacity.slots_per_key } else { self.capacity.slots }
     }
 
     /// Gives back so much of an owner's, and gives it out again.
@@ -367,7 +363,7 @@ mod tests {
         drop(held);
         let mut all = Vec::new();
         for _ in 0..3 {
-            all.push(at_once(gate.enter(&Owner::anonymous(), 1)).await.unwrap());
+            all.push(at_once(gate.enter(&Owner::Anonymous, 1)).await.unwrap());
         }
     }
 
@@ -378,7 +374,7 @@ mod tests {
         let mut held = Vec::new();
         let mut told = Vec::new();
         for _ in 0..20 {
-            held.push(gate.enter(&Owner::anonymous(), 1).await.unwrap());
+            held.push(gate.enter(&Owner::Anonymous, 1).await.unwrap());
             told.push(gate.threads_of_each().get());
         }
         assert_eq!(told, [8, 8, 6, 4, 3, 3, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
@@ -405,12 +401,12 @@ mod tests {
     #[tokio::test]
     async fn memory_may_come_after_the_slot() {
         let gate = gate(1, 10, 1);
-        let (slot, none) = gate.enter(&Owner::jobs(), 0).await.unwrap();
+        let (slot, none) = gate.enter(&Owner::Jobs, 0).await.unwrap();
         let memory = gate.memory(&slot, 10).await.unwrap();
         assert!(at_once(gate.memory(&slot, 1)).await.is_none());
         drop((none, memory));
         assert!(at_once(gate.memory(&slot, 1)).await.is_some());
-        let jobs = Owner::jobs();
+        let jobs = Owner::Jobs;
         let mut next = pin!(gate.enter(&jobs, 0));
         assert!(at_once(next.as_mut()).await.is_none());
         assert!(at_once(gate.memory(&slot, 1)).await.is_some(), "it waits for no slot");

@@ -29,7 +29,7 @@ pub async fn authenticate(
 ) -> Response {
     let keys = keys.filter(|_| request.uri().path().starts_with(GUARDED));
     let Some(keys) = keys else {
-        request.extensions_mut().insert(Owner::anonymous());
+        request.extensions_mut().insert(Owner::Anonymous);
         return next.run(request).await;
     };
     let (owner, quota) = match holder(&keys, request.headers()) {

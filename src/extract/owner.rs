@@ -1,4 +1,4 @@
-//! Who sends a request, as far as anything is kept apart by it.
+//! The owner of a request's task and jobs.
 
 use axum::extract::FromRequestParts;
 use axum::http::Extensions;
@@ -7,52 +7,60 @@ use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
-/// The one whom a request's work and jobs belong to: the name of its key, or nobody in particular.
+/// The owner of tasks and jobs. Tasks of one owner wait for each other; jobs of others are hidden.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Owner(Arc<str>);
+pub enum Owner {
+    /// Everybody, where the service asks for no keys. No limits of keys apply.
+    Anonymous,
+    /// The holder of the key with this name.
+    Key(Arc<str>),
+    /// The workers of durable jobs, which wait for slots beside requests. The queue of jobs keeps the
+    /// owners of jobs apart itself.
+    Jobs,
+}
 
 impl Owner {
-    /// The owner of everything where no keys are asked for. No key has its name, which is empty.
-    #[must_use]
-    pub fn anonymous() -> Self {
-        Self("".into())
-    }
-
-    /// Who waits for workers on behalf of all jobs, whose own queue keeps their owners apart. No key
-    /// has this name.
-    #[must_use]
-    pub fn jobs() -> Self {
-        Self("(jobs)".into())
-    }
-
-    /// The owner that a key of this name stands for.
+    /// The holder of the key with this name.
     #[must_use]
     pub fn named(name: &str) -> Self {
-        Self(name.into())
+        Self::Key(name.into())
     }
 
-    /// Whom a request is from, as what checks its key has found out.
+    /// The owner of a request, as authentication has found.
     #[must_use]
     pub fn of(extensions: &Extensions) -> Self {
-        extensions.get().cloned().unwrap_or_else(Self::anonymous)
+        extensions.get().cloned().unwrap_or(Self::Anonymous)
     }
 
-    /// The name; empty for [`Owner::anonymous`].
+    /// The owner that is stored under a name, see [`as_str`](Self::as_str).
+    #[must_use]
+    pub fn of_stored(name: &str) -> Self {
+        if name.is_empty() { Self::Anonymous } else { Self::named(name) }
+    }
+
+    /// The name of the key, as it is stored with a job; empty without a key.
     #[must_use]
     pub fn as_str(&self) -> &str {
-        &self.0
+        match self {
+            Self::Anonymous | Self::Jobs => "",
+            Self::Key(name) => name,
+        }
     }
 
-    /// Whether this is [`Owner::anonymous`].
+    /// Whether this is the holder of a key, whom the limits of keys apply to.
     #[must_use]
-    pub fn is_anonymous(&self) -> bool {
-        self.0.is_empty()
+    pub fn is_key(&self) -> bool {
+        matches!(self, Self::Key(_))
     }
 }
 
 impl fmt::Display for Owner {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(if self.is_anonymous() { "anonymous" } else { &self.0 })
+        formatter.write_str(match self {
+            Self::Anonymous => "anonymous",
+            Self::Key(name) => name,
+            Self::Jobs => "jobs",
+        })
     }
 }
 

@@ -193,7 +193,7 @@ pub(super) async fn a_job_goes_from_queued_by_running_to_completed<E: Engine>(en
 }
 
 pub(super) async fn a_failed_job_keeps_its_problem<E: Engine>(engine: &E) {
-    let (queue, owner) = (engine.open(terms()).await, Owner::anonymous());
+    let (queue, owner) = (engine.open(terms()).await, Owner::Anonymous);
     let id = submit(&queue, &owner, "image").await;
     let lease = claim(&queue).await.lease;
     queue.finish(lease, Outcome::Failed(problem())).await.unwrap();
@@ -395,7 +395,7 @@ pub(super) async fn nobody_sees_or_cancels_the_jobs_of_others<E: Engine>(engine:
     let queue = engine.open(terms()).await;
     let (mine, other) = (Owner::named("a"), Owner::named("b"));
     let id = submit(&queue, &mine, "image").await;
-    for stranger in [&other, &Owner::anonymous(), &Owner::named("a ")] {
+    for stranger in [&other, &Owner::Anonymous, &Owner::named("a ")] {
         assert_eq!(queue.get(stranger, id).await.unwrap(), Lookup::Unknown);
         assert_eq!(queue.cancel(stranger, id).await.unwrap(), Cancellation::Unknown);
         assert!(list(&queue, stranger, request(10)).await.jobs.is_empty());

@@ -22,13 +22,13 @@ impl Caps {
     /// Jobs of this owner that may wait.
     #[must_use]
     pub fn queued_of(&self, owner: &Owner) -> usize {
-        if owner.is_anonymous() { self.queued } else { self.queued_per_owner }
+        if owner.is_key() { self.queued_per_owner } else { self.queued }
     }
 
     /// Jobs of this owner that may run.
     #[must_use]
     pub fn running_of(&self, owner: &Owner) -> usize {
-        if owner.is_anonymous() { usize::MAX } else { self.running_per_owner }
+        if owner.is_key() { self.running_per_owner } else { usize::MAX }
     }
 }
 

@@ -117,7 +117,7 @@ mod tests {
         let picture = Bytes::from_static(picture.as_bytes());
         let job = NewJob {
             id: JobId::new(),
-            owner: Owner::anonymous(),
+            owner: Owner::Anonymous,
             order: "density=2".into(),
             picture: Picture::of_bytes(&picture),
             idempotency_key: None,
@@ -128,7 +128,7 @@ mod tests {
     }
 
     async fn cancel(jobs: &Jobs, id: JobId) {
-        jobs.queue.cancel(&Owner::anonymous(), id).await.unwrap();
+        jobs.queue.cancel(&Owner::Anonymous, id).await.unwrap();
     }
 
     #[tokio::test]

@@ -68,7 +68,7 @@ impl Shared {
         let held_kib = self.held_kib.get(owner).copied().unwrap_or_default();
         let Some(left_kib) = self.free_kib.checked_sub(kib) else { return false };
         let is_only_body = held_kib == body_kib;
-        if !owner.is_anonymous() && !is_only_body && held_kib + kib > left_kib {
+        if owner.is_key() && !is_only_body && held_kib + kib > left_kib {
             return false;
         }
         self.free_kib = left_kib;
@@ -169,7 +169,7 @@ mod tests {
         assert!(memory.charge(&b).grow_to(10 << 10), "there is room for others");
         drop(bodies);
         assert!(memory.charge(&a).grow_to(100 << 10));
-        let anonymous: Vec<_> = (0..10).map(|_| memory.charge(&Owner::anonymous())).collect();
+        let anonymous: Vec<_> = (0..10).map(|_| memory.charge(&Owner::Anonymous)).collect();
         assert!(anonymous.iter().all(|body| body.grow_to(10 << 10)));
         drop(anonymous);
         assert_eq!(memory.shared().free_kib, 100);

@@ -59,7 +59,7 @@ pub(in crate::jobs) async fn work_is_heard_of_as_it_comes<E: Engine>(engine: &E)
     let mut submitted = Vec::new();
     let heard = async {
         loop {
-            submitted.push(submit(&queue, &Owner::anonymous(), "image").await);
+            submitted.push(submit(&queue, &Owner::Anonymous, "image").await);
             // A server of several may hear of a job a moment after the call; the next call finds it.
             if let Ok(claim) = timeout(BRIEF, &mut waiting).await {
                 return claim.unwrap();
@@ -88,7 +88,7 @@ async fn claim_when_called(queue: &Arc<dyn Queue>, owner: &Owner) -> Claim {
 pub(in crate::jobs) async fn what_was_handed_back_is_called_for<E: Engine>(engine: &E) {
     // Who is not called never looks again in this test.
     let queue = engine.open(Terms { look_again: LONG, ..terms() }).await;
-    let owner = Owner::anonymous();
+    let owner = Owner::Anonymous;
     let id = submit(&queue, &owner, "image").await;
     let lease = claim_when_called(&queue, &owner).await.lease;
     assert_eq!(queue.claim().await.unwrap(), None);

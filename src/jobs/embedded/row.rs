@@ -61,7 +61,7 @@ pub(super) fn id(row: &Row<'_>, column: &str) -> Result<JobId> {
 /// The owner of a row.
 pub(super) fn owner(row: &Row<'_>) -> Result<Owner> {
     let name: String = row.get("owner")?;
-    Ok(if name.is_empty() { Owner::anonymous() } else { Owner::named(&name) })
+    Ok(Owner::of_stored(&name))
 }
 
 /// The state of a row.

@@ -62,7 +62,7 @@ fn terms() -> Terms {
 fn job(image: &str) -> NewJob {
     NewJob {
         id: JobId::new(),
-        owner: Owner::anonymous(),
+        owner: Owner::Anonymous,
         order: "density=2".into(),
         picture: Picture::of_bytes(image.as_bytes()),
         idempotency_key: None,
@@ -92,7 +92,7 @@ async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
     let claim = queue.claim().await.unwrap().unwrap();
     assert_eq!(claim.lease.job, whole.id);
     let request = PageRequest { state: None, before: None, limit: 10 };
-    let page = queue.list(&Owner::anonymous(), request).await.unwrap();
+    let page = queue.list(&Owner::Anonymous, request).await.unwrap();
     assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [whole.id]);
     let Stats { queued, running, .. } = queue.stats().await.unwrap();
     assert_eq!((queued, running), (0, 1), "the damaged one has come to its end");

@@ -111,7 +111,7 @@ impl StoredJob {
 
     /// Whose it is.
     pub(super) fn owner(&self) -> Owner {
-        Owner::named(&self.owner)
+        Owner::of_stored(&self.owner)
     }
 
     /// Where in its life it is; `None` for a state of another version of the program.

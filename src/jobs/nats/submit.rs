@@ -164,7 +164,7 @@ impl Nats {
     /// How many jobs of an owner wait, exactly where that is near the limit; nobody in particular has
     /// none, since only all jobs together are bounded there.
     async fn waiting_of(&self, owner: &Owner, limit: usize) -> Result<usize, QueueError> {
-        if owner.is_anonymous() {
+        if !owner.is_key() {
             return Ok(0);
         }
         let info = self.owners.info(owner).await?;

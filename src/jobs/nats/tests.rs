@@ -169,7 +169,7 @@ async fn claimed(queue: &Nats) -> Claim {
 fn job(image: &str, word: Option<&str>) -> NewJob {
     NewJob {
         id: JobId::new(),
-        owner: Owner::anonymous(),
+        owner: Owner::Anonymous,
         order: "density=2".into(),
         picture: crate::jobs::record::Picture::of_bytes(image.as_bytes()),
         idempotency_key: word.map(str::to_owned),

@@ -75,7 +75,7 @@ async fn submit(jobs: &Jobs, size: usize) -> JobId {
     let header = probe(PICTURE, &Limits::default()).unwrap();
     let job = NewJob {
         id: JobId::new(),
-        owner: Owner::anonymous(),
+        owner: Owner::Anonymous,
         order: format!("method=med&size={size}"),
         picture: Picture::new(Digest::of(PICTURE), PICTURE.len(), &header),
         idempotency_key: None,
@@ -89,10 +89,10 @@ async fn submit(jobs: &Jobs, size: usize) -> JobId {
 /// The job once it has come to its end.
 async fn end(jobs: &Jobs, id: JobId) -> Record {
     loop {
-        match jobs.queue.get(&Owner::anonymous(), id).await.unwrap() {
+        match jobs.queue.get(&Owner::Anonymous, id).await.unwrap() {
             Lookup::Found(record) if record.state.is_final() => return *record,
             Lookup::Found(record) => {
-                jobs.queue.events(&Owner::anonymous(), id, record.revision).await.unwrap();
+                jobs.queue.events(&Owner::Anonymous, id, record.revision).await.unwrap();
             }
             other => panic!("{other:?}"),
         }
@@ -124,7 +124,7 @@ fn worker(jobs: &Jobs) -> Worker {
 async fn once(jobs: &Jobs, id: JobId, is_so: impl Fn(&Record) -> bool) -> Record {
     let found = async {
         loop {
-            match jobs.queue.get(&Owner::anonymous(), id).await.unwrap() {
+            match jobs.queue.get(&Owner::Anonymous, id).await.unwrap() {
                 Lookup::Found(record) if is_so(&record) => return *record,
                 Lookup::Found(_) => tokio::time::sleep(Duration::from_millis(5)).await,
                 other => panic!("{other:?}"),
@@ -248,7 +248,7 @@ async fn a_cancelled_job_stops_and_makes_room_for_the_next() {
     assert_eq!(record.state, State::Running);
     let progress = record.progress.unwrap();
     assert_eq!((progress.stage.as_str(), progress.fraction), ("simplify", 0.5));
-    jobs.queue.cancel(&Owner::anonymous(), unwanted).await.unwrap();
+    jobs.queue.cancel(&Owner::Anonymous, unwanted).await.unwrap();
     let record = once(&jobs, unwanted, |record| record.state.is_final()).await;
     assert_eq!(record.state, State::Cancelled);
     let record = once(&jobs, next, |record| record.state.is_final()).await;

@@ -141,7 +141,7 @@ async fn what_a_broker_that_is_gone_does_not_answer_is_an_error() {
         assert!(began.elapsed() < Duration::from_secs(60), "nobody notices");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
-    let (owner, table) = (Owner::anonymous(), &queue.streams.jobs);
+    let (owner, table) = (Owner::Anonymous, &queue.streams.jobs);
     let asked = [
         queue.get(&owner, id).map(|found| found.map(drop)).boxed(),
         queue.claim().map(|claim| claim.map(drop)).boxed(),

@@ -57,7 +57,7 @@ async fn references_without_a_job_are_taken_away_by_a_sweep() {
     queue.submit(whole.clone()).await.unwrap();
     let cut_off = [b"image", b"other"].map(|bytes| Digest::of(bytes));
     for blob in cut_off {
-        queue.refer(&blob.to_string(), &Owner::anonymous(), JobId::new()).await.unwrap();
+        queue.refer(&blob.to_string(), &Owner::Anonymous, JobId::new()).await.unwrap();
     }
     let blobs = vec![whole.picture.digest, cut_off[0], cut_off[1]];
     queue.sweep().await.unwrap();
@@ -80,7 +80,7 @@ async fn a_message_without_a_record_is_dropped() {
     let Some(engine) = engine("cut-message") else { return };
     let queue = opened(&engine).await;
     let whole = job("whole", None);
-    queue.send_to_work(&Owner::anonymous(), JobId::new()).await.unwrap();
+    queue.send_to_work(&Owner::Anonymous, JobId::new()).await.unwrap();
     queue.submit(whole.clone()).await.unwrap();
     // A moment for the consumer to hear of both: the first claim passes over what is dropped.
     tokio::time::sleep(InServers::SHORT).await;

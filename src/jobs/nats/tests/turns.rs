@@ -72,7 +72,7 @@ async fn an_owner_who_had_nothing_is_asked_again_in_time_and_not_before() {
     let open = async |look_again| {
         let terms = Terms { look_again, ..terms() };
         let queue = Nats::open(engine.broker().await, terms).await.unwrap();
-        queue.owners.consumer(&Owner::anonymous()).await.unwrap();
+        queue.owners.consumer(&Owner::Anonymous).await.unwrap();
         assert_eq!(queue.claim().await.unwrap(), None);
         queue
     };
