@@ -99,7 +99,7 @@ impl<'a> Footprint<'a> {
     ) -> Self {
         let initial = plan.initial_size as u64;
         // Where the error decides, any number of the initial points may stay.
-        let most = if plan.bound.is_some() { initial } else { plan.size as u64 };
+        let most = if parameters.target.is_quality() { initial } else { plan.size as u64 };
         Self {
             header,
             parameters,

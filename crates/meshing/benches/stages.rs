@@ -80,7 +80,7 @@ fn first_sight(bencher: Bencher<'_, '_>, case: Case) {
     bencher.counter(ItemsCount::new(image.pixel_count())).bench_local(|| case.mesh(&image));
 }
 
-/// Both orders of removal on a large picture in colour: `PERFORMANCE.md` compares them.
+/// Both orders of removal on a large picture in colour: `src/removal/NOTES.md` compares them.
 #[divan::bench(args = orders(), sample_count = 3)]
 fn orders_of_removal(bencher: Bencher<'_, '_>, Order { parallel, threads }: Order) {
     let case = Case { method: Method::Mgprfs, side: LARGE_SIDE, is_colour: true, threads };

@@ -11,10 +11,7 @@ use crate::image::{Image, Point};
 use crate::model::flat_color::{FlatColors, FlatFaces, RowSums};
 use crate::model::mesh::Mesh;
 use crate::model::rasterize::rasterize;
-use crate::parallel::in_parallel;
-use crate::parameters::{
-    Connectivity, ErrorBound, ErrorMetric, Parallel, Parameters, Plan, Target, Values,
-};
+use crate::parameters::{Connectivity, ErrorMetric, Parallel, Parameters, Plan, Target, Values};
 use crate::points::initial_points;
 use crate::quality::fidelity::{Fidelity, largest_squared_error};
 use crate::refinement::batch_removal::remove_in_batches;
@@ -29,12 +26,9 @@ use crate::search::{SearchProgress, bisect_size};
 use crate::triangulation::{Face, Triangulation};
 use std::collections::HashSet;
 
-/// The search for a refined mesh of a wanted quality ends when the sizes differ by less than this
-/// part: more meshes cost more than they gain.
+/// The search for a refined mesh of a quality ends when its two sizes differ by less than one part
+/// in this many: a closer search costs more than it gains.
 const REFINED_SEARCH_PRECISION: usize = 200;
-
-/// Faces measured between two polls of the control.
-const FACES_PER_POLL: usize = 8192;
 
 /// A mesh that approximates an image, and how close it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,11 +61,11 @@ pub fn mesh_image(
     control: &dyn Control,
 ) -> Result<Approximation, MeshingError> {
     let plan = parameters.plan(image.shape())?;
-    match plan.bound {
-        Some(bound) if parameters.searches() || parameters.weights.is_some() => {
-            smallest_within(image, parameters, bound, control)
-        }
-        _ => Ok(mesh_by_plan(image, parameters, plan, control)?),
+    let is_bounded = parameters.target.is_quality();
+    if is_bounded && (parameters.searches() || parameters.weights.is_some()) {
+        smallest_within(image, parameters, control)
+    } else {
+        Ok(mesh_by_plan(image, parameters, plan, control)?)
     }
 }
 
@@ -92,10 +86,11 @@ fn mesh_by_plan(
     };
     let Reduced { points, faces, removals, squared_error } = reduced;
     let removals = if parameters.lists_removals { removals } else { Vec::new() };
-    let Valued { mesh, squared_error } = if parameters.is_unconstrained() {
-        unconstrain(image, &guided, points, control)?
+    let (mesh, squared_error) = if parameters.is_unconstrained() {
+        let (mesh, squared_error) = unconstrain(image, &guided, points, control)?;
+        (mesh, Some(squared_error))
     } else {
-        Valued { mesh: Mesh::of_samples(image, points, faces), squared_error }
+        (Mesh::of_samples(image, points, faces), squared_error)
     };
     let flat = parameters
         .is_flat()
@@ -131,12 +126,6 @@ impl Reduced {
     }
 }
 
-/// A mesh, and its squared error where it is known already.
-struct Valued {
-    mesh: Mesh,
-    squared_error: Option<u64>,
-}
-
 /// Removes the least useful points, then moves and exchanges the others.
 fn reduce(
     guided: &Guided<'_>,
@@ -149,61 +138,58 @@ fn reduce(
         return Reduced::of_triangulation(triangulation, Vec::new(), control);
     }
     let evaluator = ErrorEvaluator::new(&guided.image, error_metric, guided.weights());
-    let measure = if effort == 0 { evaluator } else { evaluator.with_model() };
-    let reduced = remove(guided, &measure, triangulation, plan, control)?;
-    if effort == 0 { Ok(reduced) } else { refine_reduced(guided, &measure, reduced, control) }
+    let evaluator = if effort == 0 { evaluator } else { evaluator.with_model() };
+    let reduced = remove(guided, &evaluator, triangulation, plan, control)?;
+    if effort == 0 {
+        return Ok(reduced);
+    }
+    let (errors, sides) = (FaceErrors::new(&evaluator), guided.image.sides());
+    let mut mesh = MeasuredMesh::new(reduced.points, sides, errors, Stage::Refine, control)?;
+    let SortedMesh { points, faces, .. } = refine(&mut mesh, effort, control)?;
+    let squared_error = guided.has_squared_errors().then_some(mesh.total_error());
+    Ok(Reduced { points, faces, removals: reduced.removals, squared_error })
 }
 
-/// Removes the points of featureless areas, then the least useful ones. A mesh without removal keeps
-/// the size that error diffusion gave it, some points more or fewer.
+/// Removes the points of featureless areas, then those whose removal raises the error least.
+/// Without removal a mesh keeps the number of points that error diffusion chose, which is near the
+/// size of the plan.
 fn remove(
     guided: &Guided<'_>,
-    measure: &ErrorEvaluator<'_>,
+    evaluator: &ErrorEvaluator<'_>,
     triangulation: Triangulation,
     plan: Plan,
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
-    let Plan { size, initial_size, bound } = plan;
-    if initial_size == size && bound.is_none() && !guided.parameters.bad_point_removal {
+    let Plan { size, initial_size } = plan;
+    let Parameters { target, error_metric: metric, bad_point_removal, parallel, .. } =
+        guided.parameters;
+    if initial_size == size && !target.is_quality() && !bad_point_removal {
         return Reduced::of_triangulation(triangulation, Vec::new(), control);
     }
+    let image = &guided.image;
     let surplus = triangulation.points.len().saturating_sub(size);
     let lists_removals = guided.parameters.lists_removals;
     let (triangulation, featureless) =
-        remove_featureless(&guided.image, triangulation, surplus, lists_removals, control)?;
-    let mut reduced = remove_least_useful(guided, measure, triangulation, plan, control)?;
+        remove_featureless(image, triangulation, surplus, lists_removals, control)?;
+    let bound = match target {
+        Target::Psnr(least) => Some(largest_squared_error(least, image.shape())),
+        Target::MeanError(most) => Some(metric.largest_sum(most, image)),
+        Target::MaxError(_) | Target::Percent(_) | Target::Size(_) => None,
+    };
+    let rule = StopRule { size, bound, metric, bad_point_removal, lists_removals };
+    let mut reduced = if let Target::MaxError(most) = target {
+        let (points, exact) = (triangulation.points.clone(), Parallel::Exact);
+        let rule = StopRule { lists_removals: true, ..rule };
+        let made = simplify_by(image, evaluator, triangulation, rule, exact, control)?;
+        keep_within(image, points, made.removals, most, control)?
+    } else {
+        let Simplified { points, faces, removals, error } =
+            simplify_by(image, evaluator, triangulation, rule, parallel, control)?;
+        let squared_error = guided.has_squared_errors().then_some(error);
+        Reduced { points, faces, removals, squared_error }
+    };
     reduced.removals.splice(0..0, featureless);
     Ok(reduced)
-}
-
-/// Removes the points whose removal raises the error least.
-fn remove_least_useful(
-    guided: &Guided<'_>,
-    measure: &ErrorEvaluator<'_>,
-    triangulation: Triangulation,
-    plan: Plan,
-    control: &dyn Control,
-) -> Result<Reduced, Cancelled> {
-    let Plan { size, bound, .. } = plan;
-    let Parameters { error_metric: metric, bad_point_removal, parallel, lists_removals, .. } =
-        guided.parameters;
-    let most = match bound {
-        Some(ErrorBound::PsnrDb(least)) => Some(largest_squared_error(least, guided.image.shape())),
-        Some(ErrorBound::MeanError(most)) => Some(metric.largest_sum(most, &guided.image)),
-        Some(ErrorBound::MaxError(_)) | None => None,
-    };
-    let rule = StopRule { size, bound: most, metric, bad_point_removal, lists_removals };
-    if let Some(ErrorBound::MaxError(most)) = bound {
-        let rule = StopRule { lists_removals: true, ..rule };
-        let points = triangulation.points.clone();
-        let exact = Parallel::Exact;
-        let made = simplify_by(&guided.image, measure, triangulation, rule, exact, control)?;
-        return keep_within(&guided.image, points, made.removals, most, control);
-    }
-    let Simplified { points, faces, removals, error } =
-        simplify_by(&guided.image, measure, triangulation, rule, parallel, control)?;
-    let squared_error = guided.has_squared_errors().then_some(error);
-    Ok(Reduced { points, faces, removals, squared_error })
 }
 
 /// Keeps the removals before the first that takes a sample's error beyond a bound.
@@ -221,21 +207,6 @@ fn keep_within(
     Reduced::of_triangulation(Triangulation::new(kept, control)?, removals, control)
 }
 
-/// Moves and exchanges the vertices that removal left.
-fn refine_reduced(
-    guided: &Guided<'_>,
-    measure: &ErrorEvaluator<'_>,
-    reduced: Reduced,
-    control: &dyn Control,
-) -> Result<Reduced, Cancelled> {
-    let Reduced { points, removals, .. } = reduced;
-    let (errors, sides) = (FaceErrors::new(measure), guided.image.sides());
-    let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
-    let SortedMesh { points, faces, .. } = refine(&mut mesh, guided.parameters.effort, control)?;
-    let squared_error = guided.has_squared_errors().then_some(mesh.total_error());
-    Ok(Reduced { points, faces, removals, squared_error })
-}
-
 /// Removes and refines by the errors of faces of one colour each.
 fn reduce_for_flat_faces(
     guided: &Guided<'_>,
@@ -244,7 +215,7 @@ fn reduce_for_flat_faces(
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
     let (points, sides) = (triangulation.points, guided.image.sides());
-    let sums = RowSums::new(&guided.image, guided.weights());
+    let sums = RowSums::new(&guided.image, guided.weights(), Stage::Refine, control)?;
     let errors = FlatFaces::new(&sums);
     let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
     let surplus = mesh.triangulation.vertex_count().saturating_sub(plan.size);
@@ -254,13 +225,13 @@ fn reduce_for_flat_faces(
     Ok(Reduced { points, faces, removals, squared_error: None })
 }
 
-/// Flips edges and fits values as the parameters say.
+/// Flips edges and fits values as the parameters say. Returns the squared error too.
 fn unconstrain(
     image: &Image,
     guided: &Guided<'_>,
     points: Vec<Point>,
     control: &dyn Control,
-) -> Result<Valued, Cancelled> {
+) -> Result<(Mesh, u64), Cancelled> {
     let parameters = &guided.parameters;
     let freedom = Freedom {
         connectivity: parameters.connectivity == Connectivity::Free,
@@ -277,16 +248,15 @@ fn unconstrain(
         mesh.errors = FaceErrors::new(&unweighted);
         mesh.measure(Stage::Measure, control)?;
     }
-    let squared_error = Some(mesh.triangulation.total_error);
+    let squared_error = mesh.triangulation.total_error;
     let samples = order.iter().flat_map(|&v| mesh.values_of(v).iter().copied()).collect();
-    Ok(Valued { mesh: Mesh::from_kernel(image.shape(), points, samples, faces), squared_error })
+    Ok((Mesh::from_kernel(image.shape(), points, samples, faces), squared_error))
 }
 
-/// The smallest mesh found that keeps the bound; the one of all lattice points always does.
+/// The smallest mesh found of the target's quality; that of all lattice points where none does.
 fn smallest_within(
     image: &Image,
     parameters: &Parameters,
-    bound: ErrorBound,
     control: &dyn Control,
 ) -> Result<Approximation, MeshingError> {
     let (mut meshes, mut best) = (0, None::<Approximation>);
@@ -302,7 +272,7 @@ fn smallest_within(
     bisect_size(all, precision, |size| {
         let (made, meshes) = mesh_of(size)?;
         let progress = SearchProgress { control, meshes };
-        let keeps = is_within(image, &made, parameters, bound, &progress)?;
+        let keeps = is_within(image, &made, parameters, &progress)?;
         let is_smaller = |best: &Approximation| made.mesh.points().len() < best.mesh.points().len();
         if keeps && best.as_ref().is_none_or(is_smaller) {
             best = Some(made);
@@ -315,51 +285,46 @@ fn smallest_within(
     }
 }
 
-/// Tells whether a mesh keeps a bound.
+/// Whether a mesh has the target's quality.
 pub(crate) fn is_within(
     image: &Image,
     made: &Approximation,
     parameters: &Parameters,
-    bound: ErrorBound,
     control: &dyn Control,
 ) -> Result<bool, Cancelled> {
-    Ok(match bound {
-        ErrorBound::PsnrDb(least) => {
+    Ok(match parameters.target {
+        Target::Percent(_) | Target::Size(_) => true,
+        Target::Psnr(least) => {
             made.fidelity.squared_error <= largest_squared_error(least, image.shape())
         }
-        ErrorBound::MeanError(most) => {
+        Target::MeanError(most) => {
             let rebuilt = rasterize(&made.mesh, control)?;
-            mean_error(image, &rebuilt, parameters.metric_of_guide()) <= most
+            mean_error(image, &rebuilt, parameters.metric_of_guide(), control)? <= most
         }
-        ErrorBound::MaxError(most) => largest_difference(image, &made.mesh, control)? <= most,
+        Target::MaxError(most) => {
+            let rebuilt = rasterize(&made.mesh, control)?;
+            for y in 0..image.height() {
+                control.poll(Stage::Measure, y, image.height())?;
+                let pairs = |c| image.row(c, y).iter().zip(rebuilt.row(c, y));
+                let exceeds = |c| pairs(c).any(|(a, b)| a.abs_diff(*b) > most);
+                if (0..image.component_count()).any(exceeds) {
+                    return Ok(false);
+                }
+            }
+            true
+        }
     })
-}
-
-/// The largest difference of any sample between an image and the picture that a mesh models.
-fn largest_difference(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<u16, Cancelled> {
-    let rebuilt = rasterize(mesh, control)?;
-    let pairs = image.components().iter().zip(rebuilt.components());
-    let differences = pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)));
-    Ok(differences.max().unwrap_or(0))
 }
 
 /// The squared error of an image's approximation by a mesh that carries its samples.
 fn squared_error_of(mesh: &Mesh, image: &Image, control: &dyn Control) -> Result<u64, Cancelled> {
-    let (measure, faces) =
-        (ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None), mesh.faces());
-    let mut errors = vec![0; faces.len().min(FACES_PER_POLL)];
-    let mut sum = 0;
-    for (chunk, some) in faces.chunks(FACES_PER_POLL).enumerate() {
-        control.poll(Stage::Measure, chunk * FACES_PER_POLL, faces.len())?;
-        let errors = &mut errors[..some.len()];
-        in_parallel(some, errors, control.threads(), |faces, errors| {
-            let corners: Vec<[Point; 3]> = faces.iter().map(|&face| mesh.corners(face)).collect();
-            let mut sums = Vec::with_capacity(faces.len());
-            FaceErrors::new(&measure).errors(&corners, &mut sums);
-            errors.copy_from_slice(&sums);
-        });
+    let evaluator = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
+    let (faces, mut sum) = (mesh.faces(), 0);
+    let poll = |done| control.poll(Stage::Measure, done, faces.len());
+    let corners = |face: usize| mesh.corners(faces[face]);
+    evaluator.for_each_part(faces.len(), corners, control.threads(), poll, |errors| {
         sum += errors.iter().sum::<u64>();
-    }
+    })?;
     Ok(sum)
 }
 
@@ -421,12 +386,17 @@ mod tests {
     }
 
     #[test]
-    fn polls_every_8192_measured_faces() {
+    fn polls_while_faces_are_measured() {
         let samples = (0..120 * 90).map(|i| (i * 37 % 101) as u16).collect();
         let image = Image::from_bottom_up(120, 90, 8, vec![samples]).unwrap();
         let mesh = mesh_image(&image, &Method::Mgpr.parameters(Target::Percent(100.0)), &());
         let (mesh, recorder) = (mesh.unwrap().mesh, Recorder::default());
         assert_eq!(squared_error_of(&mesh, &image, &recorder), Ok(0));
         assert_eq!(recorder.done(Stage::Measure, mesh.faces().len()), [0, 8192, 16384]);
+        let image = Image::from_bottom_up(3000, 1000, 8, vec![vec![7; 3_000_000]]).unwrap();
+        let mesh = mesh_image(&image, &Method::Med.parameters(Target::Size(4)), &()).unwrap().mesh;
+        let recorder = Recorder::default();
+        assert_eq!(squared_error_of(&mesh, &image, &recorder), Ok(0));
+        assert_eq!(recorder.done(Stage::Measure, 2), [0, 1]);
     }
 }

@@ -1,8 +1,8 @@
-//! The search for the smallest mesh of a quality, for methods whose meshes of different sizes have
-//! nothing in common: those that do not simplify, and those that refine.
+//! The search for the smallest mesh of a quality, for methods that do not simplify or that refine:
+//! one run makes a mesh of one size only.
 //!
-//! The quality of such meshes all but grows with their size, so the search doubles or halves the
-//! size until the side changes, then bisects.
+//! The quality of such meshes nearly always grows with their size. The search doubles or halves the
+//! size until the bound lies between two sizes, then bisects.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::parameters::MIN_SIZE;
@@ -11,14 +11,14 @@ use std::num::NonZeroUsize;
 /// The first size tried is this part of the lattice points.
 const FIRST_PART: usize = 64;
 
-/// What progress is counted in: more meshes than the search ever makes.
+/// The total of progress reports: more meshes than the search ever makes.
 const MOST_MESHES: usize = 64;
 
 /// Tries mesh sizes from [`MIN_SIZE`] to `all` until the smallest size that keeps a bound and the
 /// largest that does not are neighbours, or differ by at most one part in `precision`.
 ///
-/// `keeps` makes a mesh of a size and tells whether it keeps the bound; the mesh of `all` points is
-/// taken to keep it.
+/// `keeps` makes a mesh of a size and returns whether it keeps the bound. The mesh of `all` points
+/// counts as keeping it.
 ///
 /// # Errors
 /// The first error of `keeps`.
@@ -82,13 +82,15 @@ impl Control for SearchProgress<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::OnThreads;
+    use crate::control::tests::Recorder;
     use crate::image::Image;
     use crate::model::rasterize::rasterize;
+    use crate::parameters::Target;
     use crate::parameters::method::Method;
-    use crate::parameters::{ErrorBound, Target};
     use crate::pipeline::{is_within, mesh_image};
 
-    /// A slope with a disc on it: more points make a better mesh of it, and few a fair one.
+    /// A slope with a disc on it.
     fn slope_with_disc() -> Image {
         let sample = |i: usize| {
             let (x, y) = (i as i32 % 32, i as i32 / 32);
@@ -103,10 +105,10 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_mesh_is_found_below_and_above_the_size_first_tried() {
+    fn finds_the_smallest_mesh_around_the_first_size() {
         let image = slope_with_disc();
         let first = image.pixel_count() / FIRST_PART;
-        // What the meshes of these sizes reach is the bound, and no smaller one may be missed.
+        // The bound is the quality of a mesh of this size.
         for wanted in [MIN_SIZE, MIN_SIZE + 2, first - 3, first, first + 5, 3 * first] {
             let bound = psnr_of_size(&image, wanted);
             let parameters = Method::Preview.parameters(Target::Psnr(bound));
@@ -121,60 +123,42 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_that_every_mesh_keeps_needs_the_corners_alone() {
+    fn bound_of_every_mesh_needs_the_corners_alone() {
         let parameters = Method::Preview.parameters(Target::Psnr(1.0));
         let found = mesh_image(&slope_with_disc(), &parameters, &()).unwrap();
         assert_eq!(found.mesh.points().len(), MIN_SIZE);
     }
 
-    /// Notes what it is told, on three threads.
-    #[derive(Default)]
-    struct Notes(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
-
-    impl Control for Notes {
-        fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-            self.0.lock().unwrap().push((stage, done, total));
-            Ok(())
-        }
-
-        fn threads(&self) -> NonZeroUsize {
-            NonZeroUsize::new(3).unwrap()
-        }
-    }
-
     #[test]
-    fn a_search_tells_of_the_meshes_made_and_of_no_other_stage() {
-        let notes = Notes::default();
+    fn reports_the_meshes_made_and_no_other_stage() {
+        let control = OnThreads(Recorder::default(), NonZeroUsize::MAX);
         let parameters = Method::Preview.parameters(Target::Psnr(30.0));
-        mesh_image(&slope_with_disc(), &parameters, &notes).unwrap();
-        let quiet = SearchProgress { control: &notes, meshes: 3 };
-        assert_eq!(quiet.threads(), notes.threads());
-        let told = notes.0.into_inner().unwrap();
-        let is_of_search = |&(stage, done, total): &(Stage, usize, usize)| {
-            stage == Stage::Search && done < total && total == MOST_MESHES
-        };
-        assert!(told.iter().all(is_of_search));
-        assert!(told.is_sorted_by_key(|&(_, done, _)| done));
-        let last = told.last().unwrap().1;
-        assert!((0..=last).all(|meshes| told.iter().any(|&(_, done, _)| done == meshes)));
-        assert!(last > 3, "{last}");
+        mesh_image(&slope_with_disc(), &parameters, &control).unwrap();
+        let progress = SearchProgress { control: &control, meshes: 3 };
+        assert_eq!(progress.threads(), NonZeroUsize::MAX);
+        let mut meshes = control.0.done(Stage::Search, MOST_MESHES);
+        assert!(meshes.is_sorted());
+        meshes.dedup();
+        assert_eq!(meshes, (0..meshes.len()).collect::<Vec<_>>());
+        assert!(meshes.len() > 4, "{meshes:?}");
     }
 
     #[test]
-    fn a_bound_is_kept_when_it_is_just_reached() {
+    fn keeps_a_bound_that_is_just_reached() {
         let image = slope_with_disc();
         let parameters = Method::Preview.parameters(Target::Size(40));
-        let model = mesh_image(&image, &parameters, &()).unwrap();
-        let rebuilt = rasterize(&model.mesh, &()).unwrap();
+        let made = mesh_image(&image, &parameters, &()).unwrap();
+        let rebuilt = rasterize(&made.mesh, &()).unwrap();
         let pairs = || image.components()[0].iter().zip(&rebuilt.components()[0]);
         let most = pairs().map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         let squared: u64 = pairs().map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum();
         let mean = squared as f64 / 1024.0;
-        let keeps = |bound| is_within(&image, &model, &parameters, bound, &()).unwrap();
+        let keeps =
+            |target| is_within(&image, &made, &parameters.clone().target(target), &()).unwrap();
         assert!(most > 1 && mean > 1.0);
-        assert!(keeps(ErrorBound::MaxError(most)) && !keeps(ErrorBound::MaxError(most - 1)));
-        assert!(keeps(ErrorBound::MeanError(mean)) && !keeps(ErrorBound::MeanError(mean * 0.999)));
-        let psnr_db = model.fidelity.psnr_db();
-        assert!(keeps(ErrorBound::PsnrDb(psnr_db)) && !keeps(ErrorBound::PsnrDb(psnr_db + 0.001)));
+        assert!(keeps(Target::MaxError(most)) && !keeps(Target::MaxError(most - 1)));
+        assert!(keeps(Target::MeanError(mean)) && !keeps(Target::MeanError(mean * 0.999)));
+        let psnr_db = made.fidelity.psnr_db();
+        assert!(keeps(Target::Psnr(psnr_db)) && !keeps(Target::Psnr(psnr_db + 0.001)));
     }
 }

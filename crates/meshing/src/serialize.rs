@@ -2,16 +2,13 @@
 
 use crate::image::{Point, Shape};
 use crate::model::mesh::Mesh;
-use crate::parameters::{
-    Boundary, Connectivity, ErrorMetric, Generator, Guide, Method, Parallel, Policy, PscTie,
-    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values, Weights,
-};
+use crate::parameters::*;
 use crate::triangulation::Face;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 use std::borrow::Cow;
 
 macro_rules! by_name {
-    ($($type:ty),+ $(,)?) => {
+    ($($type:ty),+) => {
         $(impl Serialize for $type {
             fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.serialize_str(self.name())
@@ -26,23 +23,10 @@ macro_rules! by_name {
     };
 }
 
-by_name!(
-    Boundary,
-    Connectivity,
-    ErrorMetric,
-    Generator,
-    Guide,
-    Method,
-    Parallel,
-    Policy,
-    PscTie,
-    Reconstruction,
-    Scan,
-    Smoothing,
-    SmoothingDirection,
-    Startup,
-    Values,
-);
+by_name! {
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, Method, Parallel, Policy, PscTie,
+    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values
+}
 
 /// The parts of a mesh before they are checked.
 #[derive(Deserialize)]
@@ -85,7 +69,6 @@ impl<'de> Deserialize<'de> for Weights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameters::{Parameters, Target};
 
     #[test]
     fn parameters_survive_json() {

@@ -65,7 +65,7 @@ impl Density {
         control: &dyn Control,
     ) -> Result<Self, MeshingError> {
         parameters.check()?;
-        parameters.check_policy(image.component_count())?;
+        parameters.policy.check_component_count(image.component_count())?;
         Ok(Self::of_checked(image, parameters, control)?)
     }
 

@@ -7,10 +7,10 @@
 //! stays at least `1 / (4 den)` away from every tie, far more than the error of two roundings,
 //! `2^16 * 2^-52`, as long as `den < 2^33`. Larger faces divide.
 //!
-//! [`Interpolant`] is the specification, for faces of any size. [`Plane`] is the fast form for small
-//! faces over samples of up to 8 bits, eight values at a time. The tests of the face's error, which
-//! is computed with either, tie it to the specification (`small_faces_have_the_error_of_large_ones`
-//! and `largest_errors_of_small_faces_are_exact`).
+//! [`Interpolant`] is the specification, for faces of any size. [`Plane`] is the fast form for
+//! small faces over samples of up to 8 bits, eight values at a time. Tests of the face's error,
+//! which both forms compute, tie it to the specification: `small_faces_have_the_error_of_large_ones`
+//! and `largest_errors_of_small_faces_are_exact`.
 
 use crate::image::Point;
 use crate::triangulation::predicates::orientation;

@@ -6,6 +6,7 @@
 //! YCbCr is that of ITU-R Recommendation BT.601 with the full range of samples, as in JFIF. Each
 //! chroma difference is rounded down to an integer, as the luma is.
 
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage};
 use crate::density::luma::luma_of;
 use crate::image::Image;
 use crate::parameters::choices::ErrorMetric;
@@ -18,12 +19,12 @@ const STEPS: u64 = 256;
 const BLUE_DIFFERENCE: [i64; 3] = [-168_736, -331_264, 500_000];
 const RED_DIFFERENCE: [i64; 3] = [500_000, -418_688, -81_312];
 
-/// Some pixels of one row of an image.
+/// Pixels of an image one after the other.
 pub(crate) struct Run<'a> {
     pub(crate) image: &'a Image,
-    pub(crate) y: usize,
-    pub(crate) columns: Range<usize>,
-    /// The weight of each pixel; 1 where there are none.
+    /// Indices `y * width + x`.
+    pub(crate) pixels: Range<usize>,
+    /// The weight of each of these pixels; without weights each counts once.
     pub(crate) weights: Option<&'a [u8]>,
 }
 
@@ -31,7 +32,7 @@ impl ErrorMetric {
     /// Sum of the errors of an approximation, given component by component, times the weights.
     pub(crate) fn error(self, run: &Run<'_>, approximation: &[Vec<u16>]) -> u64 {
         match self {
-            // What the similarity adds is in the weights.
+            // The structural similarity is in the weights.
             Self::MeanCompSe | Self::VecSe | Self::Ssim => {
                 run.sum_components(approximation, |difference| difference.pow(2))
             }
@@ -43,11 +44,6 @@ impl ErrorMetric {
                 run.sum_colors(approximation, |a, b| (squared_length(a, b) * STEPS * STEPS).isqrt())
             }
         }
-    }
-
-    /// Whether the error is the sum of the squared differences of the components.
-    pub(crate) fn is_squared_difference(self) -> bool {
-        matches!(self, Self::MeanCompSe | Self::VecSe)
     }
 
     /// Bits by which weighted sums shrink, so that they fit in 64 bits: squared errors above 8 bits
@@ -85,27 +81,32 @@ impl ErrorMetric {
 }
 
 /// The mean error per pixel of an approximation of an image.
-pub(crate) fn mean_error(image: &Image, approximation: &Image, metric: ErrorMetric) -> f64 {
-    let mut rows = vec![Vec::new(); image.component_count()];
-    let mut sum = 0;
-    for y in 0..image.height() {
-        for (c, row) in rows.iter_mut().enumerate() {
-            row.clear();
-            row.extend_from_slice(approximation.row(c, y));
-        }
-        sum += metric.error(&Run { image, y, columns: 0..image.width(), weights: None }, &rows);
+pub(crate) fn mean_error(
+    image: &Image,
+    approximation: &Image,
+    metric: ErrorMetric,
+    control: &dyn Control,
+) -> Result<f64, Cancelled> {
+    let (count, mut sum) = (image.pixel_count(), 0);
+    for first in (0..count).step_by(POINTS_PER_POLL) {
+        control.poll(Stage::Measure, first, count)?;
+        let pixels = first..count.min(first + POINTS_PER_POLL);
+        let part = |samples: &Vec<u16>| samples[pixels.clone()].to_vec();
+        let after: Vec<Vec<u16>> = approximation.components().iter().map(part).collect();
+        sum += metric.error(&Run { image, pixels, weights: None }, &after);
     }
-    metric.mean(sum, image)
+    Ok(metric.mean(sum, image))
 }
 
 impl Run<'_> {
     /// Sums a function of the differences of all components.
     fn sum_components(&self, after: &[Vec<u16>], of_difference: impl Fn(u64) -> u64) -> u64 {
-        let of_component = |(c, after): (usize, &Vec<u16>)| {
-            let pairs = self.component(c).iter().zip(after);
+        let components = self.image.components().iter().zip(after);
+        let of_component = |(before, after): (&Vec<u16>, &Vec<u16>)| {
+            let pairs = before[self.pixels.clone()].iter().zip(after);
             self.sum(pairs.map(|(a, &b)| of_difference(a.abs_diff(b).into())))
         };
-        after.iter().enumerate().map(of_component).sum()
+        components.map(of_component).sum()
     }
 
     /// Sums a function of the colors before and after; the absolute differences of images without
@@ -114,11 +115,10 @@ impl Run<'_> {
         let [red, green, blue, ..] = after else {
             return self.sum_components(after, |difference| difference);
         };
-        let before = [0, 1, 2].map(|c| self.component(c));
-        self.sum(
-            (0..red.len())
-                .map(|i| of_colors(before.map(|row| row[i]), [red[i], green[i], blue[i]])),
-        )
+        let before = [0, 1, 2].map(|c| &self.image.components()[c][self.pixels.clone()]);
+        let after = [red, green, blue].map(Vec::as_slice);
+        let at = |rows: [&[u16]; 3], i: usize| rows.map(|row| row[i]);
+        self.sum((0..self.pixels.len()).map(|i| of_colors(at(before, i), at(after, i))))
     }
 
     /// Sums errors times weights.
@@ -127,10 +127,6 @@ impl Run<'_> {
             None => errors.sum(),
             Some(weights) => errors.zip(weights).map(|(error, &w)| error * u64::from(w)).sum(),
         }
-    }
-
-    fn component(&self, c: usize) -> &[u16] {
-        &self.image.row(c, self.y)[self.columns.clone()]
     }
 }
 
@@ -164,8 +160,7 @@ mod tests {
         let image = Image::from_bottom_up(2, 2, 16, (0..3).map(samples).collect()).unwrap();
         let after: Vec<Vec<u16>> =
             (0..3).map(|c| pixels.map(|(_, after)| after[c]).to_vec()).collect();
-        let error =
-            |weights| metric.error(&Run { image: &image, y: 1, columns: 0..2, weights }, &after);
+        let error = |weights| metric.error(&Run { image: &image, pixels: 2..4, weights }, &after);
         assert_eq!(error(Some(&[3, 3])), 3 * error(None), "{metric}");
         assert_eq!(error(Some(&[0, 1])) + error(Some(&[1, 0])), error(None), "{metric}");
         error(None) as f64 / metric.per_unit(3)
@@ -200,7 +195,7 @@ mod tests {
         let image =
             |samples: [u16; 4]| Image::from_bottom_up(2, 2, 8, vec![samples.into()]).unwrap();
         let [before, after] = [image([1, 2, 3, 4]), image([1, 4, 3, 8])];
-        assert_eq!(mean_error(&before, &after, ErrorMetric::MeanCompSe), 5.0);
-        assert_eq!(mean_error(&before, &after, ErrorMetric::MeanCompAe), 1.5);
+        assert_eq!(mean_error(&before, &after, ErrorMetric::MeanCompSe, &()), Ok(5.0));
+        assert_eq!(mean_error(&before, &after, ErrorMetric::MeanCompAe, &()), Ok(1.5));
     }
 }

@@ -13,14 +13,22 @@ pub(crate) mod pixels_of_face;
 pub(crate) mod quadratic_model;
 mod squared;
 
+use crate::control::Cancelled;
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::metrics::Run;
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::face_error::quadratic_model::ModelPixels;
 use crate::face_error::squared::Pixels;
 use crate::image::{Image, Point};
+use crate::parallel::in_parallel;
 use crate::parameters::choices::ErrorMetric;
+use crate::triangulation::predicates::orientation;
 use fearless_simd::{Level, Simd, dispatch};
+use std::num::NonZeroUsize;
+
+/// Faces measured between two polls, at most, and twice the area that ends a part.
+const FACES_PER_PART: usize = 8192;
+const DOUBLE_AREA_PER_PART: i64 = 1 << 21;
 
 /// Evaluates errors of approximations of one image.
 pub(crate) struct ErrorEvaluator<'a> {
@@ -50,7 +58,7 @@ impl<'a> ErrorEvaluator<'a> {
         Self { image, kind, level: Level::new() }
     }
 
-    /// The same with the pixels of the quadratic model where it has others than the errors: for
+    /// The same with pixels for the quadratic model where the errors have no such pixels: for
     /// squared errors with weights, which the model ignores, and above 8 bits.
     pub(crate) fn with_model(mut self) -> Self {
         match &mut self.kind {
@@ -63,6 +71,46 @@ impl<'a> ErrorEvaluator<'a> {
             Kind::Squared(_) | Kind::ByPixel { .. } => {}
         }
         self
+    }
+
+    /// Pixels of the image.
+    pub(crate) fn pixel_count(&self) -> usize {
+        self.image.pixel_count()
+    }
+
+    /// Measures `count` faces on several threads, and gives their errors part by part in order to
+    /// `use_part`. A part has at most 8192 faces and ends with the face that takes its area beyond
+    /// a million pixels; `poll` is called before each part with the number of faces measured.
+    pub(crate) fn for_each_part(
+        &self,
+        count: usize,
+        corners: impl Fn(usize) -> [Point; 3],
+        threads: NonZeroUsize,
+        poll: impl Fn(usize) -> Result<(), Cancelled>,
+        mut use_part: impl FnMut(&[u64]),
+    ) -> Result<(), Cancelled> {
+        let (mut first, mut faces, mut errors) = (0, Vec::new(), Vec::new());
+        while first < count {
+            poll(first)?;
+            faces.clear();
+            let mut double_area = 0;
+            for face in (first..count).take(FACES_PER_PART).map(&corners) {
+                double_area += orientation(face[0], face[1], face[2]);
+                faces.push(face);
+                if double_area > DOUBLE_AREA_PER_PART {
+                    break;
+                }
+            }
+            errors.resize(faces.len(), 0);
+            in_parallel(&faces, &mut errors, threads, |faces, errors| {
+                let mut measured = Vec::with_capacity(faces.len());
+                FaceErrors::new(self).errors(faces, &mut measured);
+                errors.copy_from_slice(&measured);
+            });
+            use_part(&errors);
+            first += faces.len();
+        }
+        Ok(())
     }
 }
 
@@ -89,7 +137,7 @@ pub(crate) trait FaceMeasure: Clone + Send + Sync {
     }
 
     /// The pixels of the quadratic model, where it predicts changes of the error.
-    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+    fn model_pixels(&self) -> Option<&dyn ModelPixels> {
         None
     }
 
@@ -198,13 +246,14 @@ impl<'e> FaceErrors<'e> {
             self;
         let mut sum = 0u128;
         for_each_row(corners, |y, first, end| {
-            let (y, columns) = (y as usize, first as usize..end as usize);
             for (interpolant, row) in interpolants.iter().zip(approximations.iter_mut()) {
-                row.resize(columns.len(), 0);
-                interpolant.fill(first, y as i32, row);
+                row.resize((end - first) as usize, 0);
+                interpolant.fill(first, y, row);
             }
-            let weights = weights.map(|weights| &weights[y * image.width()..][columns.clone()]);
-            sum += u128::from(metric.error(&Run { image, y, columns, weights }, approximations));
+            let row = y as usize * image.width();
+            let pixels = row + first as usize..row + end as usize;
+            let weights = weights.map(|weights| &weights[pixels.clone()]);
+            sum += u128::from(metric.error(&Run { image, pixels, weights }, approximations));
         });
         let shift = weights.map_or(0, |_| metric.weighted_shift(image.precision()));
         (sum >> shift) as u64
@@ -239,11 +288,11 @@ impl FaceMeasure for FaceErrors<'_> {
         sum
     }
 
-    fn model_pixels(&self) -> Option<ModelPixels<'_>> {
+    fn model_pixels(&self) -> Option<&dyn ModelPixels> {
         match &self.evaluator.kind {
-            Kind::Squared(pixels) => Some(ModelPixels::Bits8(pixels)),
-            Kind::SquaredWide { model } => model.as_ref().map(ModelPixels::Bits16),
-            Kind::ByPixel { model, .. } => model.as_ref().map(ModelPixels::Bits8),
+            Kind::Squared(pixels) => Some(pixels),
+            Kind::SquaredWide { model } => model.as_ref().map(|pixels| pixels as _),
+            Kind::ByPixel { model, .. } => model.as_ref().map(|pixels| pixels as _),
         }
     }
 
@@ -259,7 +308,6 @@ impl FaceMeasure for FaceErrors<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
 
     /// An image of scattered samples of all values.
@@ -404,23 +452,17 @@ mod tests {
 
     #[test]
     fn models_squared_errors_of_up_to_four_components() {
-        let model_bits = |component_count, precision, is_weighted: bool, metric| {
+        let has_model = |component_count, precision, is_weighted: bool, metric| {
             let image = scattered(8, component_count, precision);
             let weights = is_weighted.then_some(&[3; 64][..]);
             let evaluator = ErrorEvaluator::new(&image, metric, weights).with_model();
-            match FaceErrors::new(&evaluator).model_pixels() {
-                None => 0,
-                Some(ModelPixels::Bits8(_)) => 8,
-                Some(ModelPixels::Bits16(_)) => 16,
-            }
+            FaceErrors::new(&evaluator).model_pixels().is_some()
         };
         let squared = ErrorMetric::MeanCompSe;
-        assert_eq!(model_bits(1, 8, false, squared), 8);
-        assert_eq!(model_bits(4, 8, true, squared), 8);
-        assert_eq!(model_bits(4, 16, false, squared), 16);
-        assert_eq!(model_bits(1, 9, true, squared), 0);
-        assert_eq!(model_bits(5, 8, false, squared), 0);
-        assert_eq!(model_bits(3, 8, true, ErrorMetric::LumaSe), 0);
-        assert_eq!(model_bits(3, 9, false, ErrorMetric::MeanCompAe), 0);
+        assert!(has_model(1, 8, false, squared) && has_model(4, 8, true, squared));
+        assert!(has_model(4, 16, false, squared));
+        assert!(!has_model(1, 9, true, squared) && !has_model(5, 8, false, squared));
+        assert!(!has_model(3, 8, true, ErrorMetric::LumaSe));
+        assert!(!has_model(3, 9, false, ErrorMetric::MeanCompAe));
     }
 }

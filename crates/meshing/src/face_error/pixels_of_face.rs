@@ -19,6 +19,7 @@
 
 use crate::image::Point;
 use fearless_simd::{Simd, i32x8, mask32x8, prelude::*};
+use std::convert::Infallible;
 
 /// Largest number of columns and of rows between two vertices of a small face; `2^k - 1`.
 pub(crate) const MAX_EXTENT: i32 = 63;
@@ -43,11 +44,27 @@ const RECIPROCALS: [i32; MAX_EXTENT as usize + 1] = {
 /// Calls `use_row(y, first, end)` for each row in which the counter-clockwise face `abc` owns the
 /// pixels of the columns `first..end`, from the bottom up.
 #[inline(always)]
-pub(crate) fn for_each_row([a, b, c]: [Point; 3], mut use_row: impl FnMut(i32, i32, i32)) {
+pub(crate) fn for_each_row(corners: [Point; 3], mut use_row: impl FnMut(i32, i32, i32)) {
+    let Ok(()) = try_for_each_row(
+        corners,
+        #[inline(always)]
+        |y, first, end| {
+            use_row(y, first, end);
+            Ok::<_, Infallible>(())
+        },
+    );
+}
+
+/// [`for_each_row`] up to the first error of `use_row`.
+#[inline(always)]
+pub(crate) fn try_for_each_row<E>(
+    [a, b, c]: [Point; 3],
+    mut use_row: impl FnMut(i32, i32, i32) -> Result<(), E>,
+) -> Result<(), E> {
     let (bottom, middle, top, middle_is_right) = sorted_by_row(a, b, c);
     if bottom.y == 0 && middle.y == 0 {
         let left = bottom.x.min(middle.x);
-        use_row(0, left + i32::from(left > 0), bottom.x.max(middle.x) + 1);
+        use_row(0, left + i32::from(left > 0), bottom.x.max(middle.x) + 1)?;
     }
     let mut long = EdgeWalk::new(bottom, top);
     for (from, to) in [(bottom, middle), (middle, top)] {
@@ -61,10 +78,11 @@ pub(crate) fn for_each_row([a, b, c]: [Point; 3], mut use_row: impl FnMut(i32, i
             let (left, right) = if middle_is_right { (&long, &short) } else { (&short, &long) };
             let (first, end) = columns(left, right);
             if first < end {
-                use_row(y, first, end);
+                use_row(y, first, end)?;
             }
         }
     }
+    Ok(())
 }
 
 /// The columns right of `left` up to `right`, and column 0 where the face begins there.
@@ -290,7 +308,8 @@ mod tests {
         ) {
             let inner = seeds.iter().map(|&(x, y)| Point::new(x % width, y % height));
             let corners = corner_points(width as usize, height as usize);
-            let points: Vec<Point> = inner.chain(corners).collect::<BTreeSet<_>>().into_iter().collect();
+            let points: BTreeSet<Point> = inner.chain(corners).collect();
+            let points: Vec<Point> = points.into_iter().collect();
             let faces = triangulate(&points);
             let mut owners = vec![None; (width * height) as usize];
             for (f, face) in faces.iter().enumerate() {

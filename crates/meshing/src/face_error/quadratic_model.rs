@@ -22,40 +22,28 @@ use crate::face_error::squared::{LANES, MAX_COMPONENTS, Pixels, Sample};
 use crate::image::Point;
 use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 
-/// The pixels that the model reads.
-#[derive(Clone, Copy)]
-pub(crate) enum ModelPixels<'a> {
-    /// Samples of at most 8 bits.
-    Bits8(&'a Pixels),
-    /// Samples of more bits.
-    Bits16(&'a Pixels<u16>),
-}
-
-impl ModelPixels<'_> {
+/// The pixels of an image that the model reads.
+pub(crate) trait ModelPixels {
     /// The model of the error around a vertex whose link is `link`, counter-clockwise, with one
     /// face between each of the first `face_count` neighbours and the next. `None` when one of
     /// these faces is not small.
-    pub(crate) fn model(
-        self,
-        vertex: Point,
-        link: &[Point],
-        face_count: usize,
-    ) -> Option<QuadraticModel> {
-        match self {
-            Self::Bits8(pixels) => pixels.model(vertex, link, face_count),
-            Self::Bits16(pixels) => pixels.model(vertex, link, face_count),
+    fn model(&self, vertex: Point, link: &[Point], face_count: usize) -> Option<QuadraticModel>;
+
+    /// The predicted change of the squared error when the vertex moves to another pixel.
+    fn predicted_change(&self, model: &QuadraticModel, to: Point) -> f32;
+}
+
+impl<T: Sample> ModelPixels for Pixels<T> {
+    fn model(&self, vertex: Point, link: &[Point], face_count: usize) -> Option<QuadraticModel> {
+        match self.stride {
+            1 => dispatch!(self.level, simd => self.fit::<_, 1>(simd, vertex, link, face_count)),
+            2 => dispatch!(self.level, simd => self.fit::<_, 2>(simd, vertex, link, face_count)),
+            _ => dispatch!(self.level, simd => self.fit::<_, 4>(simd, vertex, link, face_count)),
         }
     }
 
-    /// The predicted change of the squared error when the vertex moves to another pixel.
-    pub(crate) fn predicted_change(self, model: &QuadraticModel, to: Point) -> f32 {
-        model.change(
-            to,
-            match self {
-                Self::Bits8(pixels) => pixels.samples_at(to),
-                Self::Bits16(pixels) => pixels.samples_at(to),
-            },
-        )
+    fn predicted_change(&self, model: &QuadraticModel, to: Point) -> f32 {
+        model.change(to, self.samples_at(to))
     }
 }
 
@@ -109,14 +97,6 @@ struct Weight<S: Simd> {
 }
 
 impl<T: Sample> Pixels<T> {
-    fn model(&self, vertex: Point, link: &[Point], face_count: usize) -> Option<QuadraticModel> {
-        match self.stride {
-            1 => dispatch!(self.level, simd => self.fit::<_, 1>(simd, vertex, link, face_count)),
-            2 => dispatch!(self.level, simd => self.fit::<_, 2>(simd, vertex, link, face_count)),
-            _ => dispatch!(self.level, simd => self.fit::<_, 4>(simd, vertex, link, face_count)),
-        }
-    }
-
     #[inline(always)]
     fn fit<S: Simd, const STRIDE: usize>(
         &self,
@@ -333,7 +313,8 @@ mod tests {
                 let sample = |i: usize| ((i + seed) * 40_503 + c * 9_973) >> 5 & 0xffff;
                 (0..32 * 32).map(|i| (sample(i) >> (16 - bits)) as u16).collect()
             };
-            let image = Image::from_bottom_up(32, 32, bits, (0..component_count).map(plane).collect()).unwrap();
+            let components = (0..component_count).map(plane).collect();
+            let image = Image::from_bottom_up(32, 32, bits, components).unwrap();
             let directions = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
             let vertex = Point::new(16, 16);
             let link: Vec<Point> = directions
@@ -343,17 +324,17 @@ mod tests {
                 .collect();
             let to = Point::new(16 + dx, 16 + dy);
             let wide = Pixels::<u16>::new(&image).unwrap();
-            let predicted = |pixels: ModelPixels<'_>| {
+            let predicted = |pixels: &dyn ModelPixels| {
                 let model = pixels.model(vertex, &link, link.len()).unwrap();
                 pixels.predicted_change(&model, to)
             };
-            let found = predicted(ModelPixels::Bits16(&wide));
+            let found = predicted(&wide);
             let expected = change_by_definition(&image, vertex, &link, to);
             let tolerance = 1e-4 * f64::from(1u32 << bits).powi(2) * 32.0;
             prop_assert!((f64::from(found) - expected).abs() < tolerance, "{found}, {expected}");
             if bits == 8 {
                 let narrow = Pixels::<u8>::new(&image).unwrap();
-                prop_assert_eq!(predicted(ModelPixels::Bits8(&narrow)), found);
+                prop_assert_eq!(predicted(&narrow), found);
             }
         }
     }

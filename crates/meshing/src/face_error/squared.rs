@@ -37,7 +37,7 @@ pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
     /// Bits of a sample.
     const PRECISION: u8;
 
-    /// A sample of at most so many bits.
+    /// A sample of at most [`PRECISION`](Self::PRECISION) bits.
     fn of(sample: u16) -> Self;
 
     /// The first eight of at least [`SAMPLES_READ`] samples.

@@ -1,31 +1,39 @@
-//! The second reconstruction: one colour for each triangle, the one that fits it best.
+//! The second reconstruction: one colour for each face, the one of least squared error.
 //!
-//! The colour of least squared error over the points of a face is their mean, rounded to the nearest
-//! integer, halves up. Sums over rows come from running sums of samples and of their squares, so a
-//! face is measured in a time proportional to its rows, whatever its columns.
+//! The best colour of a face is the mean of its samples, rounded to the nearest integer, halves up.
+//! Running sums of samples and of their squares along each row give the sums over a face in a time
+//! proportional to its rows, whatever its columns.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::error::MeshingError;
 use crate::face_error::FaceMeasure;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::pixels_of_face::{for_each_row, try_for_each_row};
 use crate::image::{Image, Point, ShapeMismatch};
 use crate::model::mesh::Mesh;
 use crate::parameters::choices::ErrorMetric;
 use crate::quality::fidelity::Fidelity;
 
-/// Faces between two polls of the control.
-const FACES_PER_POLL: usize = 64;
-
-/// A picture in which every face of a mesh has one colour, and how close that is to the image.
+/// An image in which every face of a mesh has one colour, and how close it is to the original.
+///
+/// ```
+/// use pixmesh_meshing::{FlatColors, Image, Method, Target, mesh_image};
+///
+/// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 10, 10, 90]])?;
+/// let mesh = mesh_image(&image, &Method::Med.parameters(Target::Size(4)), &())?.mesh;
+/// let flat = FlatColors::new(&image, &mesh, &())?;
+/// assert_eq!(flat.colors.len(), mesh.faces().len());
+/// assert_eq!(flat.fidelity.squared_error, 80 * 80 / 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FlatColors {
     /// Face by face in the mesh's order: component `c` of face `f` is `colors[f * components + c]`.
-    /// A face that owns no lattice point has the colour of its first vertex.
+    /// A face without pixels of its own has the colour of its first vertex.
     pub colors: Vec<u16>,
-    /// The picture.
+    /// The image of these colours.
     pub picture: Image,
-    /// How close it is to the image.
+    /// How close it is to the original.
     pub fidelity: Fidelity,
 }
 
@@ -39,41 +47,45 @@ impl FlatColors {
         Ok(Self::of_mesh(image, mesh, None, control)?)
     }
 
-    /// The colors for an image of the mesh's shape, weighted where there are weights.
+    /// The colours for an image of the mesh's shape, weighted where there are weights.
     pub(crate) fn of_mesh(
         image: &Image,
         mesh: &Mesh,
         weights: Option<&[u8]>,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let sums = RowSums::new(image, weights);
+        let sums = RowSums::new(image, weights, Stage::Rasterize, control)?;
         let (count, width) = (image.component_count(), image.width());
+        let mut poller = Poller::new(control, Stage::Rasterize, 0, mesh.faces().len());
         let mut colors = Vec::with_capacity(mesh.faces().len() * count);
         let mut components = vec![vec![0; image.pixel_count()]; count];
         let mut squared_error = 0;
         for (f, &face) in mesh.faces().iter().enumerate() {
-            if f % FACES_PER_POLL == 0 {
-                control.poll(Stage::Rasterize, f, mesh.faces().len())?;
-            }
             let corners = mesh.corners(face);
+            poller.done = f;
             for (c, component) in components.iter_mut().enumerate() {
                 let sum = sums.of_face(c, corners);
                 let color = sum.mean().unwrap_or_else(|| mesh.vertex_samples(face[0] as usize)[c]);
                 colors.push(color);
-                for_each_row(corners, |y, first, end| {
+                poller.step(STEPS_PER_FACE)?;
+                try_for_each_row(corners, |y, first, end| {
+                    poller.step((end - first) as usize)?;
                     let columns = first as usize..end as usize;
-                    let squares = image.row(c, y as usize)[columns.clone()]
-                        .iter()
-                        .map(|sample| u64::from(sample.abs_diff(color)).pow(2));
-                    squared_error += squares.sum::<u64>();
+                    let square = |sample: &u16| u64::from(sample.abs_diff(color)).pow(2);
+                    let row = &image.row(c, y as usize)[columns.clone()];
+                    squared_error += row.iter().map(square).sum::<u64>();
                     component[y as usize * width..][columns].fill(color);
-                });
+                    Ok(())
+                })?;
             }
         }
         let picture = image.with_components(components);
         Ok(Self { colors, picture, fidelity: Fidelity::new(squared_error, image.shape()) })
     }
 }
+
+/// The cost of a face in steps, each of which is a pixel.
+const STEPS_PER_FACE: usize = 64;
 
 /// Sums over the pixels of a face, each times the pixel's weight; exact for any face.
 #[derive(Clone, Copy, Default)]
@@ -112,23 +124,32 @@ pub(crate) struct RowSums {
 }
 
 impl RowSums {
-    /// The sums of an image, with weights where there are any.
-    pub(crate) fn new(image: &Image, weights: Option<&[u8]>) -> Self {
+    /// The sums of an image, with weights where there are any. Reports the start of a stage.
+    pub(crate) fn new(
+        image: &Image,
+        weights: Option<&[u8]>,
+        stage: Stage,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
         let width = image.width();
         let weight = |i: usize| weights.map_or(1, |weights| u64::from(weights[i]));
-        let of_component = |samples: &Vec<u16>| {
-            running_sums(samples.len(), width, (0, 0), |(sum, squares), i| {
+        let mut poller = Poller::new(control, stage, 0, 1);
+        let mut poll = || poller.step(width);
+        let add_weight = |sum, i| sum + weight(i);
+        let of_weights = weights
+            .map(|weights| running_sums(weights.len(), width, 0, &mut poll, add_weight))
+            .transpose()?;
+        let mut components = Vec::with_capacity(image.component_count());
+        for samples in image.components() {
+            let add = |(sum, squares), i: usize| {
                 let sample = u64::from(samples[i]);
                 (sum + weight(i) * sample, squares + weight(i) * sample * sample)
-            })
-        };
-        Self {
-            stride: width + 1,
-            weights: weights
-                .map(|_| running_sums(image.pixel_count(), width, 0, |sum, i| sum + weight(i))),
-            components: image.components().iter().map(of_component).collect(),
-            shift: weights.map_or(0, |_| ErrorMetric::MeanCompSe.weighted_shift(image.precision())),
+            };
+            components.push(running_sums(samples.len(), width, (0, 0), &mut poll, add)?);
         }
+        let weighted_shift = || ErrorMetric::MeanCompSe.weighted_shift(image.precision());
+        let shift = if weights.is_some() { weighted_shift() } else { 0 };
+        Ok(Self { stride: width + 1, weights: of_weights, components, shift })
     }
 
     fn of_face(&self, c: usize, corners: [Point; 3]) -> Sum {
@@ -152,10 +173,12 @@ fn running_sums<T: Copy>(
     count: usize,
     width: usize,
     zero: T,
+    mut poll: impl FnMut() -> Result<(), Cancelled>,
     add: impl Fn(T, usize) -> T,
-) -> Vec<T> {
+) -> Result<Vec<T>, Cancelled> {
     let mut sums = Vec::with_capacity(count + count / width);
     for row in 0..count / width {
+        poll()?;
         let mut sum = zero;
         sums.push(sum);
         for i in row * width..(row + 1) * width {
@@ -163,7 +186,7 @@ fn running_sums<T: Copy>(
             sums.push(sum);
         }
     }
-    sums
+    Ok(sums)
 }
 
 /// Measures faces by the squared error of their best colours.
@@ -199,14 +222,13 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn the_control_is_told_of_every_64_faces() {
-        let image = Image::from_bottom_up(20, 15, 9, vec![(0..300).collect()]).unwrap();
-        let inner: Vec<(usize, usize)> = (0..300).map(|i| (i % 20, i / 20)).collect();
-        let (mesh, recorder) = (mesh_of(&image, &inner), Recorder::default());
+    fn polls_within_large_faces() {
+        let image = Image::from_bottom_up(2000, 1000, 8, vec![vec![9; 2_000_000]]).unwrap();
+        let (mesh, recorder) = (mesh_of(&image, &[]), Recorder::default());
         FlatColors::new(&image, &mesh, &recorder).unwrap();
-        let multiples: Vec<usize> = (0..mesh.faces().len()).step_by(64).collect();
-        assert!(multiples.len() > 4);
-        assert_eq!(recorder.done(Stage::Rasterize, mesh.faces().len()), multiples);
+        // Once for the sums along rows, once for the colours.
+        let count = recorder.reports().len();
+        assert!(count > 2 * 2_000_000 / 70_000, "{count} polls");
     }
 
     /// A mesh of the corners and other points, which carries the image's samples.
@@ -239,7 +261,7 @@ mod tests {
             let mesh = mesh_of(&image, &inner);
             let flat = FlatColors::of_mesh(&image, &mesh, weights, &()).unwrap();
             prop_assert_eq!(Fidelity::between(&image, &flat.picture, &()).unwrap(), flat.fidelity);
-            let sums = RowSums::new(&image, weights);
+            let sums = RowSums::new(&image, weights, Stage::Refine, &()).unwrap();
             for (f, &face) in mesh.faces().iter().enumerate() {
                 let (corners, mut error) = (mesh.corners(face), 0);
                 for c in 0..2 {

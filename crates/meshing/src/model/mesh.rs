@@ -2,6 +2,7 @@
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::image::{Image, ImageError, Point, Shape, check_shape, corner_points, largest_sample};
+use crate::model::sort::sort;
 use crate::triangulation::Face;
 use crate::triangulation::predicates::{in_circle, orientation};
 use thiserror::Error;
@@ -21,123 +22,53 @@ pub struct Mesh {
     faces: Vec<Face>,
 }
 
-/// The first defect found in what should be a mesh.
+/// The first defect found in what should be a mesh. Indices count from 0.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each variant and its message explain the fields")]
 pub enum MeshError {
     /// The image's shape is not allowed.
     #[error(transparent)]
     Shape(#[from] ImageError),
     /// The number of samples is not the number of vertices times that of components.
     #[error("{actual} samples where {expected} are needed")]
-    SampleCount {
-        /// Samples found.
-        actual: usize,
-        /// Samples needed.
-        expected: usize,
-    },
-    /// A vertex lies outside the image.
+    SampleCount { actual: usize, expected: usize },
+    /// A vertex lies outside the image of `width` columns and `height` rows.
     #[error("vertex {vertex} at ({x}, {y}) lies outside the image of {width}x{height}")]
-    PointOutside {
-        /// Index of the vertex.
-        vertex: usize,
-        /// Its column.
-        x: i32,
-        /// Its row.
-        y: i32,
-        /// Columns of the image.
-        width: usize,
-        /// Rows of the image.
-        height: usize,
-    },
-    /// Two vertices have the same position.
+    PointOutside { vertex: usize, x: i32, y: i32, width: usize, height: usize },
+    /// A vertex has the position of an earlier one, `first`.
     #[error("vertex {vertex} repeats the point ({x}, {y}) of vertex {first}")]
-    PointRepeated {
-        /// Index of the later vertex.
-        vertex: usize,
-        /// Index of the earlier vertex.
-        first: usize,
-        /// Their column.
-        x: i32,
-        /// Their row.
-        y: i32,
-    },
-    /// A sample does not fit the precision.
+    PointRepeated { vertex: usize, first: usize, x: i32, y: i32 },
+    /// A sample is larger than the precision allows.
     #[error("vertex {vertex} has the sample {sample}, more than the maximum {maximum}")]
-    SampleRange {
-        /// Index of the vertex.
-        vertex: usize,
-        /// The sample.
-        sample: u16,
-        /// The largest sample allowed.
-        maximum: u16,
-    },
-    /// A corner of the image is no vertex.
+    SampleRange { vertex: usize, sample: u16, maximum: u16 },
+    /// A corner of the image is not a vertex.
     #[error("the image's corner ({x}, {y}) is not a vertex")]
-    CornerMissing {
-        /// Column of the corner.
-        x: i32,
-        /// Row of the corner.
-        y: i32,
-    },
+    CornerMissing { x: i32, y: i32 },
     /// A face names a vertex that does not exist.
     #[error("face {face} names vertex {vertex}, but there are {count} vertices")]
-    IndexOutOfRange {
-        /// Index of the face.
-        face: usize,
-        /// The vertex it names.
-        vertex: u32,
-        /// Number of vertices.
-        count: usize,
-    },
+    IndexOutOfRange { face: usize, vertex: u32, count: usize },
     /// A face's vertices are collinear or repeated.
     #[error("face {face} is degenerate")]
-    FaceDegenerate {
-        /// Index of the face.
-        face: usize,
-    },
+    FaceDegenerate { face: usize },
     /// A face turns clockwise.
     #[error("face {face} is clockwise")]
-    FaceClockwise {
-        /// Index of the face.
-        face: usize,
-    },
-    /// Two faces lie on the same side of an edge.
+    FaceClockwise { face: usize },
+    /// Two faces lie at the same side of an edge.
     #[error("face {face} overlaps another at the edge from vertex {from} to vertex {to}")]
-    FacesOverlap {
-        /// Index of the later face.
-        face: usize,
-        /// First vertex of the edge.
-        from: u32,
-        /// Second vertex of the edge.
-        to: u32,
-    },
+    FacesOverlap { face: usize, from: u32, to: u32 },
     /// An edge inside the image has a face at one side only.
     #[error(
-        "face {face} has no neighbour at the edge from vertex {from} to vertex {to}, inside the image"
+        "face {face} has no neighbour at the edge from vertex {from} to vertex {to}, \
+        inside the image"
     )]
-    Gap {
-        /// Index of the face.
-        face: usize,
-        /// First vertex of the edge.
-        from: u32,
-        /// Second vertex of the edge.
-        to: u32,
-    },
-    /// The faces' areas do not sum to the image's.
+    Gap { face: usize, from: u32, to: u32 },
+    /// The faces' areas do not sum to that of the image's rectangle.
     #[error("twice the faces' area is {actual}, twice the image's {expected}")]
-    Area {
-        /// Twice the sum of the faces' areas.
-        actual: i128,
-        /// Twice the area of the image's rectangle.
-        expected: i128,
-    },
+    Area { actual: i128, expected: i128 },
     /// A vertex belongs to no face.
     #[error("vertex {vertex} belongs to no face")]
-    VertexUnused {
-        /// Index of the vertex.
-        vertex: usize,
-    },
+    VertexUnused { vertex: usize },
     /// The control cancelled the checks.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -253,52 +184,39 @@ impl Mesh {
     }
 
     fn check(&self, control: &dyn Control) -> Result<(), MeshError> {
-        check_samples(self.shape, self.points.len(), &self.samples)?;
-        check_points(self.shape, &self.points, control)?;
-        self.check_faces(control)?;
+        check_vertices(self.shape, &self.points, &self.samples, control)?;
+        let actual = self.check_faces(control)?;
         self.check_edges(control)?;
-        self.check_area(control)?;
-        self.check_vertices_used()
-    }
-
-    /// Tells whether the faces are those of the preferred-directions Delaunay triangulation of the
-    /// points, so that these alone say what the faces are. A mesh of another triangulation is no
-    /// less valid.
-    ///
-    /// Costs one sort of the edges: a triangulation is Delaunay when each of its edges is.
-    #[must_use]
-    pub fn is_preferred_delaunay(&self) -> bool {
-        let mut edges = Vec::with_capacity(3 * self.faces.len());
-        for &[a, b, c] in &self.faces {
-            for (from, to, apex) in [(a, b, c), (b, c, a), (c, a, b)] {
-                edges.push((from.min(to), from.max(to), from > to, apex));
-            }
+        let expected = 2 * (self.shape.width as i128 - 1) * (self.shape.height as i128 - 1);
+        if actual != expected {
+            return Err(MeshError::Area { actual, expected });
         }
-        edges.sort_unstable();
-        edges.windows(2).all(|pair| {
-            let [(from, to, _, left), (same_from, same_to, _, right)] = [pair[0], pair[1]];
-            let point = |v: u32| self.points[v as usize];
-            (from, to) != (same_from, same_to)
-                || !in_circle(point(from), point(to), point(left), point(right))
-        })
+        let mut is_used = vec![false; self.points.len()];
+        for &v in self.faces.iter().flatten() {
+            is_used[v as usize] = true;
+        }
+        match is_used.iter().position(|&is_used| !is_used) {
+            Some(vertex) => Err(MeshError::VertexUnused { vertex }),
+            None => Ok(()),
+        }
     }
 
-    /// Indices in range, faces counter-clockwise.
-    fn check_faces(&self, control: &dyn Control) -> Result<(), MeshError> {
-        let count = self.points.len();
+    /// Indices in range, faces counter-clockwise. Returns twice the sum of their areas.
+    fn check_faces(&self, control: &dyn Control) -> Result<i128, MeshError> {
+        let (count, mut double_area) = (self.points.len(), 0);
         for (face, &corners) in self.faces.iter().enumerate() {
             poll_at(face, self.faces.len(), control)?;
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= count) {
                 return Err(MeshError::IndexOutOfRange { face, vertex, count });
             }
             let [a, b, c] = self.corners(corners);
-            match orientation(a, b, c).signum() {
-                1 => {}
+            match orientation(a, b, c) {
+                1.. => double_area += i128::from(orientation(a, b, c)),
                 0 => return Err(MeshError::FaceDegenerate { face }),
                 _ => return Err(MeshError::FaceClockwise { face }),
             }
         }
-        Ok(())
+        Ok(double_area)
     }
 
     /// Each edge has one face at each side, or lies on the image's border.
@@ -306,19 +224,13 @@ impl Mesh {
     /// Together with the sum of the areas this shows that the faces neither overlap nor leave a
     /// gap: the number of faces over a position can change only across an edge without a neighbour.
     fn check_edges(&self, control: &dyn Control) -> Result<(), MeshError> {
-        let mut edges = Vec::with_capacity(3 * self.faces.len());
-        for (face, &[a, b, c]) in self.faces.iter().enumerate() {
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                edges.push((from.min(to), from.max(to), from > to, face));
-            }
-        }
-        sort(&mut edges, control)?;
-        for (number, sides) in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).enumerate() {
-            poll_at(number, self.faces.len(), control)?;
-            let (low, high, reversed, face) = sides[0];
-            let (from, to) = if reversed { (high, low) } else { (low, high) };
+        let edges = self.sorted_edges(control)?;
+        for (i, sides) in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).enumerate() {
+            poll_at(i, self.faces.len(), control)?;
+            let (low, high, is_reversed, face) = sides[0];
+            let (from, to) = if is_reversed { (high, low) } else { (low, high) };
             let count = sides.len();
-            if count > 2 || (count == 2 && sides[1].2 == reversed) {
+            if count > 2 || (count == 2 && sides[1].2 == is_reversed) {
                 let face = sides[count - 1].3;
                 return Err(MeshError::FacesOverlap { face, from, to });
             }
@@ -329,116 +241,106 @@ impl Mesh {
         Ok(())
     }
 
-    /// Tells whether both ends lie on one side of the image's rectangle.
+    /// The edges of all faces: the smaller vertex, the larger one, whether the face runs from the
+    /// larger to the smaller, and the face.
+    fn sorted_edges(
+        &self,
+        control: &dyn Control,
+    ) -> Result<Vec<(u32, u32, bool, usize)>, Cancelled> {
+        let mut edges = Vec::with_capacity(3 * self.faces.len());
+        for (face, &[a, b, c]) in self.faces.iter().enumerate() {
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                edges.push((from.min(to), from.max(to), from > to, face));
+            }
+        }
+        sort(&mut edges, &|| control.poll(Stage::Check, 0, self.faces.len()))?;
+        Ok(edges)
+    }
+
+    /// Whether both ends lie on one side of the image's rectangle.
     fn is_on_border(&self, from: u32, to: u32) -> bool {
         let (a, b) = (self.points[from as usize], self.points[to as usize]);
-        let last = |side: usize| side as i32 - 1;
-        let along = |p: i32, q: i32, side: usize| p == q && (p == 0 || p == last(side));
-        along(a.x, b.x, self.shape.width) || along(a.y, b.y, self.shape.height)
+        let is_border = |at: i32, side: usize| at == 0 || at == side as i32 - 1;
+        (a.x == b.x && is_border(a.x, self.shape.width))
+            || (a.y == b.y && is_border(a.y, self.shape.height))
     }
 
-    /// The areas sum to the rectangle's.
-    fn check_area(&self, control: &dyn Control) -> Result<(), MeshError> {
-        let mut actual = 0;
-        for (number, &face) in self.faces.iter().enumerate() {
-            poll_at(number, self.faces.len(), control)?;
-            let [a, b, c] = self.corners(face);
-            actual += i128::from(orientation(a, b, c));
-        }
-        let expected = 2 * (self.shape.width as i128 - 1) * (self.shape.height as i128 - 1);
-        if actual == expected { Ok(()) } else { Err(MeshError::Area { actual, expected }) }
-    }
-
-    /// Each vertex belongs to a face.
-    fn check_vertices_used(&self) -> Result<(), MeshError> {
-        let mut used = vec![false; self.points.len()];
-        for &v in self.faces.iter().flatten() {
-            used[v as usize] = true;
-        }
-        match used.iter().position(|&used| !used) {
-            Some(vertex) => Err(MeshError::VertexUnused { vertex }),
-            None => Ok(()),
-        }
+    /// Whether the faces are the preferred-directions Delaunay triangulation of the points, so that
+    /// the points alone determine the faces. A valid mesh may have another triangulation.
+    ///
+    /// Costs one sort of the edges: a triangulation is Delaunay when each of its edges is.
+    #[must_use]
+    pub fn is_preferred_delaunay(&self) -> bool {
+        let Ok(edges) = self.sorted_edges(&()) else { return false };
+        edges.windows(2).all(|pair| {
+            let [(from, to, _, left), (same_from, same_to, _, right)] = [pair[0], pair[1]];
+            let opposite = |face: usize| {
+                let apex = self.faces[face].into_iter().find(|&v| v != from && v != to);
+                self.points[apex.unwrap_or(from) as usize]
+            };
+            let [a, b] = [from, to].map(|v| self.points[v as usize]);
+            (from, to) != (same_from, same_to) || !in_circle(a, b, opposite(left), opposite(right))
+        })
     }
 }
 
-/// Checks the shape, and that there is a sample in range for each vertex and component.
-pub(crate) fn check_samples(
+/// Checks the vertices of a mesh: the shape, a sample in range for each vertex and component, and
+/// points that lie inside, differ, and hold the corners.
+pub(crate) fn check_vertices(
     shape: Shape,
-    vertex_count: usize,
+    points: &[Point],
     samples: &[u16],
+    control: &dyn Control,
 ) -> Result<(), MeshError> {
     let Shape { width, height, component_count, precision } = shape;
     check_shape(width, height, precision)?;
     if component_count == 0 {
         return Err(ImageError::NoComponents.into());
     }
-    let (actual, expected) = (samples.len(), vertex_count * component_count);
+    let (actual, expected) = (samples.len(), points.len() * component_count);
     if actual != expected {
         return Err(MeshError::SampleCount { actual, expected });
     }
     let maximum = largest_sample(precision);
-    match samples.iter().position(|&sample| sample > maximum) {
-        Some(i) => {
-            let (vertex, sample) = (i / component_count, samples[i]);
-            Err(MeshError::SampleRange { vertex, sample, maximum })
+    let is_inside = |at: i32, side: usize| usize::try_from(at).is_ok_and(|at| at < side);
+    let vertices = points.iter().zip(samples.chunks_exact(component_count)).enumerate();
+    for (vertex, (&Point { x, y }, samples)) in vertices {
+        poll_at(vertex, points.len(), control)?;
+        if let Some(&sample) = samples.iter().find(|&&sample| sample > maximum) {
+            return Err(MeshError::SampleRange { vertex, sample, maximum });
         }
-        None => Ok(()),
-    }
-}
-
-/// Checks that points lie inside, differ, and hold the corners.
-pub(crate) fn check_points(
-    shape: Shape,
-    points: &[Point],
-    control: &dyn Control,
-) -> Result<(), MeshError> {
-    let Shape { width, height, .. } = shape;
-    let inside = |side: usize, at: i32| usize::try_from(at).is_ok_and(|at| at < side);
-    for (vertex, &Point { x, y }) in points.iter().enumerate() {
-        if !inside(width, x) || !inside(height, y) {
+        if !is_inside(x, width) || !is_inside(y, height) {
             return Err(MeshError::PointOutside { vertex, x, y, width, height });
         }
     }
-    let mut order: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
-    sort(&mut order, control)?;
+    let order = sorted_points(points, &|| control.poll(Stage::Check, 0, points.len()))?;
     for pair in order.windows(2) {
         let [(point, first), (Point { x, y }, vertex)] = [pair[0], pair[1]];
         if point == Point::new(x, y) {
             return Err(MeshError::PointRepeated { vertex, first, x, y });
         }
     }
-    for corner in corner_points(width, height) {
+    for corner @ Point { x, y } in corner_points(width, height) {
         if order.binary_search_by_key(&corner, |&(point, _)| point).is_err() {
-            return Err(MeshError::CornerMissing { x: corner.x, y: corner.y });
+            return Err(MeshError::CornerMissing { x, y });
         }
     }
     Ok(())
 }
 
-/// Elements checked between two polls, and sorted at a time.
-const CHECKED_PER_POLL: usize = 1 << 14;
-const SORTED_AT_A_TIME: usize = 1 << 19;
-
-/// Polls once for every [`CHECKED_PER_POLL`] elements.
-fn poll_at(number: usize, total: usize, control: &dyn Control) -> Result<(), Cancelled> {
-    if number.is_multiple_of(CHECKED_PER_POLL) {
-        control.poll(Stage::Check, number, total)?;
-    }
-    Ok(())
+/// Points by row, then column, each with its index.
+pub(crate) fn sorted_points(
+    points: &[Point],
+    poll: &dyn Fn() -> Result<(), Cancelled>,
+) -> Result<Vec<(Point, usize)>, Cancelled> {
+    let mut sorted: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
+    sort(&mut sorted, poll)?;
+    Ok(sorted)
 }
 
-/// Sorts distinct elements under a control.
-fn sort<T: Ord>(elements: &mut [T], control: &dyn Control) -> Result<(), Cancelled> {
-    control.poll(Stage::Check, 0, elements.len())?;
-    if elements.len() <= SORTED_AT_A_TIME {
-        elements.sort_unstable();
-        return Ok(());
-    }
-    let half = elements.len() / 2;
-    let (lower, _, upper) = elements.select_nth_unstable(half);
-    sort(lower, control)?;
-    sort(upper, control)
+/// Polls once for every 16,384 elements checked.
+fn poll_at(done: usize, total: usize, control: &dyn Control) -> Result<(), Cancelled> {
+    if done.is_multiple_of(1 << 14) { control.poll(Stage::Check, done, total) } else { Ok(()) }
 }
 
 #[cfg(test)]

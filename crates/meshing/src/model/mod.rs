@@ -1,7 +1,8 @@
-//! The mesh of an image, and what is made of it.
+//! The mesh of an image, and its other forms: image, buffers, progression, flat colours.
 
 pub(crate) mod buffers;
 pub(crate) mod flat_color;
 pub(crate) mod mesh;
 pub(crate) mod progression;
 pub(crate) mod rasterize;
+mod sort;

@@ -1,29 +1,45 @@
-//! Every size from one run: the vertices of a mesh in the order of their importance.
+//! Meshes of every size from one run: the vertices of a mesh by importance.
 //!
-//! Greedy removal takes one vertex after the other out; backwards that is an order in which each
-//! prefix of four points or more is the mesh that removal passed through at that size, as the points alone say
-//! what the preferred-directions Delaunay triangulation is. So one order holds every size, and a mesh
-//! of it costs one triangulation. The squared errors of all sizes are known, too.
+//! Greedy removal takes one vertex after the other out. In the reverse order each prefix of four
+//! points or more is the mesh that removal passed through at that size, because the points alone
+//! determine the preferred-directions Delaunay triangulation. So one order holds the meshes of all
+//! sizes, each costs one triangulation, and their squared errors are known.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::error::MeshingError;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
-use crate::image::{Image, ImageError, Point, Shape, ShapeMismatch, check_shape, corner_points};
-use crate::model::mesh::{Mesh, MeshError, check_points, check_samples};
+use crate::image::{Image, Point, Shape, ShapeMismatch, corner_points};
+use crate::model::mesh::{Mesh, MeshError, check_vertices, sorted_points};
 use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
 use crate::quality::fidelity::Fidelity;
 use crate::removal::featureless::remove_featureless;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::triangulation::Triangulation;
-use std::collections::HashMap;
 use std::num::NonZeroUsize;
 use thiserror::Error;
 
-/// The vertices of a mesh, the most important first: the corners, then each before those that greedy
-/// removal takes out before it.
+/// Points searched between two polls of the control.
+const POINTS_PER_POLL: usize = 1 << 14;
+
+/// The vertices of a mesh, the most important first: the corners by row, then column, then the
+/// others in the reverse order of their greedy removal.
+///
+/// ```
+/// use pixmesh_meshing::{Image, Method, Progression, Target, mesh_image};
+///
+/// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
+/// let parameters = Method::Mgprfs.parameters(Target::Size(40));
+/// let mesh = mesh_image(&image, &parameters, &())?.mesh;
+/// let progression = Progression::new(&image, &mesh, &parameters, &())?;
+/// for size in [4, 10, 40] {
+///     assert_eq!(progression.mesh(size, &())?.points().len(), size);
+/// }
+/// assert!(progression.fidelity(10)?.mse() >= progression.fidelity(40)?.mse());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Progression {
     shape: Shape,
@@ -34,47 +50,34 @@ pub struct Progression {
     squared_errors: Vec<u64>,
 }
 
-/// Why points make no progression, or a progression no mesh.
+/// Why parts make no progression, or a progression has no mesh of a size.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each variant and its message explain the fields")]
 pub enum ProgressionError {
-    /// The image's shape is not allowed.
-    #[error(transparent)]
-    Shape(#[from] ImageError),
-    /// The first four points are not the corners.
-    #[error("the first four points are not the image's corners")]
-    Corners,
-    /// A size out of range.
-    #[error("size is {size}, but must lie in 4 to {most}")]
-    Size {
-        /// The size asked for.
-        size: usize,
-        /// The largest there is.
-        most: usize,
-    },
-    /// The squared errors are not one for each size.
-    #[error("{actual} squared errors are given, but {expected} are needed")]
-    ErrorCount {
-        /// Squared errors given.
-        actual: usize,
-        /// One for each size.
-        expected: usize,
-    },
-    /// The points and samples are no mesh.
+    /// The shape is not allowed, or the points and samples are not the vertices of a mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// The first four points are not the corners by row, then column.
+    #[error("the first four points are not the image's corners")]
+    Corners,
+    /// A size out of range; the number of points is `most`.
+    #[error("size is {size}, but must lie in 4 to {most}")]
+    Size { size: usize, most: usize },
+    /// The squared errors are not one for each size.
+    #[error("{actual} squared errors are given, but {expected} are needed")]
+    ErrorCount { actual: usize, expected: usize },
     /// The control cancelled the work.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
 impl Progression {
-    /// Orders the vertices of a mesh of an image by greedy removal down to the corners, by what the
-    /// parameters say of errors, and the image's weights. The mesh's faces play no part.
+    /// Orders the vertices of a mesh of an image by greedy removal down to the corners, by the
+    /// errors and weights of the parameters. The mesh's faces play no part.
     ///
-    /// The meshes of all sizes are those that the simplification with these parameters passes
-    /// through, where the mesh is what it left; of a refined mesh, those that it would pass through
-    /// from there on.
+    /// The meshes of all sizes are those that removal with these parameters passes through, if the
+    /// mesh is what it left; of a refined mesh, those that removal passes through from there on.
     ///
     /// # Errors
     /// When the image has another shape than the mesh's, a parameter is not allowed for such an
@@ -85,34 +88,45 @@ impl Progression {
         parameters: &Parameters,
         control: &dyn Control,
     ) -> Result<Self, MeshingError> {
-        ShapeMismatch::check(image.shape(), mesh.shape())?;
-        parameters.check_components(image.component_count())?;
-        parameters.check_weights((image.width(), image.height()))?;
-        let (control, shape) = (&Ordering(control), mesh.shape());
-        let mut sorted = mesh.points().to_vec();
-        sorted.sort_unstable();
-        let order = remove_all(image, sorted.clone(), parameters, control)?;
-        let squared_errors = match order.squared_error {
-            Some(last) => squared_errors(last, order.removals.iter().map(|removal| removal.change)),
-            None => measured_errors(image, sorted, &order.removals, control)?,
+        let shape = mesh.shape();
+        ShapeMismatch::check(image.shape(), shape)?;
+        parameters.check_components(shape.component_count)?;
+        parameters.check_weights((shape.width, shape.height))?;
+        let control = &Ordering(control);
+        let vertices = sorted_points(mesh.points(), &|| control.poll(Stage::Order, 0, 1))?;
+        let sorted: Vec<Point> = vertices.iter().map(|&(point, _)| point).collect();
+        let (removals, squared_error) = remove_all(image, sorted.clone(), parameters, control)?;
+        let mut ranks = Vec::with_capacity(removals.len());
+        for removals in removals.chunks(POINTS_PER_POLL) {
+            control.poll(Stage::Measure, 0, 1)?;
+            ranks.extend(
+                removals.iter().filter_map(|removal| sorted.binary_search(&removal.point).ok()),
+            );
+        }
+        let squared_errors = match squared_error {
+            Some(last) => squared_errors(last, removals.iter().map(|removal| removal.change)),
+            None => measured_errors(image, sorted, &ranks, control)?,
         };
-        let removed = order.removals.iter().rev().map(|removal| removal.point);
-        let points: Vec<Point> =
-            corner_points(shape.width, shape.height).into_iter().chain(removed).collect();
-        let vertices: HashMap<Point, usize> =
-            mesh.points().iter().enumerate().map(|(v, &point)| (point, v)).collect();
-        let samples =
-            points.iter().flat_map(|point| mesh.vertex_samples(vertices[point])).copied().collect();
+        let removed = ranks.into_iter().rev().map(|rank| vertices[rank]);
+        let corners = corner_points(shape.width, shape.height).into_iter().filter_map(|corner| {
+            vertices
+                .binary_search_by_key(&corner, |&(point, _)| point)
+                .ok()
+                .map(|rank| vertices[rank])
+        });
+        let order: Vec<(Point, usize)> = corners.chain(removed).collect();
+        let points = order.iter().map(|&(point, _)| point).collect();
+        let samples = order.iter().flat_map(|&(_, v)| mesh.vertex_samples(v)).copied().collect();
         Ok(Self { shape, points, samples, squared_errors })
     }
 
-    /// A progression of points in order, the corners first by row, then column, their samples,
-    /// vertex by vertex, and the squared error of the mesh of each size from 4 up, as a file holds
-    /// them.
+    /// A progression of its parts, as a file holds them: points by importance, the corners first by
+    /// row, then column; their samples, vertex by vertex; and the squared errors of the meshes of 4
+    /// points, of 5, and so on.
     ///
     /// # Errors
-    /// When the shape is not allowed, the corners are not first, the points or samples make no
-    /// mesh, the errors are not one for each size, or the control cancels.
+    /// When the shape, points or samples are not those of a mesh, the corners are not first, the
+    /// errors are not one for each size, or the control cancels.
     pub fn from_parts(
         shape: Shape,
         points: Vec<Point>,
@@ -120,19 +134,17 @@ impl Progression {
         squared_errors: Vec<u64>,
         control: &dyn Control,
     ) -> Result<Self, ProgressionError> {
-        check_shape(shape.width, shape.height, shape.precision)?;
-        if points.get(..MIN_SIZE) != Some(&corner_points(shape.width, shape.height)[..]) {
+        check_vertices(shape, &points, &samples, control).map_err(|error| match error {
+            MeshError::Cancelled(cancelled) => cancelled.into(),
+            defect => ProgressionError::Mesh(defect),
+        })?;
+        if points[..MIN_SIZE] != corner_points(shape.width, shape.height) {
             return Err(ProgressionError::Corners);
         }
-        check_samples(shape, points.len(), &samples)?;
         let (actual, expected) = (squared_errors.len(), points.len() + 1 - MIN_SIZE);
         if actual != expected {
             return Err(ProgressionError::ErrorCount { actual, expected });
         }
-        check_points(shape, &points, control).map_err(|error| match error {
-            MeshError::Cancelled(cancelled) => cancelled.into(),
-            defect => ProgressionError::Mesh(defect),
-        })?;
         Ok(Self { shape, points, samples, squared_errors })
     }
 
@@ -183,10 +195,11 @@ impl Progression {
 
     fn check_size(&self, size: usize) -> Result<(), ProgressionError> {
         let most = self.points.len();
-        if !(MIN_SIZE..=most).contains(&size) {
-            return Err(ProgressionError::Size { size, most });
+        if (MIN_SIZE..=most).contains(&size) {
+            Ok(())
+        } else {
+            Err(ProgressionError::Size { size, most })
         }
-        Ok(())
     }
 
     /// The mesh of the `size` most important vertices, by row, then column: the one that greedy
@@ -196,32 +209,25 @@ impl Progression {
     /// When the size is under 4 or more than there are points, or the control cancels.
     pub fn mesh(&self, size: usize, control: &dyn Control) -> Result<Mesh, ProgressionError> {
         self.check_size(size)?;
-        let mut order: Vec<usize> = (0..size).collect();
-        order.sort_unstable_by_key(|&index| self.points[index]);
+        let poll = || control.poll(Stage::Triangulate, 0, size);
+        let order = sorted_points(&self.points[..size], &poll)?;
         let count = self.shape.component_count;
-        let points: Vec<Point> = order.iter().map(|&index| self.points[index]).collect();
-        let samples =
-            order.iter().flat_map(|&index| &self.samples[index * count..][..count]).copied();
-        let samples = samples.collect();
+        let samples = order.iter().flat_map(|&(_, v)| &self.samples[v * count..][..count]);
+        let samples = samples.copied().collect();
+        let points: Vec<Point> = order.into_iter().map(|(point, _)| point).collect();
         let faces = Triangulation::new(points.clone(), control)?.faces(control)?;
         Ok(Mesh::from_kernel(self.shape, points, samples, faces))
     }
 }
 
-/// The removals of all points but the corners.
-struct Removed {
-    removals: Vec<Removal>,
-    /// The squared error at the end, where the removals' changes are those of the squared error.
-    squared_error: Option<u64>,
-}
-
-/// Removes all points of an image but the corners.
+/// Removes all points of an image but the corners. Returns the squared error at the end too, where
+/// the removals' changes are those of the squared error.
 fn remove_all(
     image: &Image,
     points: Vec<Point>,
     parameters: &Parameters,
     control: &dyn Control,
-) -> Result<Removed, Cancelled> {
+) -> Result<(Vec<Removal>, Option<u64>), Cancelled> {
     let guided = Guided::new(image, parameters, control)?;
     let (image, metric) = (&guided.image, guided.parameters.error_metric);
     let triangulation = Triangulation::new(points, control)?;
@@ -234,7 +240,7 @@ fn remove_all(
     let Simplified { removals: others, error, .. } =
         simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;
     removals.extend(others);
-    Ok(Removed { removals, squared_error: guided.has_squared_errors().then_some(error) })
+    Ok((removals, guided.has_squared_errors().then_some(error)))
 }
 
 /// The squared errors of all sizes from 4 up, by the one at the end of removal and its changes.
@@ -246,37 +252,35 @@ fn squared_errors(last: u64, changes: impl DoubleEndedIterator<Item = i64>) -> V
     std::iter::once(last).chain(changes.rev().scan(last, before)).collect()
 }
 
-/// The same, measured while the removals are made again.
+/// The same, measured while the vertices of these ranks are removed again.
 fn measured_errors(
     image: &Image,
-    points: Vec<Point>,
-    removals: &[Removal],
+    sorted: Vec<Point>,
+    ranks: &[usize],
     control: &dyn Control,
 ) -> Result<Vec<u64>, Cancelled> {
     let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
-    let numbers: Vec<usize> =
-        removals.iter().filter_map(|removal| points.binary_search(&removal.point).ok()).collect();
     let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
-    let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Measure, control)?;
-    let mut changes = Vec::with_capacity(numbers.len());
-    for (made, &vertex) in numbers.iter().enumerate() {
-        control.poll(Stage::Measure, made, numbers.len())?;
+    let mut mesh = MeasuredMesh::new(sorted, sides, errors, Stage::Measure, control)?;
+    let mut changes = Vec::with_capacity(ranks.len());
+    for (done, &vertex) in ranks.iter().enumerate() {
+        control.poll(Stage::Measure, done, ranks.len())?;
         changes.push(mesh.remove(vertex as u32));
     }
     Ok(squared_errors(mesh.total_error(), changes.into_iter()))
 }
 
-/// A control to which all work is the stage of ordering.
+/// A control that reports all work as the stage of ordering, of which removal takes most.
 struct Ordering<'a>(&'a dyn Control);
 
 impl Control for Ordering<'_> {
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-        match stage {
-            Stage::Simplify => self.0.poll(Stage::Order, done, total),
-            // What comes before and after is short.
-            Stage::Measure => self.0.poll(Stage::Order, total, total),
-            _ => self.0.poll(Stage::Order, 0, total),
-        }
+        let done = match stage {
+            Stage::Simplify => done,
+            Stage::Measure => total,
+            _ => 0,
+        };
+        self.0.poll(Stage::Order, done, total)
     }
 
     fn threads(&self) -> NonZeroUsize {
@@ -287,12 +291,13 @@ impl Control for Ordering<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameters::method::Method;
-    use crate::parameters::{InitialSize, Target, Weights};
+    use crate::control::OnThreads;
+    use crate::control::tests::Recorder;
+    use crate::parameters::{InitialSize, Method, Target, Weights};
     use crate::pipeline::mesh_image;
     use proptest::prelude::*;
 
-    /// A picture of shapes and noise.
+    /// An image of shapes and noise.
     fn picture(side: usize, component_count: usize) -> Image {
         let sample = |c: usize, i: usize| {
             let (x, y) = (i % side, i / side);
@@ -303,7 +308,7 @@ mod tests {
         Image::from_bottom_up(side, side, 8, (0..component_count).map(plane).collect()).unwrap()
     }
 
-    /// Checks some sizes against the meshes that the same parameters make of that size.
+    /// Compares some sizes with the meshes that the same parameters make of that size.
     fn check(image: &Image, parameters: &Parameters, most: usize, sizes: &[usize]) {
         let of_size = |size| {
             let target = Target::Size(size);
@@ -312,26 +317,24 @@ mod tests {
         let mesh = of_size(most).mesh;
         let progression = Progression::new(image, &mesh, parameters, &()).unwrap();
         for &size in sizes {
-            let model = of_size(size);
-            assert_eq!(progression.mesh(size, &()).unwrap(), model.mesh, "{size}");
-            assert_eq!(progression.fidelity(size), Ok(model.fidelity), "{size}");
+            let made = of_size(size);
+            assert_eq!(progression.mesh(size, &()).unwrap(), made.mesh, "{size}");
+            assert_eq!(progression.fidelity(size), Ok(made.fidelity), "{size}");
         }
         let Progression { shape, points, samples, squared_errors } = progression.clone();
         let again = Progression::from_parts(shape, points, samples, squared_errors, &());
         assert_eq!(again.as_ref(), Ok(&progression));
-        let short = progression.clone().shortened(MIN_SIZE).unwrap();
-        assert_eq!(short.mesh(MIN_SIZE, &()), progression.mesh(MIN_SIZE, &()));
-        assert_eq!(short.fidelity(MIN_SIZE), progression.fidelity(MIN_SIZE));
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
         #[test]
-        fn each_prefix_is_the_mesh_that_simplification_passes_through(
+        fn prefixes_are_the_meshes_of_their_sizes(
             (width, height) in (3usize..12, 3usize..12),
             samples in prop::collection::vec(0u16..32, 144),
         ) {
-            let image = Image::from_bottom_up(width, height, 8, vec![samples[..width * height].to_vec()]).unwrap();
+            let samples = samples[..width * height].to_vec();
+            let image = Image::from_bottom_up(width, height, 8, vec![samples]).unwrap();
             let most = width * height * 2 / 3;
             let sizes: Vec<usize> = (MIN_SIZE..=most).collect();
             check(&image, &Method::Mgpr.parameters(Target::Size(most)), most, &sizes);
@@ -339,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn each_prefix_is_so_by_every_metric_with_weights_and_by_the_luma() {
+    fn follows_every_metric_weights_and_luma() {
         let image = picture(64, 3);
         let initial_size = InitialSize::Size(1600);
         let own = Parameters { initial_size, ..Method::Mgprfs.parameters(Target::Size(400)) };
@@ -354,94 +357,64 @@ mod tests {
         check(&image, &own.weights(weights), 400, &sizes);
     }
 
-    #[test]
-    fn what_is_no_progression_is_refused() {
-        let shape = Shape { width: 3, height: 3, component_count: 1, precision: 4 };
-        let corners = corner_points(3, 3).to_vec();
-        let of = |extra: &[Point], sample: u16| {
-            let points = [&corners, extra].concat();
-            let (samples, errors) = (vec![sample; points.len()], vec![0; points.len() - 3]);
-            Progression::from_parts(shape, points, samples, errors, &())
-        };
-        assert!(of(&[Point::new(1, 1)], 15).is_ok());
-        for (refused, word) in [
-            (of(&[Point::new(1, 1)], 16), "maximum 15"),
-            (of(&[Point::new(3, 1)], 1), "outside"),
-            (of(&[Point::new(1, -1)], 1), "outside"),
-            (of(&[Point::new(2, 2)], 1), "repeats"),
-            (
-                Progression::from_parts(shape, corners[..3].to_vec(), vec![0; 3], vec![], &()),
-                "corners",
-            ),
-            (
-                Progression::from_parts(shape, corners.clone(), vec![0; 3], vec![0], &()),
-                "3 samples",
-            ),
-            (
-                Progression::from_parts(shape, corners.clone(), vec![0; 4], vec![], &()),
-                "0 squared errors",
-            ),
-        ] {
-            assert!(refused.unwrap_err().to_string().contains(word), "{word}");
-        }
-        let small = of(&[], 0).unwrap();
-        let message = small.mesh(5, &()).unwrap_err().to_string();
-        assert_eq!(message, "size is 5, but must lie in 4 to 4");
+    const SHAPE: Shape = Shape { width: 3, height: 4, component_count: 2, precision: 4 };
+
+    /// Six points of [`SHAPE`], the corners first.
+    fn six_points() -> Vec<Point> {
+        [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat()
+    }
+
+    fn of(
+        points: &[Point],
+        samples: &[u16],
+        errors: &[u64],
+    ) -> Result<Progression, ProgressionError> {
+        Progression::from_parts(SHAPE, points.to_vec(), samples.to_vec(), errors.to_vec(), &())
     }
 
     #[test]
-    fn the_parts_of_a_progression_are_handed_out_and_shortened() {
-        let shape = Shape { width: 3, height: 4, component_count: 2, precision: 4 };
-        let points = [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat();
-        let samples: Vec<u16> = (1..=12).collect();
-        let of = |points: &[Point], samples: &[u16], errors: &[u64]| {
-            Progression::from_parts(shape, points.to_vec(), samples.to_vec(), errors.to_vec(), &())
-        };
+    fn keeps_and_shortens_its_parts() {
+        let (points, samples): (_, Vec<u16>) = (six_points(), (1..=12).collect());
         let progression = of(&points, &samples, &[7, 5, 3]).unwrap();
-        assert_eq!(progression.shape(), shape);
-        assert_eq!(progression.points(), points);
-        assert_eq!(progression.samples(), samples);
-        assert_eq!(progression.squared_errors(), [7, 5, 3]);
+        assert_eq!((progression.shape(), progression.points()), (SHAPE, &points[..]));
+        assert_eq!(
+            (progression.samples(), progression.squared_errors()),
+            (&samples[..], &[7, 5, 3][..])
+        );
+        let message = progression.mesh(7, &()).unwrap_err().to_string();
+        assert_eq!(message, "size is 7, but must lie in 4 to 6");
         let short = progression.shortened(5).unwrap();
         assert_eq!(Ok(short), of(&points[..5], &samples[..10], &[7, 5]));
     }
 
     #[test]
-    fn a_refusal_names_the_vertex() {
-        let shape = Shape { width: 3, height: 4, component_count: 2, precision: 4 };
-        let points = [&corner_points(3, 4)[..], &[Point::new(1, 2), Point::new(1, 1)]].concat();
-        let of = |points: Vec<Point>, samples: Vec<u16>| {
-            Progression::from_parts(shape, points, samples, vec![0; 3], &())
-        };
+    fn refuses_parts_of_no_progression() {
+        let (points, samples, errors) = (six_points(), [0; 12], [0; 3]);
         let mut repeated = points.clone();
         repeated[5] = points[4];
-        let refused = MeshError::PointRepeated { vertex: 5, first: 4, x: 1, y: 2 };
-        assert_eq!(of(repeated, vec![0; 12]), Err(refused.into()));
-        let mut samples = vec![0; 12];
-        samples[9] = 16;
-        let refused = MeshError::SampleRange { vertex: 4, sample: 16, maximum: 15 };
-        assert_eq!(of(points, samples), Err(refused.into()));
+        let defect = MeshError::PointRepeated { vertex: 5, first: 4, x: 1, y: 2 };
+        assert_eq!(of(&repeated, &samples, &errors), Err(defect.into()));
+        let mut large = samples;
+        large[9] = 16;
+        let defect = MeshError::SampleRange { vertex: 4, sample: 16, maximum: 15 };
+        assert_eq!(of(&points, &large, &errors), Err(defect.into()));
+        let defect = MeshError::CornerMissing { x: 2, y: 3 };
+        assert_eq!(of(&points[..3], &samples[..6], &[]), Err(defect.into()));
+        let mut swapped = points.clone();
+        swapped.swap(3, 4);
+        assert_eq!(of(&swapped, &samples, &errors), Err(ProgressionError::Corners));
+        let refused = ProgressionError::ErrorCount { actual: 2, expected: 3 };
+        assert_eq!(of(&points, &samples, &errors[1..]), Err(refused));
     }
 
     #[test]
-    fn all_work_is_told_as_ordering() {
-        struct Notes(std::sync::Mutex<Vec<(Stage, usize, usize)>>);
-        impl Control for Notes {
-            fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-                self.0.lock().unwrap().push((stage, done, total));
-                Ok(())
-            }
-            fn threads(&self) -> NonZeroUsize {
-                NonZeroUsize::new(5).unwrap()
-            }
-        }
-        let notes = Notes(std::sync::Mutex::default());
-        let ordering = Ordering(&notes);
+    fn reports_all_work_as_ordering() {
+        let control = OnThreads(Recorder::default(), NonZeroUsize::MAX);
+        let ordering = Ordering(&control);
         for (stage, done) in [(Stage::Triangulate, 2), (Stage::Simplify, 3), (Stage::Measure, 4)] {
             ordering.poll(stage, done, 9).unwrap();
         }
-        assert_eq!(ordering.threads(), notes.threads());
-        let told = notes.0.into_inner().unwrap();
-        assert_eq!(told, [(Stage::Order, 0, 9), (Stage::Order, 3, 9), (Stage::Order, 9, 9)]);
+        assert_eq!(ordering.threads(), NonZeroUsize::MAX);
+        assert_eq!(control.0.done(Stage::Order, 9), [0, 3, 9]);
     }
 }

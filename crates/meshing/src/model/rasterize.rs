@@ -1,41 +1,51 @@
-//! The picture rebuilt from a mesh.
+//! The image rebuilt from a mesh.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::face_error::interpolant::{Interpolant, PLANE_PRECISION, Plane};
-use crate::face_error::pixels_of_face::{ROWS, SmallFace, for_each_row};
-use crate::image::{Image, Point, Shape};
+use crate::face_error::pixels_of_face::{ROWS, SmallFace, try_for_each_row};
+use crate::image::{Image, Shape};
 use crate::model::mesh::Mesh;
 use crate::triangulation::Face;
 use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask16x8, prelude::*, u16x8, u32x8};
 
-/// Faces between two polls of the control.
+/// Faces between two polls of the control; rows of large faces poll too.
 const FACES_PER_POLL: usize = 64;
 
 /// Samples side by side in a vector.
 const LANES: usize = 8;
 
-/// Rebuilds the picture that a mesh models: in each face each component is the linear interpolant
+/// Rebuilds the image that a mesh models: in each face each component is the linear interpolant
 /// of its vertices' samples, rounded to the nearest integer, halves up.
-///
-/// Every lattice point is written exactly once, by the face that owns it.
 ///
 /// # Errors
 /// When the control cancels.
+///
+/// ```
+/// use pixmesh_meshing::{Mesh, Point, Shape, rasterize};
+///
+/// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
+/// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
+/// let faces = vec![[0, 1, 3], [0, 3, 2]];
+/// let mesh = Mesh::new(shape, corners.to_vec(), vec![10, 20, 10, 20], faces, &())?;
+/// assert_eq!(rasterize(&mesh, &())?.row(0, 1), [10, 15, 20]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn rasterize(mesh: &Mesh, control: &dyn Control) -> Result<Image, Cancelled> {
     let Shape { width, height, component_count, precision } = mesh.shape();
+    let (total, level) = (mesh.faces().len(), Level::new());
     let mut canvas = Canvas {
         mesh,
         width,
-        // A vector is read and written at each point.
         components: vec![vec![0; width * height + LANES]; component_count],
+        poller: Poller::new(control, Stage::Rasterize, 0, total),
     };
-    let level = Level::new();
-    for (f, faces) in mesh.faces().chunks(FACES_PER_POLL).enumerate() {
-        control.poll(Stage::Rasterize, f * FACES_PER_POLL, mesh.faces().len())?;
+    for (chunk, faces) in mesh.faces().chunks(FACES_PER_POLL).enumerate() {
+        canvas.poller.done = chunk * FACES_PER_POLL;
+        control.poll(Stage::Rasterize, canvas.poller.done, total)?;
         if precision <= PLANE_PRECISION {
-            dispatch!(level, simd => canvas.fill_small_faces(simd, faces));
+            dispatch!(level, simd => canvas.fill_small_faces(simd, faces))?;
         } else {
-            faces.iter().for_each(|&face| canvas.fill_face(face));
+            faces.iter().try_for_each(|&face| canvas.fill_face(face))?;
         }
     }
     let mut components = canvas.components;
@@ -43,93 +53,89 @@ pub fn rasterize(mesh: &Mesh, control: &dyn Control) -> Result<Image, Cancelled>
     Ok(Image::from_kernel(width, height, precision, components))
 }
 
-/// A picture in work.
+/// An image whose faces are filled one by one.
 struct Canvas<'a> {
     mesh: &'a Mesh,
     width: usize,
-    /// The samples of each component, and room for a vector at the last one.
+    /// The samples of each component, with space for a vector that begins at the last one.
     components: Vec<Vec<u16>>,
+    poller: Poller<'a>,
 }
 
 impl Canvas<'_> {
     /// Fills a face of any size.
-    fn fill_face(&mut self, face: Face) {
+    fn fill_face(&mut self, face: Face) -> Result<(), Cancelled> {
         let corners = self.mesh.corners(face);
         for (c, samples) in self.components.iter_mut().enumerate() {
             let at_corners = face.map(|v| self.mesh.vertex_samples(v as usize)[c]);
             let interpolant = Interpolant::new(corners, at_corners);
-            for_each_row(corners, |y, first, end| {
+            try_for_each_row(corners, |y, first, end| {
+                self.poller.step((end - first) as usize)?;
                 let row = &mut samples[y as usize * self.width..];
                 interpolant.fill(first, y, &mut row[first as usize..end as usize]);
-            });
+                Ok(())
+            })?;
         }
+        Ok(())
     }
 
     /// Fills faces over samples of up to 8 bits.
     #[inline(always)]
-    fn fill_small_faces<S: Simd>(&mut self, simd: S, faces: &[Face]) {
+    fn fill_small_faces<S: Simd>(&mut self, simd: S, faces: &[Face]) -> Result<(), Cancelled> {
         for &face in faces {
-            let corners = self.mesh.corners(face);
-            match SmallFace::new(corners) {
-                Some(small) if !small.touches_axes() => {
-                    self.fill_small_face(simd, face, corners, small);
-                }
-                _ => self.fill_face(face),
+            match SmallFace::new(self.mesh.corners(face)) {
+                Some(small) if !small.touches_axes() => self.fill_small_face(simd, face, small),
+                _ => self.fill_face(face)?,
             }
         }
+        Ok(())
     }
 
     #[inline(always)]
-    fn fill_small_face<S: Simd>(
-        &mut self,
-        simd: S,
-        face: Face,
-        corners: [Point; 3],
-        small: SmallFace,
-    ) {
+    fn fill_small_face<S: Simd>(&mut self, simd: S, face: Face, small: SmallFace) {
         let offsets = i32x8::simd_from(simd, [0, 1, 2, 3, 4, 5, 6, 7]);
         let lanes = u16x8::simd_from(simd, [0, 1, 2, 3, 4, 5, 6, 7]);
+        let (corners, width) = (self.mesh.corners(face), self.width);
         let vertices = face.map(|v| self.mesh.vertex_samples(v as usize));
         for first_row in (0..small.rows).step_by(ROWS) {
             let rows = small.rows(simd, first_row);
-            let count = ROWS.min((small.rows - first_row) as usize);
+            let row_count = ROWS.min((small.rows - first_row) as usize);
             let y = small.bottom + 1 + first_row;
             for (c, samples) in self.components.iter_mut().enumerate() {
                 let at_corners = vertices.map(|samples| f32x8::splat(simd, samples[c].into()));
                 let plane = Plane::new(simd, corners, at_corners, offsets);
-                let mut numerators = plane.row(y);
-                let mut start = y as usize * self.width;
-                for (&first, &points) in rows.firsts.iter().zip(&rows.counts).take(count) {
-                    if points > 0 {
+                let (mut numerators, mut start) = (plane.row(y), y as usize * width);
+                for (&first, &count) in rows.firsts.iter().zip(&rows.counts).take(row_count) {
+                    if count > 0 {
                         let ahead = (first - plane.a.x) as f32;
                         let from_first = numerators + plane.per_column * ahead;
                         let samples = &mut samples[start + first as usize..];
-                        fill_row(&plane, from_first, lanes, samples, points as usize);
+                        fill_row(&plane, from_first, lanes, samples, count as usize);
                     }
                     numerators += plane.per_row;
-                    start += self.width;
+                    start += width;
                 }
             }
         }
     }
 }
 
-/// Writes the interpolant to the first `points` samples; what follows stays as it is.
+/// Writes the interpolant to the first `count` samples; the samples after them keep their values.
 #[inline(always)]
 fn fill_row<S: Simd>(
     plane: &Plane<S>,
     mut numerators: f32x8<S>,
     lanes: u16x8<S>,
     samples: &mut [u16],
-    points: usize,
+    count: usize,
 ) {
-    for at in (0..points).step_by(LANES) {
-        let place = &mut samples[at..at + LANES];
+    for i in (0..count).step_by(LANES) {
+        let part = &mut samples[i..i + LANES];
         let values: u32x8<S> = plane.rounded(numerators).to_int();
         let (low, high) = values.split();
-        let is_inside: mask16x8<S> = lanes.simd_lt((points - at) as u16);
-        let there = u16x8::from_slice(plane.simd, place);
-        is_inside.select(low.narrow(high), there).store_slice(place);
+        let is_inside: mask16x8<S> = lanes.simd_lt((count - i) as u16);
+        let before = u16x8::from_slice(plane.simd, part);
+        is_inside.select(low.narrow(high), before).store_slice(part);
         numerators += plane.per_column * LANES as f32;
     }
 }
@@ -142,25 +148,31 @@ mod tests {
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
 
+    const SHAPE: Shape = Shape { width: 5, height: 3, component_count: 2, precision: 8 };
+
+    /// A mesh of the corners alone, whose samples are 0.
+    fn two_faces(shape: Shape) -> Mesh {
+        let points = corner_points(shape.width, shape.height).to_vec();
+        let samples = vec![0; 4 * shape.component_count];
+        Mesh::new(shape, points, samples, vec![[0, 1, 3], [0, 3, 2]], &()).unwrap()
+    }
+
     #[test]
-    fn the_control_is_told_of_every_64_faces() {
-        let points: Vec<Point> = (0..300).map(|i| Point::new(i % 20, i / 20)).collect();
-        let faces = triangulate(&points);
-        let (count, samples) = (faces.len(), vec![0; points.len()]);
-        let shape = Shape { width: 20, height: 15, component_count: 1, precision: 8 };
-        let mesh = Mesh::new(shape, points, samples, faces, &()).unwrap();
-        let recorder = Recorder::default();
-        rasterize(&mesh, &recorder).unwrap();
-        let multiples: Vec<usize> = (0..count).step_by(64).collect();
-        assert_eq!(recorder.done(Stage::Rasterize, count), multiples);
+    fn polls_within_large_faces() {
+        for precision in [8, 16] {
+            let shape = Shape { width: 2000, height: 1000, precision, ..SHAPE };
+            let recorder = Recorder::default();
+            rasterize(&two_faces(shape), &recorder).unwrap();
+            let count = recorder.done(Stage::Rasterize, 2).len();
+            assert!(count > 2 * 2_000_000 / 70_000, "{count} polls");
+        }
     }
 
     #[test]
     fn two_triangles_rebuild_a_plane() {
-        let shape = Shape { width: 5, height: 3, component_count: 2, precision: 8 };
-        let points = [(0, 0), (4, 0), (0, 2), (4, 2)].map(|(x, y)| Point::new(x, y)).to_vec();
+        let points = corner_points(5, 3).to_vec();
         let samples = vec![0, 9, 40, 9, 20, 9, 60, 9];
-        let mesh = Mesh::new(shape, points, samples, vec![[0, 1, 3], [0, 3, 2]], &()).unwrap();
+        let mesh = Mesh::new(SHAPE, points, samples, vec![[0, 1, 3], [0, 3, 2]], &()).unwrap();
         let image = rasterize(&mesh, &()).unwrap();
         assert_eq!(image.row(0, 0), [0, 10, 20, 30, 40]);
         assert_eq!(image.row(0, 1), [10, 20, 30, 40, 50]);
@@ -170,13 +182,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn faces_in_vectors_are_filled_as_all_others_are(
+        fn vectors_fill_faces_as_single_samples_do(
             (width, height) in (2usize..90, 2usize..90),
-            places in prop::collection::vec((0i32..90, 0i32..90), 0..60),
+            positions in prop::collection::vec((0i32..90, 0i32..90), 0..60),
             component_count in 1usize..5,
             precision in prop::sample::select(vec![3, 8, 9, 16]),
         ) {
-            let inner = places.iter().map(|&(x, y)| {
+            let inner = positions.iter().map(|&(x, y)| {
                 Point::new(x % width as i32, y % height as i32)
             });
             let mut points: Vec<Point> = inner.chain(corner_points(width, height)).collect();
@@ -189,8 +201,9 @@ mod tests {
             let mesh = Mesh::new(shape, points, samples, faces, &()).unwrap();
             let vectors = rasterize(&mesh, &()).unwrap();
             let components = vec![vec![0; width * height]; component_count];
-            let mut canvas = Canvas { mesh: &mesh, width, components };
-            mesh.faces().iter().for_each(|&face| canvas.fill_face(face));
+            let poller = Poller::new(&(), Stage::Rasterize, 0, 1);
+            let mut canvas = Canvas { mesh: &mesh, width, components, poller };
+            mesh.faces().iter().for_each(|&face| canvas.fill_face(face).unwrap());
             prop_assert_eq!(vectors.components(), canvas.components);
         }
     }

@@ -1,7 +1,11 @@
 //! The choices that parameters offer: enumerations whose values have the names that users write.
 
-/// Declares an enumeration whose values have the names that users write; the crate of the formats
-/// declares its own with it, too.
+use crate::parameters::ParameterError;
+
+/// Declares an enumeration whose values have the names that users write.
+///
+/// Not part of the API, and exempt from its stability: it is exported only because
+/// `pixmesh-codec`, which always has this crate's version, declares its own choices with it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! named_values {
@@ -105,9 +109,9 @@ named_values! {
 named_values! {
     /// The errors that error diffusion starts row 0 with.
     "startup" Startup {
-        /// None.
+        /// No errors.
         Classic = "classic",
-        /// Those of a pass over the image mirrored at row 0.
+        /// The errors at the end of a pass over the image mirrored at row 0.
         Mirroring = "mirroring",
         /// Drawn at random between minus and plus the first threshold, the same for the same seed.
         Random = "random",
@@ -135,12 +139,12 @@ named_values! {
 }
 
 named_values! {
-    /// The directions in which the picture is smoothed before it is differentiated.
+    /// The directions in which the image is smoothed before it is differentiated.
     "smoothing_direction" SmoothingDirection {
         /// Rows and columns.
         Both = "both",
-        /// Only at right angles to the derivative: rows for the one along columns, columns for the
-        /// one along rows, neither for the mixed one.
+        /// Only at right angles to the derivative: along rows for the derivative along columns,
+        /// along columns for the one along rows, not at all for the mixed one.
         Orthogonal = "orthogonal",
     }
 }
@@ -148,9 +152,9 @@ named_values! {
 named_values! {
     /// The vector gradient where its rates of change in x and y are equal.
     "psc_tie" PscTie {
-        /// As if the mixed term were 0: so the published results were made.
+        /// As if the mixed term were 0, as in the published results.
         Published = "published",
-        /// The larger eigenvalue, as everywhere else.
+        /// The larger eigenvalue, as at all other points.
         Exact = "exact",
     }
 }
@@ -172,38 +176,38 @@ named_values! {
         YcbcrVecAe = "ycbcr_vec_ae",
         /// Squared length of the difference of two sample vectors.
         VecSe = "vec_se",
-        /// Squared error, times how much it lowers the structural similarity where it is.
+        /// Squared error, weighted by how much an error lowers the structural similarity there.
         Ssim = "ssim",
     }
 }
 
 named_values! {
-    /// What the filters see beyond the border of the picture.
+    /// The samples that filters read beyond the border of the image.
     "boundary" Boundary {
         /// Zero.
         Zero = "zero",
-        /// The nearest sample of the picture.
+        /// The nearest sample of the image.
         Constant = "constant",
-        /// The picture mirrored at its border samples, which are not repeated.
+        /// The image mirrored at its border samples, which are not repeated.
         Symmetric = "symmetric",
     }
 }
 
 named_values! {
-    /// Which image's error rules the simplification.
+    /// The image that guides the choice and the removal of points.
     "meshed" Guide {
         /// The image itself.
         Components = "components",
-        /// The luma of its three components; the mesh carries their colours all the same.
+        /// The luma of its three components; the mesh still carries their colours.
         Luma = "luma",
         /// The gray picture `(77 R + 150 G + 29 B + 128) >> 8` of its three components, as the
-        /// thesis made its gray images; the mesh carries their colours all the same.
+        /// thesis made its gray images; the mesh still carries their colours.
         Gray = "gray",
     }
 }
 
 named_values! {
-    /// What decides the faces over the vertices.
+    /// How the vertices are connected to faces.
     "connectivity" Connectivity {
         /// The preferred-directions Delaunay triangulation.
         Delaunay = "delaunay",
@@ -217,13 +221,13 @@ named_values! {
     "values" Values {
         /// The image's samples.
         Sampled = "sampled",
-        /// The values that fit the image best: least squares.
+        /// The values that fit the image best by least squares.
         Fitted = "fitted",
     }
 }
 
 named_values! {
-    /// How a picture is rebuilt from a mesh.
+    /// How an image is rebuilt from a mesh.
     "reconstruction" Reconstruction {
         /// The linear interpolant of the vertices' values.
         Linear = "linear",
@@ -233,17 +237,41 @@ named_values! {
 }
 
 named_values! {
-    /// How greedy point removal is shared out to threads.
+    /// How greedy point removal shares its work among threads.
     "parallel" Parallel {
-        /// As far as the exact order allows.
+        /// In the exact order.
         Exact = "exact",
-        /// Tile by tile where there are many points: faster on one thread as well, by an order that
-        /// differs a little around the borders of tiles.
+        /// Tile by tile where there are many points: faster, on one thread too, in an order that
+        /// differs from the exact one near the borders of tiles.
         Tiles = "tiles",
     }
 }
 
 pub(crate) use named_values;
+
+/// Gives choices that are not defined for every number of components a check.
+macro_rules! checked_by_component_count {
+    ($($type:ident),+) => {$(
+        impl $type {
+            /// Checks that this choice is defined for images of `actual` components.
+            ///
+            /// # Errors
+            /// [`ParameterError::ComponentCount`], which names the choices that are.
+            pub fn check_component_count(self, actual: usize) -> Result<(), ParameterError> {
+                let misfit = |choice: Self| choice.component_count().filter(|&n| n != actual);
+                let Some(needed) = misfit(self) else { return Ok(()) };
+                let fitting = Self::ALL.iter().filter(|&&choice| misfit(choice).is_none());
+                let allowed = fitting.map(|choice| choice.name()).collect();
+                let (parameter, value) = (Self::PARAMETER, self.name());
+                Err(ParameterError::ComponentCount { parameter, value, needed, actual, allowed })
+            }
+        }
+    )+};
+}
+
+pub(crate) use checked_by_component_count;
+
+checked_by_component_count!(Policy, ErrorMetric, Guide);
 
 impl Policy {
     /// The number of components this policy is made for; `None` for any.
@@ -256,7 +284,7 @@ impl Policy {
         }
     }
 
-    /// The same policy for the luma, an image of one component.
+    /// The same policy for one component.
     pub(crate) fn of_one_component(self) -> Self {
         match self {
             Self::PsbD | Self::Psc => Self::PsaD,
@@ -276,13 +304,26 @@ impl ErrorMetric {
         }
     }
 
-    /// The same metric for the luma, an image of one component.
+    /// The same metric for one component.
     pub(crate) fn of_one_component(self) -> Self {
         match self {
             Self::MeanCompAe | Self::LumaAe | Self::YcbcrVecAe => Self::MeanCompAe,
             Self::Ssim => Self::Ssim,
             Self::MeanCompSe | Self::LumaSe | Self::YcbcrVecSe | Self::VecSe => Self::MeanCompSe,
         }
+    }
+
+    /// Whether the error is the sum of the squared differences of the components.
+    pub(crate) fn is_squared_difference(self) -> bool {
+        matches!(self, Self::MeanCompSe | Self::VecSe)
+    }
+}
+
+impl Guide {
+    /// The number of components this guide is made for; `None` for any.
+    #[must_use]
+    pub fn component_count(self) -> Option<usize> {
+        (self != Self::Components).then_some(3)
     }
 }
 
@@ -291,21 +332,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn policies_for_colour_have_another_for_the_luma() {
-        for &policy in Policy::ALL {
-            let for_one = policy.of_one_component();
-            assert_ne!(for_one.component_count(), Some(3), "{policy}");
-            if policy.component_count() != Some(3) {
-                assert_eq!(for_one, policy);
-            }
-        }
+    fn luma_has_policies_and_metrics_of_one_component() {
+        use ErrorMetric::*;
         let of_one = [Policy::PsbD, Policy::PsbL, Policy::Psc].map(Policy::of_one_component);
         assert_eq!(of_one, [Policy::PsaD, Policy::PsaL, Policy::PsaD]);
-    }
-
-    #[test]
-    fn metrics_of_luma_and_colour_differences_are_for_three_components() {
-        use ErrorMetric::*;
+        for &policy in Policy::ALL.iter().filter(|policy| policy.component_count() != Some(3)) {
+            assert_eq!(policy.of_one_component(), policy);
+        }
         for &metric in ErrorMetric::ALL {
             let expected = matches!(metric, LumaSe | LumaAe | YcbcrVecSe | YcbcrVecAe).then_some(3);
             assert_eq!(metric.component_count(), expected, "{metric}");
@@ -313,15 +346,5 @@ mod tests {
         }
         let of_one = [LumaSe, YcbcrVecAe, Ssim].map(ErrorMetric::of_one_component);
         assert_eq!(of_one, [MeanCompSe, MeanCompAe, Ssim]);
-    }
-
-    #[test]
-    fn policies_of_one_name_are_for_one_number_of_components() {
-        use Policy::*;
-        for (policies, count) in [([PsaD, PsaL].as_slice(), 1), (&[PsbD, PsbL, Psc], 3)] {
-            for policy in policies {
-                assert_eq!(policy.component_count(), Some(count), "{policy}");
-            }
-        }
     }
 }

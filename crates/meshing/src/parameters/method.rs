@@ -1,15 +1,16 @@
-//! The methods as data: the sets of parameters that the thesis names, and four beyond it.
+//! The methods: named sets of [`Parameters`], those of the thesis and four more.
 //!
 //! "Effective Techniques for Generating Delaunay Mesh Models of Single- and Multi-Component
 //! Images" (thesis, University of Victoria) describes one framework: a policy turns the image
 //! into a density, error diffusion picks initial points of that density, and greedy point removal
-//! simplifies their triangulation. A [`Method`] is a named set of [`Parameters`].
+//! simplifies their triangulation.
 
 use crate::parameters::choices::{
-    Generator, Guide, Parallel, Policy, Reconstruction, Startup, named_values,
+    Generator, Guide, Parallel, Policy, Reconstruction, Startup, checked_by_component_count,
+    named_values,
 };
 use crate::parameters::{
-    DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target, check_count,
+    DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target,
 };
 
 named_values! {
@@ -19,15 +20,14 @@ named_values! {
         Ed = "ed",
         /// Modified error diffusion of any number of components; no simplification: fast.
         Med = "med",
-        /// MED, then the points that only raise the error are removed: better, with fewer points.
+        /// MED without the points whose removal lowers the error: better, with fewer points.
         MedPlus = "med+",
         /// Error diffusion of one component to 4 times the points, then greedy point removal.
         Gprfsed = "gprfsed",
         /// Modified error diffusion of any number of components to 4 times the points, then greedy
         /// point removal: good.
         Mgprfs = "mgprfs",
-        /// MGPRFS, then refinement: vertices move and change places while that lowers the error, as
-        /// long as the effort says: best.
+        /// MGPRFS, then refinement by the effort, which moves and exchanges vertices: best.
         Optimal = "optimal",
         /// Points removed, then refined, by the error of the best single colour of each face.
         Flat = "flat",
@@ -42,62 +42,34 @@ named_values! {
         /// GPR on the gray picture of three components, whose colours the mesh then carries.
         Cgpr = "cgpr",
         /// Points inserted one by one where the error is largest, any number of components; no
-        /// simplification: a first sight in less than a tenth of a second.
+        /// simplification: fastest.
         Preview = "preview",
     }
 }
+
+checked_by_component_count!(Method);
 
 impl Method {
     /// The parameters that define this method, for a target.
     #[must_use]
     pub fn parameters(self, target: Target) -> Parameters {
-        use Method as M;
-        let simplifying = InitialSize::Gamma(4.0);
-        let (generator, initial_size) = match self {
-            M::Ed | M::Med | M::MedPlus | M::Ced => {
-                (Generator::ErrorDiffusion, InitialSize::Target)
-            }
-            M::Preview => (Generator::Insertion, InitialSize::Target),
-            M::Gprfsed | M::Mgprfs | M::Optimal | M::Flat | M::Cgprfsed => {
-                (Generator::ErrorDiffusion, simplifying)
-            }
-            M::Gpr | M::Mgpr | M::Cgpr => (Generator::All, InitialSize::Percent(100.0)),
+        let mgprfs = Parameters::default().target(target);
+        let all_points = InitialSize::Percent(100.0);
+        let own = match self.component_count() {
+            Some(1) => mgprfs.policy(Policy::PsaD).startup(Startup::Classic),
+            Some(_) => mgprfs.policy(Policy::PsbD).startup(Startup::Classic).guide(Guide::Luma),
+            None => mgprfs,
         };
-        let (policy, startup) = match self {
-            M::Med | M::MedPlus | M::Mgprfs | M::Optimal | M::Flat | M::Mgpr | M::Preview => {
-                (Policy::PsdMaxD, Startup::Mirroring)
-            }
-            M::Ed | M::Gprfsed | M::Gpr => (Policy::PsaD, Startup::Classic),
-            M::Ced | M::Cgprfsed | M::Cgpr => (Policy::PsbD, Startup::Classic),
-        };
-        let guide = match self {
-            M::Ced | M::Cgprfsed => Guide::Luma,
-            M::Cgpr => Guide::Gray,
-            _ => Guide::Components,
-        };
-        let effort = match self {
-            M::Optimal => DEFAULT_EFFORT,
-            M::Flat => FLAT_EFFORT,
-            _ => 0,
-        };
-        let reconstruction = match self {
-            M::Flat => Reconstruction::Flat,
-            _ => Reconstruction::Linear,
-        };
-        // Refinement makes good what the exact order would be worth.
-        let parallel = if self == M::Optimal { Parallel::Tiles } else { Parallel::Exact };
-        let bad_point_removal = self == M::MedPlus;
-        Parameters {
-            initial_size,
-            generator,
-            policy,
-            startup,
-            guide,
-            bad_point_removal,
-            effort,
-            reconstruction,
-            parallel,
-            ..Parameters::default().target(target)
+        match self {
+            Self::Mgprfs | Self::Gprfsed | Self::Cgprfsed => own,
+            Self::Ed | Self::Med | Self::Ced => own.initial_size(InitialSize::Target),
+            Self::MedPlus => own.initial_size(InitialSize::Target).bad_point_removal(true),
+            Self::Gpr | Self::Mgpr => own.generator(Generator::All).initial_size(all_points),
+            Self::Cgpr => own.generator(Generator::All).initial_size(all_points).guide(Guide::Gray),
+            Self::Preview => own.generator(Generator::Insertion).initial_size(InitialSize::Target),
+            // Refinement gains more than the exact order of removal.
+            Self::Optimal => own.effort(DEFAULT_EFFORT).parallel(Parallel::Tiles),
+            Self::Flat => own.effort(FLAT_EFFORT).reconstruction(Reconstruction::Flat),
         }
     }
 
@@ -105,24 +77,10 @@ impl Method {
     #[must_use]
     pub fn component_count(self) -> Option<usize> {
         match self {
-            Self::Med
-            | Self::MedPlus
-            | Self::Mgprfs
-            | Self::Optimal
-            | Self::Flat
-            | Self::Mgpr
-            | Self::Preview => None,
             Self::Ed | Self::Gprfsed | Self::Gpr => Some(1),
             Self::Ced | Self::Cgprfsed | Self::Cgpr => Some(3),
+            _ => None,
         }
-    }
-
-    /// Checks that the method is defined for images of `actual` components.
-    ///
-    /// # Errors
-    /// [`ParameterError::ComponentCount`], which names the methods that are.
-    pub fn check_component_count(self, actual: usize) -> Result<(), ParameterError> {
-        check_count(Self::PARAMETER, self, Self::ALL, Self::name, Self::component_count, actual)
     }
 }
 
@@ -131,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_method_is_the_set_of_choices_that_its_description_says() {
+    fn methods_have_the_choices_of_their_descriptions() {
         use Generator::{All, ErrorDiffusion, Insertion};
         use Method as M;
         let four_times = InitialSize::Gamma(4.0);

@@ -1,4 +1,4 @@
-//! What parameters mean, and which are refused.
+//! Plans of parameters, and the values that are refused.
 
 use super::*;
 use crate::parameters::method::Method;
@@ -12,10 +12,10 @@ fn plan(method: Method, target: Target, shape: Shape) -> Result<Plan, ParameterE
 }
 
 #[test]
-fn sizes_are_the_floor_of_the_density_and_not_gamma_times_the_size() {
+fn sizes_are_floors_of_percentages() {
     let lena = shape(512, 512, 3);
     let of = |method, density| plan(method, Target::Percent(density), lena).unwrap();
-    assert_eq!(of(Method::Med, 2.0), Plan { size: 5242, initial_size: 5242, bound: None });
+    assert_eq!(of(Method::Med, 2.0), Plan { size: 5242, initial_size: 5242 });
     assert_eq!(of(Method::Mgprfs, 2.0).initial_size, 20971);
     assert_eq!(of(Method::Mgprfs, 0.5).size, 1310);
     assert_eq!(of(Method::Mgprfs, 0.5).initial_size, 5242);
@@ -23,7 +23,7 @@ fn sizes_are_the_floor_of_the_density_and_not_gamma_times_the_size() {
 }
 
 #[test]
-fn what_is_done_follows_from_each_choice_alone() {
+fn stages_follow_from_the_choices() {
     let size = |size| Parameters::default().initial_size(InitialSize::Target).target(size);
     let plain = size(Target::Size(9));
     let effort = plain.clone().effort(1);
@@ -35,7 +35,7 @@ fn what_is_done_follows_from_each_choice_alone() {
     assert_eq!(all.map(Parameters::refines), [false, true, true, true, false, false]);
     assert_eq!(all.map(Parameters::is_of_points_alone), [true, true, false, false, false, true]);
     assert_eq!(all.map(Parameters::is_flat), [false, false, false, false, true, false]);
-    let even = Plan { size: 9, initial_size: 9, bound: None };
+    let even = Plan { size: 9, initial_size: 9 };
     assert_eq!(all.map(|p| p.simplifies(&even)), [false, true, false, false, false, true]);
     assert!(plain.simplifies(&Plan { initial_size: 10, ..even }));
     assert!(!plain.searches() && !effort.searches() && !flat.searches());
@@ -48,7 +48,7 @@ fn what_is_done_follows_from_each_choice_alone() {
 }
 
 #[test]
-fn a_smoothing_order_is_odd_and_within_its_bounds() {
+fn smoothing_order_is_odd_and_in_range() {
     let own = Method::Med.parameters(Target::Size(50));
     for smoothing_order in 0..=MAX_SMOOTHING_ORDER + 2 {
         let parameters = Parameters { smoothing_order, ..own.clone() };
@@ -58,45 +58,40 @@ fn a_smoothing_order_is_odd_and_within_its_bounds() {
 }
 
 #[test]
-fn binary_fractions_do_not_lose_a_point() {
-    for (density, side, expected) in
-        [(0.7, 1000, 7000), (4.1, 1000, 41000), (0.29, 1000, 2900), (100.0, 3, 9)]
-    {
-        let plan = plan(Method::Med, Target::Percent(density), shape(side, side, 1)).unwrap();
-        assert_eq!(plan.size, expected, "{density} % of {side}x{side}");
+fn percentages_round_down_to_at_least_the_corners() {
+    for (percent, side, expected) in [
+        (0.7, 1000, 7000),
+        (4.1, 1000, 41000),
+        (0.29, 1000, 2900),
+        (100.0, 3, 9),
+        (2.0, 2, 4),
+        (0.1, 5, 4),
+        (MIN_PERCENT, 100, 4),
+    ] {
+        let plan = plan(Method::Med, Target::Percent(percent), shape(side, side, 1)).unwrap();
+        assert_eq!(plan.size, expected, "{percent} % of {side}x{side}");
     }
-}
-
-#[test]
-fn a_density_of_less_than_the_corners_means_the_corners() {
-    for (side, density) in [(2, 2.0), (2, 100.0), (5, 0.1), (100, MIN_PERCENT)] {
-        let plan = plan(Method::Mgprfs, Target::Percent(density), shape(side, side, 3)).unwrap();
-        assert_eq!(plan.size, 4);
-    }
-}
-
-#[test]
-fn a_mesh_cannot_end_with_more_points_than_it_starts_with() {
-    let plan = |initial_size| {
-        let target = Target::Percent(50.0);
-        Parameters { initial_size, ..Parameters::default().target(target) }.plan(shape(10, 10, 1))
-    };
-    assert_eq!(plan(InitialSize::Size(50)).unwrap().initial_size, 50);
-    assert_eq!(plan(InitialSize::Percent(50.0)).unwrap().initial_size, 50);
-    let message = plan(InitialSize::Size(49)).unwrap_err().to_string();
-    assert_eq!(message, "initial_size is 49, but must lie in 50 to 100");
-    let message = plan(InitialSize::Percent(20.0)).unwrap_err().to_string();
-    assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");
-}
-
-#[test]
-fn sizes_given_as_sizes_are_literal() {
     let plan = plan(Method::Mgprfs, Target::Size(10), shape(8, 8, 1)).unwrap();
     assert_eq!((plan.size, plan.initial_size), (10, 40));
 }
 
 #[test]
-fn numbers_out_of_bounds_are_refused_by_name() {
+fn refuses_fewer_initial_points_than_vertices() {
+    let plan = |initial_size| {
+        let own = Parameters::default().target(Target::Percent(50.0)).initial_size(initial_size);
+        own.plan(shape(20, 10, 1)).map_err(|error| error.to_string())
+    };
+    for initial_size in [InitialSize::Size(100), InitialSize::Percent(50.0)] {
+        assert_eq!(plan(initial_size).unwrap().initial_size, 100);
+    }
+    let refused = "initial_size is 99, but must lie in 100 to 200";
+    assert_eq!(plan(InitialSize::Size(99)).unwrap_err(), refused);
+    let refused = "initial_density is 20, but must lie in 50 to 100";
+    assert_eq!(plan(InitialSize::Percent(20.0)).unwrap_err(), refused);
+}
+
+#[test]
+fn refuses_numbers_out_of_range() {
     let refused = |target| plan(Method::Mgprfs, target, shape(64, 64, 3)).unwrap_err().to_string();
     for density in [0.0, -0.0, -1.0, 101.0, 100.000_000_1, 1e308] {
         let message = refused(Target::Percent(density));
@@ -110,7 +105,7 @@ fn numbers_out_of_bounds_are_refused_by_name() {
 }
 
 #[test]
-fn a_method_names_the_alternatives_for_the_wrong_number_of_components() {
+fn names_the_methods_for_a_component_count() {
     let error = plan(Method::Ed, Target::Percent(2.0), shape(64, 64, 3)).unwrap_err();
     assert!(error.to_string().contains("policy 'psa_d'"), "{error}");
     assert!(error.to_string().contains("psd_max_d"), "{error}");
@@ -125,7 +120,7 @@ fn a_method_names_the_alternatives_for_the_wrong_number_of_components() {
 }
 
 #[test]
-fn names_read_back_as_the_values_they_name() {
+fn names_parse_as_their_values() {
     for &method in Method::ALL {
         assert_eq!(method.name().parse(), Ok(method));
     }
@@ -134,19 +129,7 @@ fn names_read_back_as_the_values_they_name() {
 }
 
 #[test]
-fn an_initial_density_that_is_too_small_is_told_in_percent() {
-    let target = Target::Percent(50.0);
-    let initial_size = InitialSize::Percent(20.0);
-    let parameters = Parameters { initial_size, ..Parameters::default().target(target) };
-    let message = parameters.plan(shape(20, 10, 1)).unwrap_err().to_string();
-    assert_eq!(message, "initial_density is 20, but must lie in 50 to 100");
-    let parameters = Parameters { initial_size: InitialSize::Size(40), ..parameters };
-    let message = parameters.plan(shape(20, 10, 1)).unwrap_err().to_string();
-    assert_eq!(message, "initial_size is 40, but must lie in 100 to 200");
-}
-
-#[test]
-fn a_psnr_needs_a_metric_of_squared_errors() {
+fn psnr_needs_a_metric_of_squared_errors() {
     for &error_metric in ErrorMetric::ALL {
         let of = |method: Method| {
             let own = method.parameters(Target::Psnr(30.0));
@@ -162,7 +145,7 @@ fn a_psnr_needs_a_metric_of_squared_errors() {
 }
 
 #[test]
-fn what_is_made_for_a_number_of_components_is_refused_for_others_alone() {
+fn refuses_other_component_counts() {
     for (method, count) in [(Method::Ed, 1), (Method::Gpr, 1), (Method::Ced, 3), (Method::Cgpr, 3)]
     {
         let own = method.parameters(Target::Size(9));

@@ -1,11 +1,11 @@
-//! How much the error of each lattice point counts.
+//! Error weights of the lattice points of an image.
 
 use crate::image::{ImageError, check_shape, flip_rows};
 use std::fmt;
 use std::sync::Arc;
 
-/// How much the squared error of each lattice point counts, from 0 (not at all) to 255, where
-/// points are inserted, removed, moved and fitted. Fidelity ignores weights.
+/// Factors of the squared error of each lattice point, 0 to 255, for insertion, removal, refinement
+/// and fitted values. Fidelity ignores weights.
 ///
 /// Clones share their values.
 ///
@@ -56,7 +56,7 @@ impl Weights {
         Ok(Self::from_kernel(width, height, values))
     }
 
-    /// Weights of a size that is allowed, one for each lattice point.
+    /// Weights that are known to be one for each lattice point of an image of an allowed size.
     pub(crate) fn from_kernel(width: usize, height: usize, values: Vec<u8>) -> Self {
         Self { width, height, values: Arc::new(values) }
     }

@@ -1,12 +1,12 @@
 //! Structural similarity (SSIM) of two images.
 //!
 //! Zhou Wang, Alan C. Bovik, Hamid R. Sheikh, Eero P. Simoncelli: "Image Quality Assessment: From
-//! Error Visibility to Structural Similarity", IEEE Transactions on Image Processing 13 (2004), with
-//! the paper's Gaussian window of 11 by 11 pixels and its constants 0.01 and 0.03. The index of two
-//! images is the mean over all windows that lie inside them, and over their components.
+//! Error Visibility to Structural Similarity", IEEE Transactions on Image Processing 13 (2004),
+//! with the paper's Gaussian window of 11 by 11 pixels and its constants 0.01 and 0.03. The index
+//! of two images is the mean over all windows that lie inside them, and over their components.
 //!
-//! The cost is 22 products for each sample and each of five fields, in memory for eleven rows.
-//! The weights are constants and the sums have a fixed order, so every machine gives the same index.
+//! The cost is 22 products for each sample and each of five fields, in memory for eleven rows. The
+//! weights are constants and the sums have a fixed order, so every machine gives the same index.
 
 use crate::control::{Control, Stage};
 use crate::error::MeshingError;
@@ -158,9 +158,11 @@ mod tests {
             seeds in proptest::array::uniform2(0usize..10_000),
         ) {
             let picture = |seed: usize| {
-                let sample = |i: usize| ((i + seed).wrapping_mul(40_503) >> 3) as u16 >> (16 - precision);
+                let noise = |i: usize| ((i + seed).wrapping_mul(40_503) >> 3) as u16;
+                let sample = |i: usize| noise(i) >> (16 - precision);
                 let plane = |c: usize| (0..width * height).map(|i| sample(i * (c + 1))).collect();
-                Image::from_bottom_up(width, height, precision, (0..count).map(plane).collect()).unwrap()
+                let components = (0..count).map(plane).collect();
+                Image::from_bottom_up(width, height, precision, components).unwrap()
             };
             let [first, second] = seeds.map(picture);
             let (found, expected) = (index(&first, &second), index_by_definition(&first, &second));

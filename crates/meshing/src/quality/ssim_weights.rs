@@ -1,7 +1,8 @@
 //! Error weights that make the squared error follow structural similarity.
 //!
-//! Where an approximation is close to the image, a squared error lowers the structural similarity in
-//! inverse proportion to twice the variance under the window (see [`ssim`](crate::quality::ssim)).
+//! Where an approximation is close to the image, a squared error lowers the structural similarity
+//! in inverse proportion to twice the variance under the window (see
+//! [`ssim`](crate::quality::ssim)).
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::image::Image;
@@ -16,7 +17,7 @@ const REGULARISATION: f64 = 16.0;
 /// The weight of a plain area; the least weight is 1.
 const LARGEST_WEIGHT: f64 = 255.0;
 
-/// How much a squared error at each pixel lowers the structural similarity, times the given weights.
+/// How much a squared error at each pixel lowers the structural similarity, times given weights.
 ///
 /// The window is smaller than usual in images of fewer columns or rows. At the border a pixel has
 /// the weight of the nearest position where the window lies inside the image.

@@ -1,8 +1,8 @@
 //! What removal starts from: the star of each vertex of a triangulation, and the queue of each tile.
 
 use crate::control::{Cancelled, Control, Stage, collect};
-use crate::face_error::{ErrorEvaluator, FaceErrors};
-use crate::image::{Image, Point};
+use crate::face_error::ErrorEvaluator;
+use crate::image::Image;
 use crate::parallel::in_parallel;
 use crate::removal::candidate::Evaluator;
 use crate::removal::conversion::stars_of;
@@ -12,8 +12,10 @@ use crate::removal::star::{AllStars, FillCache, Stars, Vertices};
 use crate::removal::tile_order::tile_order;
 use crate::triangulation::Triangulation;
 
-/// Faces measured, and vertices evaluated for the first time, between two polls of the control.
+/// Vertices evaluated for the first time between two polls of the control, at most, and the area
+/// of the image that they take where faces are large.
 const STEPS_PER_POLL: usize = 8192;
+const PIXELS_PER_POLL: usize = 1 << 18;
 
 /// A mesh before removal.
 pub(crate) struct Start {
@@ -57,20 +59,18 @@ fn face_errors(
     control: &dyn Control,
     poll: impl Fn() -> Result<(), Cancelled>,
 ) -> Result<Vec<u64>, Cancelled> {
-    let mut errors = vec![0; triangulation.origins.len() / 3];
-    let origins = triangulation.origins.chunks(3 * STEPS_PER_POLL);
-    for (origins, errors) in origins.zip(errors.chunks_mut(STEPS_PER_POLL)) {
-        poll()?;
-        let (faces, _) = origins.as_chunks::<3>();
-        in_parallel(faces, errors, control.threads(), |faces, errors| {
-            let point = |&v: &u32| triangulation.points[v as usize];
-            let faces: Vec<[Point; 3]> =
-                faces.iter().map(|[a, b, c]| [point(a), point(b), point(c)]).collect();
-            let mut some = Vec::with_capacity(faces.len());
-            FaceErrors::new(measure).errors(&faces, &mut some);
-            errors.copy_from_slice(&some);
-        });
-    }
+    let (faces, _) = triangulation.origins.as_chunks::<3>();
+    let mut errors = Vec::with_capacity(faces.len());
+    let corners = |face: usize| faces[face].map(|v| triangulation.points[v as usize]);
+    measure.for_each_part(
+        faces.len(),
+        corners,
+        control.threads(),
+        |_| poll(),
+        |part| {
+            errors.extend_from_slice(part);
+        },
+    )?;
     Ok(errors)
 }
 
@@ -86,9 +86,11 @@ fn evaluate_tile(
     let numbers = stars.numbers(tile);
     let mut queue = RemovalQueue::with_capacity(numbers.clone());
     let mut evaluated = Vec::new();
-    for first in numbers.clone().step_by(STEPS_PER_POLL) {
+    let steps = PIXELS_PER_POLL * stars.vertices.points.len() / measure.pixel_count();
+    let steps = steps.clamp(1, STEPS_PER_POLL);
+    for first in numbers.clone().step_by(steps) {
         poll()?;
-        let chunk: Vec<u32> = (first..numbers.end.min(first + STEPS_PER_POLL as u32))
+        let chunk: Vec<u32> = (first..numbers.end.min(first + steps as u32))
             .filter(|&vertex| !stars.is_corner(vertex))
             .collect();
         evaluated.clear();

@@ -5,6 +5,7 @@ use super::*;
 use crate::control::Stage;
 use crate::control::tests::Recorder;
 use crate::face_error::{FaceErrors, FaceMeasure};
+use crate::image::corner_points;
 use crate::parameters::choices::ErrorMetric;
 use crate::removal::greedy::Group;
 use crate::triangulation::hole::HoleFiller;
@@ -156,4 +157,19 @@ fn lists_removals_on_request_only() {
     let start = start(&image, &measure, rule, ONE_TILE, &());
     let removed = finish(start, &measure, &()).unwrap();
     assert_eq!((removed.points.len(), removed.removals.capacity()), (9, 0));
+}
+
+#[test]
+fn polls_by_area_before_the_first_removal() {
+    let samples = (0..2_000_000).map(|i| (i * 37 % 101) as u16).collect();
+    let image = Image::from_bottom_up(2000, 1000, 8, vec![samples]).unwrap();
+    let inner = (0..16).map(|i| Point::new(i * 100 + 150, i * 50 + 100));
+    let mut points: Vec<Point> = inner.chain(corner_points(2000, 1000)).collect();
+    points.sort_unstable();
+    let rule = down_to(points.len());
+    let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+    let (triangulation, recorder) = (Triangulation::new(points, &()).unwrap(), Recorder::default());
+    simplify_by(&image, &measure, triangulation, rule, Parallel::Exact, &recorder).unwrap();
+    let count = recorder.reports().len();
+    assert!(count >= 10, "{count} polls for 2,000,000 pixels");
 }

@@ -232,9 +232,9 @@ fn stages_come_in_order_within_totals() {
             }
             for pair in reports.windows(2) {
                 assert!(pair[0].0 <= pair[1].0, "{method}: {} then {}", pair[0].0, pair[1].0);
-                let went_on = pair[0].0 == pair[1].0;
-                assert!(!went_on || pair[0].1 <= pair[1].1, "{method}: {pair:?}");
-                assert!(went_on || pair[1].1 == 0, "{method}: {pair:?}");
+                let is_same_stage = pair[0].0 == pair[1].0;
+                assert!(!is_same_stage || pair[0].1 <= pair[1].1, "{method}: {pair:?}");
+                assert!(is_same_stage || pair[1].1 == 0, "{method}: {pair:?}");
             }
             assert_eq!(reports[0].1, 0);
         }

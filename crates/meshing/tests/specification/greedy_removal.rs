@@ -26,7 +26,7 @@ fn check(image: &Image, parameters: &Parameters) {
     let (ruling, parameters) = ruling_image(image, parameters);
     let initial = sample_points(&ruling, &parameters, made.plan.initial_size, &()).unwrap();
     let trimmed = made.plan.initial_size > made.plan.size
-        || made.plan.bound.is_some()
+        || parameters.target.is_quality()
         || parameters.bad_point_removal;
     let expected =
         if trimmed { removal::simplify(&ruling, initial, made.plan, &parameters) } else { initial };

@@ -4,8 +4,8 @@
 use super::interpolation::{owner, total_error};
 use super::metric;
 use super::triangulation::{Triangle, triangulate};
-use pixmesh_meshing::parameters::{ErrorBound, ErrorMetric, Plan};
-use pixmesh_meshing::{Image, Parameters, Point};
+use pixmesh_meshing::parameters::{ErrorMetric, Plan};
+use pixmesh_meshing::{Image, Parameters, Point, Target};
 use std::collections::HashSet;
 
 /// Removes points in areas of one color, then each time the one whose removal raises the error
@@ -20,11 +20,11 @@ pub(crate) fn simplify(
     remove_featureless(image, &mut points, plan.size);
     let mut error = total_error(image, &triangulate(&points), metric);
     while let Some((after, p)) = least(image, &points, metric) {
-        let good = match plan.bound {
-            None => true,
-            Some(ErrorBound::PsnrDb(least)) => psnr_db(image, after) >= least,
-            Some(ErrorBound::MaxError(_)) => unreachable!("tried with other targets only"),
-            Some(ErrorBound::MeanError(most)) => metric::mean(metric, after, image) <= most,
+        let good = match parameters.target {
+            Target::Percent(_) | Target::Size(_) => true,
+            Target::Psnr(least) => psnr_db(image, after) >= least,
+            Target::MaxError(_) => unreachable!("tried with other targets only"),
+            Target::MeanError(most) => metric::mean(metric, after, image) <= most,
         };
         let wanted = points.len() > plan.size && good;
         let improves = parameters.bad_point_removal && after < error;
