@@ -60,7 +60,7 @@ mod tests {
     const CAPS: Caps = Caps { queued: 1000, queued_per_owner: 1000, running_per_owner: 2 };
 
     fn load(name: &str, queued: usize, running: usize, last_turn: u64) -> OwnerLoad {
-        OwnerLoad { owner: Owner::named(name), queued, running, last_turn }
+        OwnerLoad { owner: Owner::of_stored(name), queued, running, last_turn }
     }
 
     #[test]
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn who_has_as_many_running_as_may_is_passed_over() {
+    fn owners_at_their_limit_of_running_jobs_are_skipped() {
         assert_eq!(next_owner(&[load("a", 5, 2, 0)], &CAPS), None);
         let loads = [load("a", 5, 2, 0), load("b", 1, 1, 9)];
         assert_eq!(next_owner(&loads, &CAPS), Some(&loads[1]));
