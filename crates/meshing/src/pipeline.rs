@@ -176,7 +176,7 @@ fn remove(
         Target::MeanError(most) => Some(metric.largest_sum(most, image)),
         Target::MaxError(_) | Target::Percent(_) | Target::Size(_) => None,
     };
-    let rule = StopRule { size, bound, metric, bad_point_removal, lists_removals };
+    let rule = StopRule { size, bound, bad_point_removal, lists_removals };
     let mut reduced = if let Target::MaxError(most) = target {
         let (points, exact) = (triangulation.points.clone(), Parallel::Exact);
         let rule = StopRule { lists_removals: true, ..rule };

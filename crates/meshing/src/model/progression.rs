@@ -234,8 +234,8 @@ fn remove_all(
     let surplus = triangulation.points.len() - MIN_SIZE;
     let (triangulation, mut removals) =
         remove_featureless(image, triangulation, surplus, true, control)?;
-    let (size, bad_point_removal, lists_removals) = (MIN_SIZE, false, true);
-    let rule = StopRule { size, bound: None, metric, bad_point_removal, lists_removals };
+    let (size, bad_point_removal) = (MIN_SIZE, false);
+    let rule = StopRule { size, bound: None, bad_point_removal, lists_removals: true };
     let measure = ErrorEvaluator::new(image, metric, guided.weights());
     let Simplified { removals: others, error, .. } =
         simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;

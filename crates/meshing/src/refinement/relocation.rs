@@ -66,7 +66,7 @@ impl Relocation {
         let points = &mesh.triangulation.points;
         let (width, height) = mesh.triangulation.size();
         let count = points.len();
-        let Ok(order) = tile_order(points, width, height, || Ok::<_, Infallible>(()));
+        let Ok(order) = tile_order(points, width, height, &mut |_| Ok::<_, Infallible>(()));
         Self {
             is_outdated: vec![true; count],
             is_pending: vec![true; count],

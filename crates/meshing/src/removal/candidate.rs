@@ -4,9 +4,8 @@
 //! else changes.
 //!
 //! Nearly all stars are inline. Their holes are filled in arrays of fixed size, with few branches
-//! that depend on the data: a misprediction costs about 40 instructions. The errors of triangles
-//! come from the [`FillCache`] where it holds them, and the other new faces around all neighbours of
-//! a vertex are measured together.
+//! that depend on the data: a misprediction costs about 40 instructions. The [`FillCache`] supplies
+//! errors of triangles; the other new faces around all neighbours of a vertex are measured together.
 
 use crate::face_error::{ErrorEvaluator, FaceErrors, FaceMeasure};
 use crate::image::Point;
@@ -180,9 +179,8 @@ impl<'m> Evaluator<'m> {
 
 /// Walks through the triangles of a fill at one vertex of the boundary, counter-clockwise from the
 /// next vertex to the one before. Calls `add` with each new neighbour and the error of the face
-/// before it; returns that of the face after the last. Along the border of the image, where the hole
-/// is open, the first and the last vertex of the boundary become neighbours, and 0 stands for the
-/// face beyond their edge.
+/// before it; returns that of the face after the last. An open hole lies on the border of the image:
+/// its first and last vertex become neighbours, and 0 stands for the face beyond their edge.
 #[inline(always)]
 fn walk_fan(
     at: usize,

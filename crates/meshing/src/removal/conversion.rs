@@ -1,14 +1,13 @@
 //! A triangulation as the stars of its vertices, and what is left of them as a mesh.
 
-use crate::control::{Cancelled, POINTS_PER_POLL, collect};
+use crate::control::{Cancelled, Poller};
 use crate::image::Point;
 use crate::removal::star::{AllStars, Star, Stars, Vertices};
 use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 use std::collections::HashMap;
-use std::iter::repeat_n;
 
-/// Vertices whose faces are listed between two polls of the control.
-const VERTICES_PER_POLL: usize = 8192;
+/// How many steps of a [`Poller`] the star of a vertex counts.
+const STEPS_PER_STAR: usize = 8;
 
 /// The stars of a triangulation's vertices, of which vertex `v` is `vertices.ranks[v]`, with the
 /// errors of its triangles.
@@ -16,38 +15,42 @@ pub(crate) fn stars_of(
     triangulation: &Triangulation,
     vertices: Vertices,
     errors: &[u64],
-    poll: impl Fn() -> Result<(), Cancelled>,
+    poller: &mut Poller<'_>,
 ) -> Result<AllStars, Cancelled> {
     let Triangulation { origins, twins, .. } = triangulation;
-    let numbers = inverse(&vertices.ranks, &poll)?;
-    let outgoing = outgoing_half_edges(triangulation, &poll)?;
-    let tile_count = vertices.ranks.len().div_ceil(1 << vertices.digits);
-    let mut spilled: Vec<HashMap<u32, Star>> = vec![HashMap::new(); tile_count];
+    let numbers = inverse(&vertices.ranks, poller)?;
+    let outgoing = outgoing_half_edges(triangulation, poller)?;
+    let mut records = Vec::with_capacity(vertices.ranks.len());
+    let mut spilled = Vec::new();
     let mut star = Star::default();
-    let star_of = |(number, &rank): (usize, &u32)| {
-        star.neighbours.clear();
-        star.errors.clear();
-        let first = outgoing[rank as usize];
-        let mut spoke = first;
-        loop {
-            star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
-            star.errors.push(errors[spoke as usize / 3]);
-            let incoming = previous(spoke);
-            spoke = twins[incoming as usize];
-            if spoke == NONE {
-                star.neighbours.push(numbers[origins[incoming as usize] as usize]);
-                star.errors.push(0);
+    for ranks in vertices.ranks.chunks(1 << vertices.digits) {
+        let mut spilled_in_tile = HashMap::new();
+        for &rank in ranks {
+            poller.step(STEPS_PER_STAR)?;
+            star.neighbours.clear();
+            star.errors.clear();
+            let first = outgoing[rank as usize];
+            let mut spoke = first;
+            loop {
+                star.neighbours.push(numbers[origins[next(spoke) as usize] as usize]);
+                star.errors.push(errors[spoke as usize / 3]);
+                let incoming = previous(spoke);
+                spoke = twins[incoming as usize];
+                if spoke == NONE {
+                    star.neighbours.push(numbers[origins[incoming as usize] as usize]);
+                    star.errors.push(0);
+                }
+                if spoke == NONE || spoke == first {
+                    break;
+                }
             }
-            if spoke == NONE || spoke == first {
-                break;
-            }
+            let packed = star.pack();
+            let vertex = records.len() as u32;
+            spilled_in_tile.extend(packed.spilled.map(|star| (vertex, *star)));
+            records.push(packed.record);
         }
-        let packed = star.pack();
-        let tile = number >> vertices.digits;
-        spilled[tile].extend(packed.spilled.map(|star| (number as u32, *star)));
-        packed.record
-    };
-    let records = collect(vertices.ranks.iter().enumerate().map(star_of), poll)?;
+        spilled.push(spilled_in_tile);
+    }
     Ok(AllStars { vertices, records, spilled })
 }
 
@@ -55,17 +58,19 @@ pub(crate) fn stars_of(
 /// counter-clockwise meets every triangle.
 fn outgoing_half_edges(
     triangulation: &Triangulation,
-    poll: impl Fn() -> Result<(), Cancelled>,
+    poller: &mut Poller<'_>,
 ) -> Result<Vec<u32>, Cancelled> {
-    let mut outgoing = collect(repeat_n(NONE, triangulation.points.len()), &poll)?;
+    let mut outgoing = Vec::with_capacity(triangulation.points.len());
+    for _ in &triangulation.points {
+        poller.step(1)?;
+        outgoing.push(NONE);
+    }
     let half_edges = triangulation.origins.iter().zip(&triangulation.twins);
-    for (h, (&origin, &twin)) in half_edges.enumerate() {
-        if h % POINTS_PER_POLL == 0 {
-            poll()?;
-        }
+    for (h, (&origin, &twin)) in (0..).zip(half_edges) {
+        poller.step(1)?;
         let out = &mut outgoing[origin as usize];
         if *out == NONE || twin == NONE {
-            *out = h as u32;
+            *out = h;
         }
     }
     Ok(outgoing)
@@ -75,24 +80,22 @@ fn outgoing_half_edges(
 /// counter-clockwise, each from its smallest vertex, in ascending order.
 pub(crate) fn mesh_of(
     stars: &Stars<'_>,
-    poll: impl Fn() -> Result<(), Cancelled>,
+    poller: &mut Poller<'_>,
 ) -> Result<(Vec<Point>, Vec<Face>), Cancelled> {
-    let in_order = inverse(&stars.vertices.ranks, &poll)?;
-    let mut numbers = vec![0; in_order.len()];
-    let mut points = Vec::new();
-    for vertices in in_order.chunks(POINTS_PER_POLL) {
-        poll()?;
-        for &vertex in vertices.iter().filter(|&&vertex| !stars.is_removed(vertex)) {
+    let (mut in_order, mut points) = (Vec::new(), Vec::new());
+    let mut numbers = vec![0; stars.vertices.ranks.len()];
+    for vertex in inverse(&stars.vertices.ranks, poller)? {
+        poller.step(1)?;
+        if !stars.is_removed(vertex) {
             numbers[vertex as usize] = points.len() as u32;
+            in_order.push(vertex);
             points.push(stars.point(vertex));
         }
     }
-    let mut faces = Vec::with_capacity(2 * points.len());
-    for vertices in in_order.chunks(VERTICES_PER_POLL) {
-        poll()?;
-        for &vertex in vertices.iter().filter(|&&vertex| !stars.is_removed(vertex)) {
-            add_faces(stars, vertex, &numbers, &mut faces);
-        }
+    let mut faces = Vec::with_capacity(2 * in_order.len());
+    for vertex in in_order {
+        poller.step(STEPS_PER_STAR)?;
+        add_faces(stars, vertex, &numbers, &mut faces);
     }
     Ok((points, faces))
 }
@@ -117,13 +120,11 @@ fn add_faces(stars: &Stars<'_>, vertex: u32, numbers: &[u32], faces: &mut Vec<Fa
 }
 
 /// For each rank the vertex that has it.
-fn inverse(ranks: &[u32], poll: impl Fn() -> Result<(), Cancelled>) -> Result<Vec<u32>, Cancelled> {
+fn inverse(ranks: &[u32], poller: &mut Poller<'_>) -> Result<Vec<u32>, Cancelled> {
     let mut vertices = vec![0; ranks.len()];
-    for (chunk, ranks) in ranks.chunks(POINTS_PER_POLL).enumerate() {
-        poll()?;
-        for (vertex, &rank) in ((chunk * POINTS_PER_POLL) as u32..).zip(ranks) {
-            vertices[rank as usize] = vertex;
-        }
+    for (vertex, &rank) in (0..).zip(ranks) {
+        poller.step(1)?;
+        vertices[rank as usize] = vertex;
     }
     Ok(vertices)
 }

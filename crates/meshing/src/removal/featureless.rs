@@ -12,7 +12,7 @@
 //! vertices stay near a feature, so a vertex counts as featureless only at some distance from the
 //! nearest feature: in few photographs is any vertex so far away, and these keep the order of rows.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::face_error::pixels_of_face::for_each_row;
 use crate::image::{Image, Point, corner_points};
 use crate::removal::greedy::Removal;
@@ -42,8 +42,9 @@ pub(crate) fn remove_featureless(
     let count = leaves.iter().filter(|&&leaves| leaves).count();
     if count > surplus {
         let (points, (width, height)) = (&triangulation.points, image.sides());
-        let poll = || control.poll(Stage::Triangulate, points.len(), points.len());
-        thin(&mut leaves, count, surplus, &tile_order(points, width, height, poll)?);
+        let mut poller = Poller::new(control, Stage::Triangulate, points.len(), points.len());
+        let step = &mut |steps| poller.step(steps);
+        thin(&mut leaves, count, surplus, &tile_order(points, width, height, step)?);
     }
     if count.min(surplus) == 0 {
         return Ok((triangulation, Vec::new()));

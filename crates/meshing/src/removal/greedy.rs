@@ -1,13 +1,12 @@
 //! The removal loop, when it ends, and how far it has come.
 //!
-//! The loop works on a group of neighbouring tiles, each with a queue of its own. The exact order is
-//! a group of one tile that holds all vertices. `partition` runs several groups at a time; a vertex
-//! with a neighbour outside its group then waits for a larger group.
+//! The loop works on a group of consecutive tiles, each with a queue of its own. The exact order
+//! has one tile of all vertices. `partition` runs several groups at a time; a vertex with a
+//! neighbour outside its group then waits for a larger group.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::face_error::ErrorEvaluator;
 use crate::image::Point;
-use crate::parameters::choices::ErrorMetric;
 use crate::removal::candidate::{Evaluator, Neighbour};
 use crate::removal::queue::{Entry, RemovalQueue};
 use crate::removal::star::{INLINE_CAPACITY, Stars};
@@ -131,8 +130,6 @@ pub(crate) struct StopRule {
     pub(crate) size: usize,
     /// The largest sum of errors that a removal may leave, in the metric's whole numbers.
     pub(crate) bound: Option<u64>,
-    /// The error that counts.
-    pub(crate) metric: ErrorMetric,
     /// Whether to go on below `size` while a removal lowers the error.
     pub(crate) bad_point_removal: bool,
     /// Whether the removals are listed.
@@ -150,7 +147,7 @@ pub struct Removal {
 
 /// How far removal has come, and when it ends.
 pub(crate) struct Progress {
-    pub(crate) rule: StopRule,
+    rule: StopRule,
     /// Vertices to remove, unless a bound ends removal before.
     surplus: usize,
     /// Vertices not removed.
@@ -177,6 +174,12 @@ impl Progress {
     /// Reports progress to the control.
     pub(crate) fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
         control.poll(Stage::Simplify, self.surplus - self.surplus_left(), self.surplus)
+    }
+
+    /// Polls the control during work between removals.
+    pub(crate) fn poller<'c>(&self, control: &'c dyn Control) -> Poller<'c> {
+        let done = self.surplus - self.surplus_left();
+        Poller::new(control, Stage::Simplify, done, self.surplus)
     }
 
     /// Whether a removal with this change must not be made.

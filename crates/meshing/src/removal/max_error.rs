@@ -1,8 +1,8 @@
-//! Simplification that no lattice point's error may go beyond.
+//! Greedy removal with a bound on the error of every sample.
 //!
-//! The order of greedy removal does not depend on where it ends, so the removals are made once
-//! without a bound and then followed on a mesh that knows which of its faces break it: the first
-//! removal that makes one is the first that is not made.
+//! The order of greedy removal does not depend on where it ends. So the removals are made once
+//! without the bound, and then repeated on a mesh that counts the faces that break the bound; they
+//! end before the first removal that makes such a face.
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
@@ -24,18 +24,13 @@ pub(crate) fn removals_within(
     most: u16,
     control: &dyn Control,
 ) -> Result<usize, Cancelled> {
-    let size = (image.width(), image.height());
-    let places: Vec<Point> = removals.iter().map(|removal| removal.point).collect();
     let numbers: Vec<usize> =
-        places.iter().filter_map(|place| points.binary_search(place).ok()).collect();
-    let breaches = Breaches { image, most };
-    let mut mesh = MeasuredMesh::new(points, size, breaches, Stage::Measure, control)?;
+        removals.iter().filter_map(|removal| points.binary_search(&removal.point).ok()).collect();
+    let violations = Violations { image, most };
+    let mut mesh = MeasuredMesh::new(points, image.sides(), violations, Stage::Measure, control)?;
     for (made, &vertex) in numbers.iter().enumerate() {
         control.poll(Stage::Measure, made, numbers.len())?;
-        if mesh.total_error() > 0 {
-            return Ok(made);
-        }
-        if mesh.remove(vertex as u32) > 0 {
+        if mesh.total_error() > 0 || mesh.remove(vertex as u32) > 0 {
             return Ok(made);
         }
     }
@@ -44,12 +39,12 @@ pub(crate) fn removals_within(
 
 /// Counts the faces that hold a sample of too large an error.
 #[derive(Clone)]
-struct Breaches<'a> {
+struct Violations<'a> {
     image: &'a Image,
     most: u16,
 }
 
-impl FaceMeasure for Breaches<'_> {
+impl FaceMeasure for Violations<'_> {
     /// 1 for a face that breaks the bound, 0 for one that keeps it.
     fn error(&mut self, corners: [Point; 3]) -> u64 {
         let image = self.image;
@@ -89,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn removals_go_on_until_the_first_that_breaks_the_bound() {
+    fn stops_before_the_first_broken_bound() {
         let side = 9;
         let plane = |c: usize| (0..side * side).map(|i| (i * i * (c + 3) % 41) as u16).collect();
         let image = Image::from_bottom_up(side, side, 8, vec![plane(0), plane(1)]).unwrap();

@@ -77,7 +77,7 @@ fn finish(
 ) -> Result<Simplified, Cancelled> {
     let Start { mut stars, mut queues, mut progress } = start;
     remove_in_order(stars.whole(), &mut queues, measure, &mut progress, control)?;
-    let (points, faces) = mesh_of(&stars.whole(), || progress.poll(control))?;
+    let (points, faces) = mesh_of(&stars.whole(), &mut progress.poller(control))?;
     Ok(Simplified { points, faces, removals: progress.removals, error: progress.error })
 }
 

@@ -1,16 +1,13 @@
-//! Greedy point removal tile by tile: nearly the same mesh, from caches and on all threads.
+//! Greedy removal tile by tile: nearly the same mesh, from caches and on all threads.
 //!
-//! In the exact order the next vertex lies anywhere in the image: a large image is fetched from
-//! memory again and again, and any removal may decide which one comes after it. Here the vertices,
-//! whose numbers keep neighbours together, are divided into tiles, and removal goes in rounds, each
-//! with an upper limit for the keys. First every tile, by itself, removes in its own order the
-//! vertices whose neighbours are all its own; then groups of 4 tiles, of 16 and so on do the same,
-//! until one group of all tiles removes what is left below the limit. So the order differs from the
-//! exact one around the borders of tiles alone, and only within a round. The last vertices are
-//! removed in the exact order.
+//! In the exact order the next vertex lies anywhere in the image: memory is read again and again,
+//! and any removal may decide which one follows. Here removal goes in rounds, each with an upper
+//! limit for the keys. First every tile, by itself, removes in its own order the vertices whose
+//! neighbours are all its own; then groups of 4 tiles, of 16 and so on do the same, until one group
+//! of all tiles removes what is left below the limit. So the order differs from the exact one only
+//! around the borders of tiles and within a round. The last removals are made in the exact order.
 //!
-//! Tiles and limits follow from the image and the parameters: the result does not depend on the
-//! number of threads.
+//! Tiles and limits follow from the image and the parameters, not from the number of threads.
 
 use crate::control::{Cancelled, Control};
 use crate::face_error::ErrorEvaluator;
@@ -22,39 +19,36 @@ use crate::removal::start::Start;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Vertices of a tile, as a power of two, in large meshes: their stars and their part of the image
-/// fit a second-level cache.
+/// Vertices of a tile, as a power of two: their stars and pixels fit a second-level cache.
 const USUAL_TILE: u32 = 13;
-
-/// There are at least this many tiles, so that threads need not wait for each other, unless tiles
-/// would be smaller than the least.
-const TILES_FOR_THREADS: usize = 16;
 
 /// Vertices of the smallest tiles, as a power of two: of fewer, too many have neighbours in others.
 const LEAST_TILE: u32 = 11;
 
+/// Tiles are smaller than usual to make at least this many, so that threads do not wait.
+const TILES_FOR_THREADS: usize = 16;
+
 /// Fewer tiles than this are not worth another order.
 const LEAST_TILES: usize = 2;
 
-/// The most tiles; of more vertices, tiles are larger.
+/// The most tiles; of more vertices, tiles are larger than usual.
 const MOST_TILES: usize = 256;
 
 /// Tiles that make a group of the next level.
 const GROWTH: usize = 4;
 
-/// A round's limit is the quantile of the keys with one in this many of the remaining removals below
-/// it; about as many more vertices drop below it during the round.
+/// One in this many of the remaining removals is below a round's limit as the round starts; about
+/// as many more drop below it during the round.
 const PART_OF_ROUND: usize = 3;
 
 /// The last of this many parts of the removals are made in the exact order.
 const PART_OF_LAST: usize = 128;
 
-/// In a round a tile loses at most twice as many vertices as it has below the limit, and this part of
-/// its size.
+/// The quota of a tile in a round is twice its vertices below the limit, and this part of its size.
 const PART_OF_TILE_AT_LEAST: usize = 512;
 
-/// Rounds end when fewer removals remain than this part of all vertices: otherwise the quotas of a
-/// round could exceed them.
+/// Rounds end when fewer removals remain than this part of all vertices, so that the quotas of a
+/// round cannot exceed them.
 const LEAST_PART: usize = 128;
 
 /// The binary digits of a vertex's number within its tile; `None` for too few vertices, or when the
@@ -90,7 +84,11 @@ pub(crate) fn remove_in_rounds(
                 quotas,
                 removed: Vec::new(),
             });
-            let removed = remove_in_groups(groups.collect(), limit, progress, control)?;
+            let mut tasks: Vec<Task<'_, '_>> = groups.collect();
+            share_out(tasks.iter_mut(), control, |task, control| {
+                task.run(limit, progress, control)
+            })?;
+            let removed: Vec<Vec<Entry>> = tasks.into_iter().map(Task::finish).collect();
             record_in_order(&removed, &stars.vertices, progress);
         }
     }
@@ -118,17 +116,6 @@ struct Task<'t, 'a> {
     removed: Vec<Entry>,
 }
 
-/// Runs groups on all threads; returns what each has removed, in order.
-fn remove_in_groups(
-    mut tasks: Vec<Task<'_, '_>>,
-    limit: Entry,
-    progress: &Progress,
-    control: &dyn Control,
-) -> Result<Vec<Vec<Entry>>, Cancelled> {
-    share_out(tasks.iter_mut(), control, |task, control| task.run(limit, progress, control))?;
-    Ok(tasks.into_iter().map(Task::finish).collect())
-}
-
 /// Records what all groups have removed, in the order of the whole.
 fn record_in_order(removed: &[Vec<Entry>], vertices: &Vertices, progress: &mut Progress) {
     let at = |group: usize, i: usize| Some(Reverse((*removed[group].get(i)?, group, i)));
@@ -140,7 +127,7 @@ fn record_in_order(removed: &[Vec<Entry>], vertices: &Vertices, progress: &mut P
 }
 
 impl Task<'_, '_> {
-    /// Removes, tile after tile, the vertices below the limit whose neighbours are all in the group.
+    /// Removes, tile after tile, vertices below the limit whose neighbours are all in the group.
     fn run(
         &mut self,
         limit: Entry,

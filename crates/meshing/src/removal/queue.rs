@@ -10,7 +10,7 @@
 //! branches. The four children of a node fill one cache line and are compared as in a tournament;
 //! where there are fewer, the greatest number stands in.
 
-use crate::control::{Cancelled, POINTS_PER_POLL};
+use crate::control::{Cancelled, Poller};
 use std::ops::Range;
 
 /// Children of each node.
@@ -54,7 +54,7 @@ struct Children([u128; ARITY]);
 /// The least entry has index 0; the children of index `i` have the indices `4 i + 1` to `4 i + 4`.
 pub(crate) struct RemovalQueue {
     first: u128,
-    /// The entries of the other indices: child `k` of index `i` is the `k`-th of the `i`-th element.
+    /// The entries of the other indices: the `i`-th element holds the children of index `i`.
     children: Vec<Children>,
     len: usize,
     /// The number of the first vertex that may be in the queue.
@@ -81,14 +81,9 @@ impl RemovalQueue {
     }
 
     /// Orders the heap.
-    pub(crate) fn order(
-        &mut self,
-        poll: impl Fn() -> Result<(), Cancelled>,
-    ) -> Result<(), Cancelled> {
+    pub(crate) fn order(&mut self, poller: &mut Poller<'_>) -> Result<(), Cancelled> {
         for parent in (0..self.children.len()).rev() {
-            if parent.is_multiple_of(POINTS_PER_POLL) {
-                poll()?;
-            }
+            poller.step(ARITY)?;
             self.sift_down(parent, self.at(parent));
         }
         Ok(())
@@ -148,8 +143,7 @@ impl RemovalQueue {
         }
     }
 
-    /// Writes an entry to the nearest ancestor of `index` whose parent is not greater, and moves the
-    /// ancestors passed down.
+    /// Writes an entry to `index` or above, and moves the greater ancestors passed down.
     fn sift_up(&mut self, mut index: usize, key: u128) {
         while index > 0 {
             let parent = (index - 1) / ARITY;
@@ -213,6 +207,7 @@ impl RemovalQueue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Stage;
     use proptest::prelude::*;
 
     proptest! {
@@ -229,7 +224,7 @@ mod tests {
             };
             let mut queue = RemovalQueue::with_capacity(0..keys.len() as u32);
             keys.iter().enumerate().map(entry).for_each(|entry| queue.push(entry));
-            queue.order(|| Ok(())).unwrap();
+            queue.order(&mut Poller::new(&(), Stage::Simplify, 0, 0)).unwrap();
             for (v, key) in changes {
                 let v = v % keys.len();
                 keys[v] = key;

@@ -1,8 +1,8 @@
 //! The mesh under removal: for each vertex its star, that is its neighbours, counter-clockwise, and
 //! the errors of the faces between them.
 //!
-//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines; six in a thousand
-//! vertices have more neighbours, or a face whose error needs more than 32 bits. Their stars are
+//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines. Six vertices in a
+//! thousand have more neighbours, or a face whose error needs more than 32 bits: their stars are
 //! spilled to lists.
 
 use crate::image::Point;
@@ -390,8 +390,8 @@ impl Stars<'_> {
     /// Reads the records of several vertices of the group at once, so that they come from memory
     /// together instead of one after the other as each is used.
     ///
-    /// There is no prefetch instruction without `unsafe`. `black_box` does not promise to keep a
-    /// load; where it does not, this function does nothing.
+    /// There is no prefetch instruction without `unsafe`. `black_box` promises nothing of the kind:
+    /// where it does not keep the loads, this function does nothing.
     #[inline]
     pub(crate) fn prefetch(&self, vertices: &[u32]) {
         let lines = vertices.iter().map(|&v| {

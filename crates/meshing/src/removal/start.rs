@@ -1,6 +1,6 @@
-//! What removal starts from: the star of each vertex of a triangulation, and the queue of each tile.
+//! What removal starts from: the stars of a triangulation, and the queue of each tile.
 
-use crate::control::{Cancelled, Control, Stage, collect};
+use crate::control::{Cancelled, Control, Stage};
 use crate::face_error::ErrorEvaluator;
 use crate::image::Image;
 use crate::parallel::in_parallel;
@@ -35,43 +35,31 @@ pub(crate) fn prepare(
     control: &dyn Control,
 ) -> Result<Start, Cancelled> {
     let count = triangulation.points.len();
-    let poll = || control.poll(Stage::Simplify, 0, count.saturating_sub(rule.size));
-    let errors = face_errors(&triangulation, measure, control, poll)?;
+    let surplus = count.saturating_sub(rule.size);
+    let (faces, _) = triangulation.origins.as_chunks::<3>();
+    let corners = |face: usize| faces[face].map(|v| triangulation.points[v as usize]);
+    let poll = |_| control.poll(Stage::Simplify, 0, surplus);
+    let mut errors = Vec::with_capacity(faces.len());
+    let add = |part: &[u64]| errors.extend_from_slice(part);
+    measure.for_each_part(faces.len(), corners, control.threads(), poll, add)?;
     let progress = Progress::new(rule, count, errors.iter().sum());
+    let poller = &mut progress.poller(control);
     let (width, height) = image.sides();
-    let ranks = tile_order(&triangulation.points, width, height, poll)?;
-    let points = collect(ranks.iter().map(|&rank| triangulation.points[rank as usize]), poll)?;
+    let ranks = tile_order(&triangulation.points, width, height, &mut |steps| poller.step(steps))?;
+    let mut points = Vec::with_capacity(count);
+    for &rank in &ranks {
+        poller.step(1)?;
+        points.push(triangulation.points[rank as usize]);
+    }
     let (right, top) = (width as i32 - 1, height as i32 - 1);
     let vertices = Vertices { points, ranks, digits, right, top };
-    let mut stars = stars_of(&triangulation, vertices, &errors, poll)?;
+    let mut stars = stars_of(&triangulation, vertices, &errors, poller)?;
     drop((triangulation, errors));
     let mut queues = Vec::with_capacity(stars.spilled.len());
     for tile in 0..stars.spilled.len() {
-        queues.push(evaluate_tile(tile, &mut stars.whole(), measure, control, poll)?);
+        queues.push(evaluate_tile(tile, &mut stars.whole(), measure, &progress, control)?);
     }
     Ok(Start { stars, queues, progress })
-}
-
-/// The errors of all triangles.
-fn face_errors(
-    triangulation: &Triangulation,
-    measure: &ErrorEvaluator<'_>,
-    control: &dyn Control,
-    poll: impl Fn() -> Result<(), Cancelled>,
-) -> Result<Vec<u64>, Cancelled> {
-    let (faces, _) = triangulation.origins.as_chunks::<3>();
-    let mut errors = Vec::with_capacity(faces.len());
-    let corners = |face: usize| faces[face].map(|v| triangulation.points[v as usize]);
-    measure.for_each_part(
-        faces.len(),
-        corners,
-        control.threads(),
-        |_| poll(),
-        |part| {
-            errors.extend_from_slice(part);
-        },
-    )?;
-    Ok(errors)
 }
 
 /// Evaluates the vertices of a tile but for the corners of the image: their queue, and what is
@@ -80,8 +68,8 @@ fn evaluate_tile(
     tile: usize,
     stars: &mut Stars<'_>,
     measure: &ErrorEvaluator<'_>,
+    progress: &Progress,
     control: &dyn Control,
-    poll: impl Fn() -> Result<(), Cancelled>,
 ) -> Result<RemovalQueue, Cancelled> {
     let numbers = stars.numbers(tile);
     let mut queue = RemovalQueue::with_capacity(numbers.clone());
@@ -89,7 +77,7 @@ fn evaluate_tile(
     let steps = PIXELS_PER_POLL * stars.vertices.points.len() / measure.pixel_count();
     let steps = steps.clamp(1, STEPS_PER_POLL);
     for first in numbers.clone().step_by(steps) {
-        poll()?;
+        progress.poll(control)?;
         let chunk: Vec<u32> = (first..numbers.end.min(first + steps as u32))
             .filter(|&vertex| !stars.is_corner(vertex))
             .collect();
@@ -107,21 +95,21 @@ fn evaluate_tile(
             queue.push(Entry { change, rank: stars.vertices.ranks[vertex as usize], vertex });
         }
     }
-    queue.order(poll)?;
+    queue.order(&mut progress.poller(control))?;
     Ok(queue)
 }
 
 impl Start {
     /// Makes one tile of all.
     pub(crate) fn merge_tiles(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
-        let poll = || self.progress.poll(control);
+        let poller = &mut self.progress.poller(control);
         self.stars.merge_tiles();
         let mut all = RemovalQueue::with_capacity(0..self.stars.records.len() as u32);
         for queue in self.queues.drain(..) {
-            poll()?;
+            poller.step(queue.len())?;
             queue.entries().for_each(|entry| all.push(entry));
         }
-        all.order(poll)?;
+        all.order(poller)?;
         self.queues.push(all);
         Ok(())
     }

@@ -2,8 +2,8 @@
 //! afresh.
 
 use super::*;
-use crate::control::Stage;
 use crate::control::tests::Recorder;
+use crate::control::{POINTS_PER_POLL, Stage};
 use crate::face_error::{FaceErrors, FaceMeasure};
 use crate::image::corner_points;
 use crate::parameters::choices::ErrorMetric;
@@ -19,8 +19,7 @@ pub(crate) fn lattice(width: usize, height: usize) -> Vec<Point> {
 
 /// Removal of all but `size` vertices, listed.
 pub(crate) fn down_to(size: usize) -> StopRule {
-    let metric = ErrorMetric::MeanCompSe;
-    StopRule { size, bound: None, metric, bad_point_removal: false, lists_removals: true }
+    StopRule { size, bound: None, bad_point_removal: false, lists_removals: true }
 }
 
 /// What removal of all but `size` lattice points leaves.
@@ -77,7 +76,7 @@ impl Start {
 
     /// The faces are those of the remaining vertices, triangulated afresh.
     fn assert_triangulated_afresh(&mut self) {
-        let (points, faces) = mesh_of(&self.stars.whole(), || Ok(())).unwrap();
+        let (points, faces) = mesh_of(&self.stars.whole(), &mut self.progress.poller(&())).unwrap();
         assert!(points.is_sorted());
         assert_eq!(faces, triangulate(&points));
     }
@@ -137,16 +136,20 @@ fn polls_between_bounded_steps() {
     let recorder = Recorder::default();
     let rule = down_to(width * height);
     let mut start = prepare(&image, triangulation, rule, &measure, ONE_TILE, &recorder).unwrap();
-    let prepared = recorder.done(Stage::Simplify, 0).len();
-    // Faces and first evaluations by 8,192, the rest by 65,536.
-    let passes = 2 * width * height / 8192 + width * height / 8192;
-    assert!(prepared >= passes + 6 * width * height / 65_536, "{prepared}");
+    let count = width * height;
+    // 8,192 faces or first evaluations a poll.
+    let measured = 2 * (width - 1) * (height - 1) / 8192 + count / 8192;
+    // Two passes for the order, one each for points, ranks, vertices and the queue; six half-edges
+    // and one star of eight steps a vertex.
+    let steps = (2 + 4 + 6 + 8) * count;
+    let polls = recorder.done(Stage::Simplify, 0).len();
+    assert!(polls >= measured + steps / POINTS_PER_POLL - 8, "{polls}");
     let recorder = Recorder::default();
-    mesh_of(&start.stars.whole(), || recorder.poll(Stage::Simplify, 0, 0)).unwrap();
-    assert!(recorder.reports().len() >= width * height / 8192);
+    mesh_of(&start.stars.whole(), &mut start.progress.poller(&recorder)).unwrap();
+    assert!(recorder.reports().len() >= 10 * count / POINTS_PER_POLL);
     let recorder = Recorder::default();
     start.merge_tiles(&recorder).unwrap();
-    assert!(recorder.reports().len() >= 2);
+    assert!(recorder.reports().len() >= count / POINTS_PER_POLL);
 }
 
 #[test]

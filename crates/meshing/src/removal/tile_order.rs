@@ -5,7 +5,6 @@
 //! Guy Macdonald Morton, "A computer oriented geodetic data base and a new technique in file
 //! sequencing", 1966: consecutive points lie together in the plane.
 
-use crate::control::POINTS_PER_POLL;
 use crate::image::Point;
 
 /// Columns and rows of a tile, as a power of two.
@@ -17,26 +16,24 @@ pub(crate) fn tile_order<E>(
     points: &[Point],
     width: usize,
     height: usize,
-    poll: impl Fn() -> Result<(), E>,
+    step: &mut impl FnMut(usize) -> Result<(), E>,
 ) -> Result<Vec<u32>, E> {
     let curve = Curve::new((width >> TILE) + 1, (height >> TILE) + 1);
     let tile_of = |p: &Point| curve.index(p.x as usize >> TILE, p.y as usize >> TILE);
     let mut starts = vec![0u32; curve.len + 1];
-    for points in points.chunks(POINTS_PER_POLL) {
-        poll()?;
-        points.iter().for_each(|point| starts[tile_of(point) + 1] += 1);
+    for point in points {
+        step(1)?;
+        starts[tile_of(point) + 1] += 1;
     }
     for tile in 1..starts.len() {
         starts[tile] += starts[tile - 1];
     }
     let mut order = vec![0; points.len()];
-    for (chunk, points) in points.chunks(POINTS_PER_POLL).enumerate() {
-        poll()?;
-        for (i, point) in ((chunk * POINTS_PER_POLL) as u32..).zip(points) {
-            let start = &mut starts[tile_of(point)];
-            order[*start as usize] = i;
-            *start += 1;
-        }
+    for (i, point) in (0..).zip(points) {
+        step(1)?;
+        let start = &mut starts[tile_of(point)];
+        order[*start as usize] = i;
+        *start += 1;
     }
     Ok(order)
 }
@@ -81,7 +78,7 @@ mod tests {
     fn keeps_the_points_of_a_tile_together() {
         let points: Vec<Point> =
             (0..70).flat_map(|y| (0..100).map(move |x| Point::new(x, y))).collect();
-        let order = tile_order(&points, 100, 70, || Ok::<_, ()>(())).unwrap();
+        let order = tile_order(&points, 100, 70, &mut |_| Ok::<_, ()>(())).unwrap();
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert!(sorted.iter().copied().eq(0..7000));

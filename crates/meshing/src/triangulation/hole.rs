@@ -35,7 +35,7 @@ pub(crate) const CAPACITY: usize = 16;
 pub(crate) struct HoleFiller {
     /// Indices of the boundaries that remain of a large hole, one after the other.
     rings: Vec<u32>,
-    /// Where each of these begins.
+    /// The start of each of these.
     ring_starts: Vec<usize>,
     triangles: Vec<HoleTriangle>,
 }
@@ -147,11 +147,8 @@ impl SmallFill<'_> {
         }
     }
 
-    /// Fills a quadrilateral, convex or not: the sign of the determinant that tells on which side of
-    /// a circle a point lies also tells which diagonal lies inside.
-    ///
-    /// The four lifted points are the corners of a tetrahedron, the lower side of which is the
-    /// fill, and the sign tells which two edges of it are seen from below.
+    /// Fills a quadrilateral, convex or not. Lifted to the paraboloid its points make a tetrahedron,
+    /// whose lower side is the fill; the sign of the in-circle determinant decides which it is.
     #[inline(always)]
     fn fill_quadrilateral(&mut self, [a, b, c, d]: [usize; 4]) {
         let [pa, pb, pc, pd] = [a, b, c, d].map(|at| self.points[at % CAPACITY]);
@@ -212,7 +209,7 @@ mod tests {
             let triangles = filler.fill(&boundary);
             assert_eq!(triangles.len(), 2);
             for triangle in triangles {
-                let corners = triangle.map(|place| boundary[place as usize]);
+                let corners = triangle.map(|at| boundary[at as usize]);
                 assert!(corners.contains(&square[0]) && corners.contains(&square[2]));
             }
         }
@@ -303,7 +300,7 @@ mod tests {
         let double_area: i64 = triangles
             .iter()
             .map(|triangle| {
-                let [a, b, c] = triangle.map(|place| boundary[place as usize]);
+                let [a, b, c] = triangle.map(|at| boundary[at as usize]);
                 assert!(orientation(a, b, c) > 0);
                 orientation(a, b, c)
             })
