@@ -8,7 +8,7 @@
 //! order, so the results are the same to the last bit for any number of thresholds. Both outcomes
 //! of a decision are computed before it is taken, which shortens the dependence.
 
-use crate::control::{Cancelled, POINTS_PER_POLL, Poller};
+use crate::control::{Cancelled, Poller};
 use fearless_simd::{Simd, prelude::*};
 use std::marker::PhantomData;
 
@@ -160,6 +160,7 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> RowDiffusion<'_, L
         chosen: &mut [u16],
     ) -> Result<(), Cancelled> {
         let (last, thresholds, is_leftwards) = (row.len() - 1, self.thresholds, self.is_leftwards);
+        self.poller.step(row.len())?;
         self.is_leftwards ^= self.is_serpentine;
         // Slices of one length, so that one bounds check of an index serves for all.
         let (row, densities_above) = (&row[..=last], &densities_above[..=last]);
@@ -178,19 +179,13 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> RowDiffusion<'_, L
 
         let [ahead, behind, above_share, above_ahead] =
             [inner.ahead, inner.above_behind, inner.above, inner.above_ahead].map(share);
-        let mut step = 1;
-        while step < last {
-            let end = last.min(step + POINTS_PER_POLL);
-            self.poller.step(end - step + 2)?;
-            while step < end {
-                let (x, next) = (index(step), row[index(step + 1)]);
-                let error;
-                (error, value) = value.decide(next, ahead, thresholds, &mut chosen[x]);
-                above[index(step - 1)] = above_behind.plus(error, behind);
-                above_behind = above_this.plus(error, above_share);
-                above_this = density_above(step + 1).plus(error, above_ahead);
-                step += 1;
-            }
+        for step in 1..last {
+            let (x, next) = (index(step), row[index(step + 1)]);
+            let error;
+            (error, value) = value.decide(next, ahead, thresholds, &mut chosen[x]);
+            above[index(step - 1)] = above_behind.plus(error, behind);
+            above_behind = above_this.plus(error, above_share);
+            above_this = density_above(step + 1).plus(error, above_ahead);
         }
 
         let x = index(last);
@@ -207,12 +202,12 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> RowDiffusion<'_, L
         row: &[Lanes<S, V, N>],
         chosen: &mut [u16],
     ) -> Result<(), Cancelled> {
+        self.poller.step(row.len())?;
         let (last, thresholds, is_leftwards) = (row.len() - 1, self.thresholds, self.is_leftwards);
         let index = |step: usize| if is_leftwards { last - step } else { step };
         let ahead = V::splat(thresholds.0[0].token(), self.weights.ahead_in_last_row);
         let mut value = row[index(0)];
         for step in 0..=last {
-            self.poller.step(1)?;
             let next = row[index((step + 1).min(last))];
             (_, value) = value.decide(next, ahead, thresholds, &mut chosen[index(step)]);
         }

@@ -4,10 +4,13 @@
 //! surface, so the flips end. A triangulation without an edge to flip is the Delaunay
 //! triangulation; with the lift of `predicates` it is the one with preferred directions.
 
-use crate::control::{Cancelled, Control, Poller, Stage};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage};
 use crate::image::Point;
 use crate::triangulation::predicates::in_circle;
-use crate::triangulation::{HalfEdges, NONE, STEPS_PER_POINT, next, previous};
+use crate::triangulation::{HalfEdges, NONE, next, previous};
+
+/// Points, flips or pockets between two polls: some tens of microseconds.
+pub(super) const STEPS_PER_POLL: usize = 1 << 10;
 
 /// The triangles' half-edges in triples, and after their capacity the outer half-edges. These
 /// belong to no triangle and have twins only, so a boundary edge is linked like any other.
@@ -20,7 +23,7 @@ pub(super) struct Flipping<'a> {
     /// Edges to check.
     suspects: Vec<u32>,
     flips: usize,
-    poller: Poller<'a>,
+    control: &'a dyn Control,
 }
 
 impl<'a> Flipping<'a> {
@@ -36,7 +39,7 @@ impl<'a> Flipping<'a> {
             outer: most as u32,
             suspects: Vec::new(),
             flips: 0,
-            poller: Poller::new(control, Stage::Triangulate, 0, points.len()),
+            control,
         }
     }
 
@@ -65,13 +68,16 @@ impl<'a> Flipping<'a> {
 
     /// Adds a counter-clockwise triangle without twins; returns its first half-edge.
     #[inline]
-    pub(super) fn add(&mut self, corners: [u32; 3]) -> Result<u32, Cancelled> {
-        // Almost two triangles a point.
-        self.poller.done = self.origins.len() / 6;
-        self.poller.step(STEPS_PER_POINT)?;
+    pub(super) fn add(&mut self, corners: [u32; 3]) -> u32 {
         let h = self.origins.len() as u32;
         self.origins.extend(corners);
-        Ok(h)
+        h
+    }
+
+    /// Polls the control.
+    pub(super) fn poll(&self) -> Result<(), Cancelled> {
+        // There are almost two triangles a point.
+        self.control.poll(Stage::Triangulate, self.origins.len() / 6, self.points.len())
     }
 
     /// Makes two half-edges opposite to each other.
@@ -140,16 +146,17 @@ impl<'a> Flipping<'a> {
         self.origins[twin as usize] = self.origins[from_c as usize];
         self.link(twin, twin_of_ca);
         self.link(from_c, from_d);
-        self.poller.step(STEPS_PER_POINT)
+        if self.flips.is_multiple_of(STEPS_PER_POLL) { self.poll() } else { Ok(()) }
     }
 
     /// Origins and twins of the triangles' half-edges, with [`NONE`] for outer half-edges.
     pub(super) fn finish(self) -> Result<HalfEdges, Cancelled> {
-        let Self { origins, mut twins, outer, mut poller, .. } = self;
+        let poll = || self.control.poll(Stage::Triangulate, self.points.len(), self.points.len());
+        let (origins, mut twins, outer) = (self.origins, self.twins, self.outer);
         twins.truncate(origins.len());
-        for twin in &mut twins {
-            poller.step(1)?;
-            *twin = if *twin < outer { *twin } else { NONE };
+        for chunk in twins.chunks_mut(POINTS_PER_POLL) {
+            poll()?;
+            chunk.iter_mut().for_each(|twin| *twin = if *twin < outer { *twin } else { NONE });
         }
         Ok((origins, twins))
     }

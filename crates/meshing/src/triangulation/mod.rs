@@ -146,33 +146,40 @@ fn faces(
     vertex_count: usize,
     control: &dyn Control,
 ) -> Result<Vec<Face>, Cancelled> {
-    let mut poller = Poller::new(control, Stage::Triangulate, vertex_count, vertex_count);
-    let mut poll = || poller.step(1);
+    let poll = || control.poll(Stage::Triangulate, vertex_count, vertex_count);
     let mut faces = Vec::with_capacity(origins.len() / 3);
     let mut ends = vec![0u32; vertex_count];
-    for v in origins.chunks_exact(3) {
+    for chunk in origins.chunks(3 * POINTS_PER_POLL) {
         poll()?;
-        let face = smallest_first([v[0], v[1], v[2]]);
-        ends[face[0] as usize] += 1;
-        faces.push(face);
+        for v in chunk.chunks_exact(3) {
+            let face = smallest_first([v[0], v[1], v[2]]);
+            ends[face[0] as usize] += 1;
+            faces.push(face);
+        }
     }
     let mut sum = 0;
-    for end in &mut ends {
+    for chunk in ends.chunks_mut(POINTS_PER_POLL) {
         poll()?;
-        (*end, sum) = (sum, sum + *end);
+        for end in chunk {
+            (*end, sum) = (sum, sum + *end);
+        }
     }
     let mut sorted = vec![[0; 3]; faces.len()];
-    for face in faces {
+    for chunk in faces.chunks(POINTS_PER_POLL) {
         poll()?;
-        let end = &mut ends[face[0] as usize];
-        sorted[*end as usize] = face;
-        *end += 1;
+        for &face in chunk {
+            let end = &mut ends[face[0] as usize];
+            sorted[*end as usize] = face;
+            *end += 1;
+        }
     }
     let mut start = 0;
-    for end in ends {
+    for chunk in ends.chunks(POINTS_PER_POLL) {
         poll()?;
-        sorted[start..end as usize].sort_unstable();
-        start = end as usize;
+        for &end in chunk {
+            sorted[start..end as usize].sort_unstable();
+            start = end as usize;
+        }
     }
     Ok(sorted)
 }

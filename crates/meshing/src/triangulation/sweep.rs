@@ -12,7 +12,7 @@
 
 use crate::control::{Cancelled, Control};
 use crate::image::Point;
-use crate::triangulation::flipping::Flipping;
+use crate::triangulation::flipping::{Flipping, STEPS_PER_POLL};
 use crate::triangulation::front::{Front, LEFT, RIGHT};
 use crate::triangulation::predicates::orientation;
 use crate::triangulation::{HalfEdges, NONE};
@@ -29,6 +29,9 @@ pub(super) fn triangulate(
     let bottom_row = points.iter().take_while(|p| p.y == points[0].y).count();
     let mut sweep = Sweep::new(points, bottom_row, control);
     for vertex in bottom_row..points.len() {
+        if (vertex - bottom_row).is_multiple_of(STEPS_PER_POLL) {
+            sweep.triangles.poll()?;
+        }
         sweep.insert(vertex as u32)?;
         if sweep.triangles.flips() > MOST_FLIPS * points.len() {
             return Ok(None);
@@ -109,7 +112,7 @@ impl<'a> Sweep<'a> {
     /// Connects a point to the edge below it, which begins in the column `left`.
     fn insert_over_edge(&mut self, vertex: u32, column: u32, left: u32) -> Result<(), Cancelled> {
         let right = self.front.node(left).neighbours[RIGHT];
-        let base = self.triangles.add([self.vertex(left), self.vertex(right), vertex])?;
+        let base = self.triangles.add([self.vertex(left), self.vertex(right), vertex]);
         self.triangles.link(base, self.below(left));
         self.triangles.link(base + 1, self.triangles.outer(column));
         self.triangles.link(base + 2, self.triangles.outer(left));
@@ -123,14 +126,14 @@ impl<'a> Sweep<'a> {
         let below = self.vertex(column);
         let (mut upright, mut suspects) = (self.side, [self.side; 3]);
         if left != NONE {
-            let base = self.triangles.add([self.vertex(left), below, vertex])?;
+            let base = self.triangles.add([self.vertex(left), below, vertex]);
             self.triangles.link(base, self.below(left));
             self.triangles.link(base + 1, self.side);
             self.triangles.link(base + 2, self.triangles.outer(left));
             (upright, suspects[0]) = (base + 1, base);
         }
         if right != NONE {
-            let base = self.triangles.add([below, self.vertex(right), vertex])?;
+            let base = self.triangles.add([below, self.vertex(right), vertex]);
             self.triangles.link(base, self.below(column));
             self.triangles.link(base + 1, self.triangles.outer(column));
             self.triangles.link(base + 2, upright);
@@ -171,7 +174,7 @@ impl<'a> Sweep<'a> {
     /// Fills a pocket with a triangle.
     fn fill(&mut self, pocket: Pocket) -> Result<(), Cancelled> {
         let [left, bottom, _] = pocket;
-        let base = self.triangles.add(pocket.map(|column| self.vertex(column)))?;
+        let base = self.triangles.add(pocket.map(|column| self.vertex(column)));
         self.triangles.link(base, self.below(left));
         self.triangles.link(base + 1, self.below(bottom));
         self.triangles.link(base + 2, self.triangles.outer(left));
@@ -181,8 +184,12 @@ impl<'a> Sweep<'a> {
 
     /// Fills all pockets, so that the front becomes the top row.
     fn fill_all(&mut self) -> Result<(), Cancelled> {
-        let mut left = 0;
+        let (mut left, mut pockets) = (0, 0_usize);
         while let Some(pocket) = self.pocket(left, RIGHT) {
+            if pockets.is_multiple_of(STEPS_PER_POLL) {
+                self.triangles.poll()?;
+            }
+            pockets += 1;
             let [a, b, c] = self.points(pocket);
             if orientation(a, b, c) > 0 {
                 self.fill(pocket)?;
