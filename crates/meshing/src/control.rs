@@ -135,6 +135,34 @@ pub(crate) fn collect<T>(
     Ok(collected)
 }
 
+/// Sorts distinct elements in place, with a poll for at most [`POINTS_PER_POLL`] elements moved.
+pub(crate) fn sort<T: Ord + Copy>(
+    elements: &mut [T],
+    poll: &dyn Fn() -> Result<(), Cancelled>,
+) -> Result<(), Cancelled> {
+    poll()?;
+    if elements.len() <= POINTS_PER_POLL {
+        elements.sort_unstable();
+        return Ok(());
+    }
+    // The median of the sample leaves a 128th of the elements or more at each side.
+    let mut sample: Vec<T> = elements.iter().step_by(64).copied().collect();
+    let middle = sample.len() / 2;
+    let pivot = *sample.select_nth_unstable(middle).1;
+    let mut below = 0;
+    for i in 0..elements.len() {
+        if i % POINTS_PER_POLL == 0 {
+            poll()?;
+        }
+        let is_below = elements[i] < pivot;
+        elements.swap(i, below);
+        below += usize::from(is_below);
+    }
+    let (lower, upper) = elements.split_at_mut(below);
+    sort(lower, poll)?;
+    sort(upper, poll)
+}
+
 /// Polls a control once in [`POINTS_PER_POLL`] steps of a stage.
 pub(crate) struct Poller<'a> {
     control: &'a dyn Control,
@@ -253,6 +281,22 @@ pub(crate) mod tests {
                 "{reports:?}"
             );
             reports.into_iter().map(|(_, done, _)| done).collect()
+        }
+    }
+
+    #[test]
+    fn sorts_in_parts() {
+        for count in [1, 1 << 16, (1 << 16) + 1, 1 << 18] {
+            let sort = |recorder: &Recorder| {
+                let mut numbers: Vec<u32> =
+                    (0..count).map(|i: u32| i.wrapping_mul(0x9E37_79B1)).collect();
+                sort(&mut numbers, &|| recorder.poll(Stage::Check, 0, 1)).map(|()| numbers)
+            };
+            let recorder = Recorder::default();
+            assert!(sort(&recorder).unwrap().is_sorted(), "{count}");
+            let polls = recorder.reports().len();
+            assert!(polls >= (count as usize).div_ceil(POINTS_PER_POLL), "{count}");
+            assert!((0..polls).all(|poll| sort(&Recorder::cancelling_at(poll)).is_err()));
         }
     }
 

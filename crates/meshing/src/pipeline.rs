@@ -8,7 +8,7 @@ use crate::face_error::metrics::mean_error;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
 use crate::image::{Image, Point};
-use crate::model::flat_color::{FlatColors, FlatFaces, RowSums};
+use crate::model::flat_color::{FlatColors, RowSums};
 use crate::model::mesh::Mesh;
 use crate::model::rasterize::rasterize;
 use crate::parameters::{Connectivity, ErrorMetric, Parallel, Parameters, Plan, Target, Values};
@@ -216,8 +216,7 @@ fn reduce_for_flat_faces(
 ) -> Result<Reduced, Cancelled> {
     let (points, sides) = (triangulation.points, guided.image.sides());
     let sums = RowSums::new(&guided.image, guided.weights(), Stage::Refine, control)?;
-    let errors = FlatFaces::new(&sums);
-    let mut mesh = MeasuredMesh::new(points, sides, errors, Stage::Refine, control)?;
+    let mut mesh = MeasuredMesh::new(points, sides, &sums, Stage::Refine, control)?;
     let surplus = mesh.triangulation.vertex_count().saturating_sub(plan.size);
     let count = if plan.initial_size == plan.size { 0 } else { surplus };
     let removals = remove_in_batches(&mut mesh, count, |_| {}, control)?;

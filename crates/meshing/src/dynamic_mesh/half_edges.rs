@@ -7,7 +7,7 @@
 //! inserted again at its old position has its old triangles. Both take time proportional to the
 //! number of triangles that change, six on average.
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, collect};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, collect, sort};
 use crate::image::Point;
 use crate::triangulation::hole::HoleTriangle;
 use crate::triangulation::predicates::{in_circle, orientation};
@@ -416,7 +416,7 @@ impl DynamicTriangulation {
     pub(crate) fn sorted(&self, control: &dyn Control) -> Result<SortedMesh, Cancelled> {
         let in_mesh = (0..).zip(&self.points).zip(&self.outgoing).filter(|(_, h)| **h != NONE);
         let mut vertices: Vec<(Point, u32)> = in_mesh.map(|((v, &p), _)| (p, v)).collect();
-        sort_with_polls(&mut vertices, control)?;
+        sort(&mut vertices, &|| control.poll(Stage::Refine, 0, 1))?;
         let mut ranks = vec![NONE; self.points.len()];
         for (rank, &(_, v)) in (0..).zip(&vertices) {
             ranks[v as usize] = rank;
@@ -450,21 +450,6 @@ pub(crate) struct SortedMesh {
 /// Polls at the first of every [`POINTS_PER_POLL`] indices.
 pub(crate) fn poll_at(index: usize, control: &dyn Control) -> Result<(), Cancelled> {
     if index.is_multiple_of(POINTS_PER_POLL) { control.poll(Stage::Refine, 0, 1) } else { Ok(()) }
-}
-
-/// Sorts distinct items in ascending order, with a poll for every [`POINTS_PER_POLL`] or fewer.
-pub(crate) fn sort_with_polls<T: Ord>(
-    items: &mut [T],
-    control: &dyn Control,
-) -> Result<(), Cancelled> {
-    control.poll(Stage::Refine, 0, 1)?;
-    if items.len() <= POINTS_PER_POLL {
-        items.sort_unstable();
-        return Ok(());
-    }
-    let (low, _, high) = items.select_nth_unstable(items.len() / 2);
-    sort_with_polls(low, control)?;
-    sort_with_polls(high, control)
 }
 
 #[cfg(test)]
@@ -566,16 +551,5 @@ mod tests {
         let sorted = whole.copy(&copied).unwrap().sorted(&()).unwrap();
         assert_eq!(sorted.points, whole.points);
         assert!(copied.reports().len() >= 2 * steps);
-        let mut items: Vec<u32> =
-            (0..5 * POINTS_PER_POLL as u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
-        let control = Recorder::default();
-        sort_with_polls(&mut items, &control).unwrap();
-        assert!(items.is_sorted());
-        let polls = control.reports().len();
-        assert!(polls >= 5);
-        for poll in 0..polls {
-            let control = Recorder::cancelling_at(poll);
-            assert_eq!(sort_with_polls(&mut items, &control), Err(Cancelled));
-        }
     }
 }

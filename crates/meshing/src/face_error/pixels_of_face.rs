@@ -18,6 +18,7 @@
 //! it to the specification.
 
 use crate::image::Point;
+use crate::triangulation::predicates::orientation;
 use fearless_simd::{Simd, i32x8, mask32x8, prelude::*};
 use std::convert::Infallible;
 
@@ -58,10 +59,11 @@ pub(crate) fn for_each_row(corners: [Point; 3], mut use_row: impl FnMut(i32, i32
 /// [`for_each_row`] up to the first error of `use_row`.
 #[inline(always)]
 pub(crate) fn try_for_each_row<E>(
-    [a, b, c]: [Point; 3],
+    corners: [Point; 3],
     mut use_row: impl FnMut(i32, i32, i32) -> Result<(), E>,
 ) -> Result<(), E> {
-    let (bottom, middle, top, middle_is_right) = sorted_by_row(a, b, c);
+    let [bottom, middle, top] = by_row(corners);
+    let middle_is_right = orientation(bottom, middle, top) > 0;
     if bottom.y == 0 && middle.y == 0 {
         let left = bottom.x.min(middle.x);
         use_row(0, left + i32::from(left > 0), bottom.x.max(middle.x) + 1)?;
@@ -76,35 +78,15 @@ pub(crate) fn try_for_each_row<E>(
             long.step();
             short.step();
             let (left, right) = if middle_is_right { (&long, &short) } else { (&short, &long) };
-            let (first, end) = columns(left, right);
+            // Column 0 belongs to a face that begins there.
+            let is_at_zero = left.x == 0 && left.rest == 0 && (right.x > 0 || right.rest > 0);
+            let (first, end) = (left.x + i32::from(!is_at_zero), right.x + 1);
             if first < end {
                 use_row(y, first, end)?;
             }
         }
     }
     Ok(())
-}
-
-/// The columns right of `left` up to `right`, and column 0 where the face begins there.
-#[inline]
-fn columns(left: &EdgeWalk, right: &EdgeWalk) -> (i32, i32) {
-    let begins_at_zero = left.x == 0 && left.rest == 0 && (right.x > 0 || right.rest > 0);
-    (left.x + 1 - i32::from(begins_at_zero), right.x + 1)
-}
-
-/// The vertices from the bottom up, and whether the middle one lies right of the longest edge.
-#[inline]
-fn sorted_by_row(a: Point, b: Point, c: Point) -> (Point, Point, Point, bool) {
-    // A rotation keeps the face counter-clockwise, with the lowest vertex first: then the second
-    // vertex is right of the line from the first to the third.
-    let (bottom, next, last) = if a.y <= b.y && a.y <= c.y {
-        (a, b, c)
-    } else if b.y <= c.y {
-        (b, c, a)
-    } else {
-        (c, a, b)
-    };
-    if next.y <= last.y { (bottom, next, last, true) } else { (bottom, last, next, false) }
 }
 
 /// The column where an edge crosses a row, as quotient and remainder.
@@ -273,7 +255,6 @@ fn by_row(corners: [Point; 3]) -> [Point; 3] {
 mod tests {
     use super::*;
     use crate::image::corner_points;
-    use crate::triangulation::predicates::orientation;
     use crate::triangulation::triangulate;
     use fearless_simd::{Level, dispatch};
     use proptest::prelude::*;

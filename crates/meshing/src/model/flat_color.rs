@@ -190,25 +190,13 @@ fn running_sums<T: Copy>(
 }
 
 /// Measures faces by the squared error of their best colours.
-#[derive(Clone)]
-pub(crate) struct FlatFaces<'a> {
-    sums: &'a RowSums,
-}
-
-impl<'a> FlatFaces<'a> {
-    pub(crate) fn new(sums: &'a RowSums) -> Self {
-        Self { sums }
-    }
-}
-
-impl FaceMeasure for FlatFaces<'_> {
+impl FaceMeasure for &RowSums {
     fn error(&mut self, corners: [Point; 3]) -> u64 {
-        let components = 0..self.sums.components.len();
         let error = |c| {
-            let sum = self.sums.of_face(c, corners);
+            let sum = self.of_face(c, corners);
             sum.mean().map_or(0, |value| sum.squared_error(value))
         };
-        (components.map(error).sum::<u128>() >> self.sums.shift) as u64
+        ((0..self.components.len()).map(error).sum::<u128>() >> self.shift) as u64
     }
 }
 
@@ -291,7 +279,7 @@ mod tests {
                 }
                 // With weights the sums of 16 bits come in units of those of 8 bits.
                 let unit = if weights.is_some() { 1 << 16 } else { 1 };
-                prop_assert_eq!(FlatFaces::new(&sums).error(corners), error / unit);
+                prop_assert_eq!((&sums).error(corners), error / unit);
             }
         }
     }

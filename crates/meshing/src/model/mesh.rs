@@ -1,8 +1,7 @@
 //! The mesh model of an image: sample points, their samples and the triangulation.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, sort};
 use crate::image::{Image, ImageError, Point, Shape, check_shape, corner_points, largest_sample};
-use crate::model::sort::sort;
 use crate::triangulation::Face;
 use crate::triangulation::predicates::{in_circle, orientation};
 use thiserror::Error;

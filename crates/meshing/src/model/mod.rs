@@ -5,4 +5,3 @@ pub(crate) mod flat_color;
 pub(crate) mod mesh;
 pub(crate) mod progression;
 pub(crate) mod rasterize;
-mod sort;

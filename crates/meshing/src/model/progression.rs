@@ -5,7 +5,7 @@
 //! determine the preferred-directions Delaunay triangulation. So one order holds the meshes of all
 //! sizes, each costs one triangulation, and their squared errors are known.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, collect};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::error::MeshingError;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
@@ -20,9 +20,6 @@ use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::triangulation::Triangulation;
 use std::num::NonZeroUsize;
 use thiserror::Error;
-
-/// Points searched between two polls of the control.
-const POINTS_PER_POLL: usize = 1 << 14;
 
 /// The vertices of a mesh, the most important first: the corners by row, then column, then the
 /// others in the reverse order of their greedy removal.
@@ -96,25 +93,16 @@ impl Progression {
         let vertices = sorted_points(mesh.points(), &|| control.poll(Stage::Order, 0, 1))?;
         let sorted: Vec<Point> = vertices.iter().map(|&(point, _)| point).collect();
         let (removals, squared_error) = remove_all(image, sorted.clone(), parameters, control)?;
-        let mut ranks = Vec::with_capacity(removals.len());
-        for removals in removals.chunks(POINTS_PER_POLL) {
-            control.poll(Stage::Measure, 0, 1)?;
-            ranks.extend(
-                removals.iter().filter_map(|removal| sorted.binary_search(&removal.point).ok()),
-            );
-        }
+        let rank_of = |point: Point| vertices.partition_point(|vertex| vertex.0 < point);
+        let removed = removals.iter().map(|removal| rank_of(removal.point));
+        let ranks = collect(removed, || control.poll(Stage::Measure, 0, 1))?;
         let squared_errors = match squared_error {
             Some(last) => squared_errors(last, removals.iter().map(|removal| removal.change)),
             None => measured_errors(image, sorted, &ranks, control)?,
         };
-        let removed = ranks.into_iter().rev().map(|rank| vertices[rank]);
-        let corners = corner_points(shape.width, shape.height).into_iter().filter_map(|corner| {
-            vertices
-                .binary_search_by_key(&corner, |&(point, _)| point)
-                .ok()
-                .map(|rank| vertices[rank])
-        });
-        let order: Vec<(Point, usize)> = corners.chain(removed).collect();
+        let corners = corner_points(shape.width, shape.height).map(rank_of).into_iter();
+        let order = corners.chain(ranks.into_iter().rev()).map(|rank| vertices[rank]);
+        let order: Vec<(Point, usize)> = order.collect();
         let points = order.iter().map(|&(point, _)| point).collect();
         let samples = order.iter().flat_map(|&(_, v)| mesh.vertex_samples(v)).copied().collect();
         Ok(Self { shape, points, samples, squared_errors })

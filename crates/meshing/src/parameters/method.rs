@@ -9,9 +9,7 @@ use crate::parameters::choices::{
     Generator, Guide, Parallel, Policy, Reconstruction, Startup, checked_by_component_count,
     named_values,
 };
-use crate::parameters::{
-    DEFAULT_EFFORT, FLAT_EFFORT, InitialSize, ParameterError, Parameters, Target,
-};
+use crate::parameters::{InitialSize, ParameterError, Parameters, Target};
 
 named_values! {
     /// The named methods.
@@ -68,8 +66,8 @@ impl Method {
             Self::Cgpr => own.generator(Generator::All).initial_size(all_points).guide(Guide::Gray),
             Self::Preview => own.generator(Generator::Insertion).initial_size(InitialSize::Target),
             // Refinement gains more than the exact order of removal.
-            Self::Optimal => own.effort(DEFAULT_EFFORT).parallel(Parallel::Tiles),
-            Self::Flat => own.effort(FLAT_EFFORT).reconstruction(Reconstruction::Flat),
+            Self::Optimal => own.effort(5).parallel(Parallel::Tiles),
+            Self::Flat => own.effort(6).reconstruction(Reconstruction::Flat),
         }
     }
 
@@ -119,8 +117,8 @@ mod tests {
             assert_eq!(made.bad_point_removal, method == M::MedPlus);
             assert_eq!(made.reconstruction == Reconstruction::Flat, method == M::Flat);
             let effort = match method {
-                M::Optimal => DEFAULT_EFFORT,
-                M::Flat => FLAT_EFFORT,
+                M::Optimal => 5,
+                M::Flat => 6,
                 _ => 0,
             };
             assert_eq!(made.effort, effort, "{method}");

@@ -38,12 +38,6 @@ pub const MAX_GAMMA: f64 = 1000.0;
 /// The largest smoothing order.
 pub const MAX_SMOOTHING_ORDER: usize = 21;
 
-/// The default effort of [`Method::Optimal`].
-pub(crate) const DEFAULT_EFFORT: u8 = 5;
-
-/// The default effort of [`Method::Flat`].
-pub(crate) const FLAT_EFFORT: u8 = 6;
-
 /// A value that a parameter does not allow.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
@@ -257,9 +251,14 @@ impl Parameters {
     /// # Errors
     /// The first value that is out of its bounds.
     pub fn check(&self) -> Result<(), ParameterError> {
+        self.check_numbers(MAX_POINTS)
+    }
+
+    /// Checks every number, where sizes are at most `all`.
+    fn check_numbers(&self, all: usize) -> Result<(), ParameterError> {
         match self.target {
             Target::Percent(percent) => check_percent("density", percent)?,
-            Target::Size(size) => check_size("size", size, MAX_POINTS)?,
+            Target::Size(size) => check_size("size", size, all)?,
             Target::Psnr(psnr_db) => {
                 check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?;
                 if !self.metric_of_guide().is_squared_difference() {
@@ -273,7 +272,7 @@ impl Parameters {
             InitialSize::Target => {}
             InitialSize::Gamma(gamma) => check_range("gamma", gamma, 1.0, MAX_GAMMA)?,
             InitialSize::Percent(percent) => check_percent("initial_density", percent)?,
-            InitialSize::Size(size) => check_size("initial_size", size, MAX_POINTS)?,
+            InitialSize::Size(size) => check_size("initial_size", size, all)?,
         }
         check_range("effort", self.effort.into(), 0.0, MAX_EFFORT.into())?;
         let (parameter, value) = ("smoothing_order", self.smoothing_order);
@@ -291,13 +290,7 @@ impl Parameters {
     pub fn plan(&self, shape: Shape) -> Result<Plan, ParameterError> {
         check_shape(shape.width, shape.height, shape.precision)?;
         let all = shape.width * shape.height;
-        if let Target::Size(size) = self.target {
-            check_size("size", size, all)?;
-        }
-        if let InitialSize::Size(size) = self.initial_size {
-            check_size("initial_size", size, all)?;
-        }
-        self.check()?;
+        self.check_numbers(all)?;
         self.check_components(shape.component_count)?;
         self.check_weights((shape.width, shape.height))?;
         let size = match self.target {

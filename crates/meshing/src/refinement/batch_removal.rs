@@ -5,10 +5,9 @@
 //! neighbours of the batch are evaluated together, on all threads. Exact greedy removal would
 //! evaluate them one after the other, several times each; its order is a little different.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, sort};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::evaluator::Evaluator;
-use crate::dynamic_mesh::half_edges::sort_with_polls;
 use crate::face_error::FaceMeasure;
 use crate::removal::Removal;
 
@@ -40,7 +39,7 @@ pub(crate) fn remove_in_batches<M: FaceMeasure>(
         if batch < costs.len() {
             costs.select_nth_unstable(batch);
         }
-        sort_with_polls(&mut costs[..batch], control)?;
+        sort(&mut costs[..batch], &|| control.poll(Stage::Refine, 0, 1))?;
         for &(change, vertex) in &costs[..batch] {
             if is_outdated[vertex as usize] {
                 continue;

@@ -1,9 +1,9 @@
 //! Insertion candidates: positions where one more vertex would lower the error most.
 
-use crate::control::{Cancelled, Control};
+use crate::control::{Cancelled, Control, Stage, sort};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::evaluator::Evaluator;
-use crate::dynamic_mesh::half_edges::{DynamicTriangulation, sort_with_polls};
+use crate::dynamic_mesh::half_edges::DynamicTriangulation;
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use std::cmp::Reverse;
@@ -42,7 +42,7 @@ pub(crate) fn find_candidates<M: FaceMeasure>(
     let faces = worst_faces(&mesh.triangulation, face_count);
     let found = mesh.evaluate_all(&faces, best_in_face, control)?;
     let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
-    sort_with_polls(&mut candidates, control)?;
+    sort(&mut candidates, &|| control.poll(Stage::Refine, 0, 1))?;
     candidates.reverse();
     Ok(candidates)
 }
