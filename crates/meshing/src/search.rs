@@ -28,38 +28,22 @@ pub(crate) fn bisect_size<E>(
     mut keeps: impl FnMut(usize) -> Result<bool, E>,
 ) -> Result<(), E> {
     let mut size = (all / FIRST_PART).max(MIN_SIZE);
-    // No mesh of `below` points keeps the bound, one of `above` does.
-    let (mut below, mut above) = (MIN_SIZE - 1, all);
-    if keeps(size)? {
-        above = size;
-        while above > MIN_SIZE {
-            size = (above / 2).max(MIN_SIZE);
-            if !keeps(size)? {
-                below = size;
-                break;
-            }
-            above = size;
-        }
-    } else {
-        below = size;
-        while below < all {
-            size = (2 * below).min(all);
-            if keeps(size)? {
-                above = size;
-                break;
-            }
+    // The largest size found that does not keep the bound, and the smallest that does.
+    let (mut below, mut above) = (MIN_SIZE - 1, None);
+    loop {
+        if keeps(size)? {
+            above = Some(size);
+        } else {
             below = size;
         }
+        size = match above {
+            None if below == all => return Ok(()),
+            None => (2 * below).min(all),
+            Some(above) if above <= below + 1 + above / precision => return Ok(()),
+            Some(above) if below < MIN_SIZE => (above / 2).max(MIN_SIZE),
+            Some(above) => below.midpoint(above),
+        };
     }
-    while above > below + 1 + above / precision {
-        let middle = below.midpoint(above);
-        if keeps(middle)? {
-            above = middle;
-        } else {
-            below = middle;
-        }
-    }
-    Ok(())
 }
 
 /// A control that reports the meshes made so far, not the stages of each.

@@ -8,9 +8,7 @@
 //! `2^16 * 2^-52`, as long as `den < 2^33`. Larger faces divide.
 //!
 //! [`Interpolant`] is the specification, for faces of any size. [`Plane`] is the fast form for
-//! small faces over samples of up to 8 bits, eight values at a time. Tests of the face's error,
-//! which both forms compute, tie it to the specification: `small_faces_have_the_error_of_large_ones`
-//! and `largest_errors_of_small_faces_are_exact`.
+//! small faces over samples of up to 8 bits, eight values at a time.
 
 use crate::image::Point;
 use crate::triangulation::predicates::orientation;
@@ -183,56 +181,29 @@ mod tests {
         sample[0].into()
     }
 
-    fn check(side: i32, seeds: [u32; 8], samples: [u16; 3]) {
-        let at = |i: usize| {
-            Point::new((seeds[i] % side as u32) as i32, (seeds[i + 1] % side as u32) as i32)
-        };
-        let mut face = [at(0), at(2), at(4)];
-        if orientation(face[0], face[1], face[2]) < 0 {
-            face.swap(1, 2);
-        }
-        let [a, b, c] = face;
-        if orientation(a, b, c) == 0 {
-            return;
-        }
-        let interpolant = Interpolant::new(face, samples);
-        let inside = |p: Point| {
-            orientation(a, b, p) >= 0 && orientation(b, c, p) >= 0 && orientation(c, a, p) >= 0
-        };
-        let middle = Point::new((a.x + b.x + c.x) / 3, (a.y + b.y + c.y) / 3);
-        for p in [a, b, c, at(6), middle].into_iter().filter(|&p| inside(p)) {
-            assert_eq!(value(&interpolant, p), rounded(face, samples, p), "{face:?} at {p:?}");
-        }
-    }
-
     proptest! {
         #[test]
-        fn rounds_small_faces_exactly(seeds: [u32; 8], samples: [u16; 3]) {
-            check(12, seeds, samples);
-        }
-
-        #[test]
-        fn rounds_large_faces_exactly(seeds: [u32; 8], samples: [u16; 3]) {
-            check(16_384, seeds, samples);
-        }
-
-        #[test]
-        fn rounds_huge_faces_exactly(seeds: [u32; 8], samples: [u16; 3]) {
-            check(1 << 20, seeds, samples);
-        }
-    }
-
-    #[test]
-    fn fills_a_run_with_the_value_of_each_pixel() {
-        let samples = [65_535, 3, 40_000];
-        let sides = [(12, 12), (70_000, 70_000), (1_000_000, 1_000_000), (20_000, 1_000_000)];
-        for (width, height) in sides {
-            let corners = [(0, 0), (width, 0), (2, height)].map(|(x, y)| Point::new(x, y));
-            let mut run = [0; 7];
-            Interpolant::new(corners, samples).fill(1, 1, &mut run);
-            let expected =
-                [1, 2, 3, 4, 5, 6, 7].map(|x| rounded(corners, samples, Point::new(x, 1)));
-            assert_eq!(run.map(i128::from), expected, "{width} by {height}");
+        fn rounds_faces_of_any_size_exactly(
+            side in prop::sample::select(&[12u32, 16_384, 1 << 20][..]),
+            seeds: [u32; 8],
+            samples: [u16; 3],
+        ) {
+            let at =
+                |i: usize| Point::new((seeds[i] % side) as i32, (seeds[i + 1] % side) as i32);
+            let mut face = [at(0), at(2), at(4)];
+            if orientation(face[0], face[1], face[2]) < 0 {
+                face.swap(1, 2);
+            }
+            let [a, b, c] = face;
+            prop_assume!(orientation(a, b, c) > 0);
+            let interpolant = Interpolant::new(face, samples);
+            let inside = |p: Point| {
+                orientation(a, b, p) >= 0 && orientation(b, c, p) >= 0 && orientation(c, a, p) >= 0
+            };
+            let middle = Point::new((a.x + b.x + c.x) / 3, (a.y + b.y + c.y) / 3);
+            for p in [a, b, c, at(6), middle].into_iter().filter(|&p| inside(p)) {
+                assert_eq!(value(&interpolant, p), rounded(face, samples, p), "{face:?} at {p:?}");
+            }
         }
     }
 

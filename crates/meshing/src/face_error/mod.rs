@@ -4,8 +4,7 @@
 //! The specification of an error is a walk over the rows of a face ([`pixels_of_face`]) with its
 //! [`interpolant`] and one of the [`metrics`]. The squared error, which every method of the thesis
 //! uses, has two faster forms: a walk in floating point here, and vectors for small faces
-//! ([`squared`]). The tests `small_faces_have_the_error_of_large_ones` and
-//! `weights_multiply_the_errors_of_pixels` tie all forms to sums pixel by pixel.
+//! ([`squared`]). Tests tie both to sums pixel by pixel.
 
 pub(crate) mod interpolant;
 pub(crate) mod metrics;
@@ -33,44 +32,41 @@ const DOUBLE_AREA_PER_PART: i64 = 1 << 21;
 /// Evaluates errors of approximations of one image.
 pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
-    kind: Kind<'a>,
+    metric: ErrorMetric,
+    weights: Option<&'a [u8]>,
+    /// Pixels up to 8 bits: of squared errors without weights and of the quadratic model.
+    pixels: Option<Pixels>,
+    /// Pixels of the quadratic model above 8 bits.
+    wide_pixels: Option<Pixels<u16>>,
     level: Level,
-}
-
-/// How errors are evaluated.
-enum Kind<'a> {
-    /// The squared error of at most four components of at most 8 bits.
-    Squared(Pixels),
-    /// The squared error of any other image.
-    SquaredWide { model: Option<Pixels<u16>> },
-    /// Any metric, times the weights of pixels.
-    ByPixel { metric: ErrorMetric, weights: Option<&'a [u8]>, model: Option<Pixels> },
 }
 
 impl<'a> ErrorEvaluator<'a> {
     /// Evaluates errors by a metric, times the weight of each pixel where there are weights.
     pub(crate) fn new(image: &'a Image, metric: ErrorMetric, weights: Option<&'a [u8]>) -> Self {
-        let kind = if weights.is_some() || !metric.is_squared_difference() {
-            Kind::ByPixel { metric, weights, model: None }
-        } else {
-            Pixels::new(image).map_or(Kind::SquaredWide { model: None }, Kind::Squared)
-        };
-        Self { image, kind, level: Level::new() }
+        let level = Level::new();
+        let new = Self { image, metric, weights, pixels: None, wide_pixels: None, level };
+        let pixels = if new.is_squared() { Pixels::new(image) } else { None };
+        Self { pixels, ..new }
     }
 
     /// The same with pixels for the quadratic model where the errors have no such pixels: for
     /// squared errors with weights, which the model ignores, and above 8 bits.
     pub(crate) fn with_model(mut self) -> Self {
-        match &mut self.kind {
-            Kind::SquaredWide { model } => *model = Pixels::new(self.image),
-            Kind::ByPixel { metric, weights: Some(_), model }
-                if metric.is_squared_difference() || *metric == ErrorMetric::Ssim =>
-            {
-                *model = Pixels::new(self.image);
-            }
-            Kind::Squared(_) | Kind::ByPixel { .. } => {}
+        if self.is_squared() {
+            let has_pixels = self.pixels.is_some();
+            self.wide_pixels = if has_pixels { None } else { Pixels::new(self.image) };
+        } else if self.weights.is_some()
+            && (self.metric.is_squared_difference() || self.metric == ErrorMetric::Ssim)
+        {
+            self.pixels = Pixels::new(self.image);
         }
         self
+    }
+
+    /// Whether errors are squared differences without weights.
+    fn is_squared(&self) -> bool {
+        self.weights.is_none() && self.metric.is_squared_difference()
     }
 
     /// Pixels of the image.
@@ -176,36 +172,35 @@ impl<'e> FaceErrors<'e> {
 
     /// The error of a face of any size; `limit` or more where it is not less.
     fn error_of_any(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        self.set_interpolants(corners);
+        self.interpolate_image(corners);
         self.error_of_interpolants(corners, limit)
     }
 
     /// The error of a face with any values at its corners, one for each component.
     pub(crate) fn error_of_values(&mut self, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
-        let components = 0..self.evaluator.image.component_count();
-        let interpolant = |c| Interpolant::new(corners, values.map(|values| values[c]));
-        self.interpolants.clear();
-        self.interpolants.extend(components.map(interpolant));
+        self.interpolate(corners, |c| values.map(|values| values[c]));
         self.error_of_interpolants(corners, u64::MAX)
     }
 
     fn error_of_interpolants(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        match self.evaluator.kind {
-            Kind::ByPixel { metric, weights, .. } => self.error_by_pixel(metric, weights, corners),
-            Kind::Squared(_) | Kind::SquaredWide { .. } => self.squared_error(corners, limit),
+        if self.evaluator.is_squared() {
+            self.squared_error(corners, limit)
+        } else {
+            self.error_by_pixel(corners)
         }
     }
 
-    fn set_interpolants(&mut self, corners: [Point; 3]) {
+    fn interpolate_image(&mut self, corners: [Point; 3]) {
         let image = self.evaluator.image;
         let pixels = corners.map(|p| p.y as usize * image.width() + p.x as usize);
+        self.interpolate(corners, |c| pixels.map(|pixel| image.components()[c][pixel]));
+    }
+
+    /// Interpolates the values of each component at the corners.
+    fn interpolate(&mut self, corners: [Point; 3], values: impl Fn(usize) -> [u16; 3]) {
+        let components = 0..self.evaluator.image.component_count();
         self.interpolants.clear();
-        self.interpolants.extend(
-            image
-                .components()
-                .iter()
-                .map(|samples| Interpolant::new(corners, pixels.map(|pixel| samples[pixel]))),
-        );
+        self.interpolants.extend(components.map(|c| Interpolant::new(corners, values(c))));
     }
 
     /// The squared error, row by row until it reaches `limit`.
@@ -236,14 +231,9 @@ impl<'e> FaceErrors<'e> {
 
     /// The error by any metric. With weights and more than 8 bits the sum over the face is exact in
     /// 128 bits and shrinks once, at the end.
-    fn error_by_pixel(
-        &mut self,
-        metric: ErrorMetric,
-        weights: Option<&[u8]>,
-        corners: [Point; 3],
-    ) -> u64 {
-        let Self { evaluator: ErrorEvaluator { image, .. }, interpolants, approximations, .. } =
-            self;
+    fn error_by_pixel(&mut self, corners: [Point; 3]) -> u64 {
+        let Self { evaluator, interpolants, approximations, .. } = self;
+        let ErrorEvaluator { image, metric, weights, .. } = evaluator;
         let mut sum = 0u128;
         for_each_row(corners, |y, first, end| {
             for (interpolant, row) in interpolants.iter().zip(approximations.iter_mut()) {
@@ -269,12 +259,14 @@ impl FaceMeasure for FaceErrors<'_> {
     }
 
     fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
-        let (evaluator, mut sum) = (self.evaluator, 0);
+        let evaluator = self.evaluator;
+        let pixels = evaluator.pixels.as_ref().filter(|_| evaluator.is_squared());
+        let mut sum = 0;
         errors.clear();
         while sum < limit
             && let Some(&face) = faces.get(errors.len())
         {
-            if let Kind::Squared(pixels) = &evaluator.kind {
+            if let Some(pixels) = pixels {
                 let count = errors.len();
                 sum += pixels.errors(&faces[count..], limit - sum, errors);
                 if errors.len() > count {
@@ -289,18 +281,16 @@ impl FaceMeasure for FaceErrors<'_> {
     }
 
     fn model_pixels(&self) -> Option<&dyn ModelPixels> {
-        match &self.evaluator.kind {
-            Kind::Squared(pixels) => Some(pixels),
-            Kind::SquaredWide { model } => model.as_ref().map(|pixels| pixels as _),
-            Kind::ByPixel { model, .. } => model.as_ref().map(|pixels| pixels as _),
-        }
+        let ErrorEvaluator { pixels, wide_pixels, .. } = self.evaluator;
+        let wide = || wide_pixels.as_ref().map(|pixels| pixels as _);
+        pixels.as_ref().map(|pixels| pixels as _).or_else(wide)
     }
 
     fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
-        if !matches!(self.evaluator.kind, Kind::ByPixel { model: Some(_), .. }) {
+        if self.evaluator.weights.is_none() || self.evaluator.pixels.is_none() {
             return error;
         }
-        self.set_interpolants(corners);
+        self.interpolate_image(corners);
         self.squared_error(corners, u64::MAX)
     }
 }

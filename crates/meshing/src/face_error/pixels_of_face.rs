@@ -13,9 +13,7 @@
 //!
 //! [`SmallFace`] is the fast form for faces of small extent that touch neither column 0 nor row 0.
 //! It finds eight rows at a time in the lanes of vectors. Edges cross rows at multiples of a slope
-//! in fixed point, and a table of reciprocals replaces divisions, so no row waits for another. The
-//! tests `small_face_crosses_every_edge_as_the_walk` and `small_face_has_the_rows_of_the_walk` tie
-//! it to the specification.
+//! in fixed point, and a table of reciprocals replaces divisions, so no row waits for another.
 
 use crate::image::Point;
 use crate::triangulation::predicates::orientation;

@@ -229,12 +229,13 @@ impl<S: Simd> Sums<S> {
             by_columns: columns.map(|slope| -2.0 * slope),
             by_rows: rows.map(|slope| -2.0 * slope),
             displacement: [
-                -2.0 * total(by_column),
-                -2.0 * total(by_row),
-                total(xx),
-                total(xy),
-                total(yy),
-            ],
+                by_column.map(|sum| -2.0 * sum),
+                by_row.map(|sum| -2.0 * sum),
+                xx,
+                xy,
+                yy,
+            ]
+            .map(|of_components| of_components.iter().sum()),
         }
     }
 }
@@ -255,12 +256,6 @@ fn firsts<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
     let mut firsts = [0.0; MAX_COMPONENTS];
     firsts[..STRIDE].copy_from_slice(&lanes[..STRIDE]);
     firsts
-}
-
-/// The sum over the components.
-#[inline(always)]
-fn total(values: [f32; MAX_COMPONENTS]) -> f32 {
-    values.iter().sum()
 }
 
 #[cfg(test)]

@@ -4,11 +4,8 @@
 //! [`Plane`] proves that 32-bit floating point computes the rounded interpolants exactly. Sums of
 //! squares are exact below 2^24; they leave the lanes before 257 pixels are in one.
 //!
-//! The specification is the row by row sum of [`FaceErrors`](crate::face_error::FaceErrors) for
-//! faces of any size; the tests `small_faces_have_the_error_of_large_ones` and
-//! `largest_errors_of_small_faces_are_exact` tie this form to it. The program chooses the
-//! instructions of its machine as it runs; on all of them each lane does the same operations in the
-//! same order.
+//! The program chooses the instructions of its machine as it runs; on all of them each lane does
+//! the same operations in the same order.
 
 use crate::face_error::interpolant::{PLANE_PRECISION, Plane};
 use crate::face_error::pixels_of_face::{MAX_EXTENT, ROWS, SmallFace, for_each_row};
@@ -135,20 +132,14 @@ impl<T: Sample> Pixels<T> {
         corners: [Point; 3],
     ) -> Plane<S> {
         // In a closure for `map` this would not always be compiled for the machine's vectors.
+        let at = |p: Point| &self.samples[(p.y as usize * self.width + p.x as usize) * STRIDE..];
         let at_corners = [
-            self.repeated::<S, STRIDE>(simd, corners[0]),
-            self.repeated::<S, STRIDE>(simd, corners[1]),
-            self.repeated::<S, STRIDE>(simd, corners[2]),
+            T::repeated::<S, STRIDE>(simd, at(corners[0])),
+            T::repeated::<S, STRIDE>(simd, at(corners[1])),
+            T::repeated::<S, STRIDE>(simd, at(corners[2])),
         ];
         let offsets = i32x8::simd_from(simd, std::array::from_fn(|lane| (lane / STRIDE) as i32));
         Plane::new(simd, corners, at_corners, offsets)
-    }
-
-    /// The samples of one pixel, repeated.
-    #[inline(always)]
-    fn repeated<S: Simd, const STRIDE: usize>(&self, simd: S, p: Point) -> f32x8<S> {
-        let at = (p.y as usize * self.width + p.x as usize) * STRIDE;
-        T::repeated::<S, STRIDE>(simd, &self.samples[at..])
     }
 }
 
@@ -281,38 +272,5 @@ impl<S: Simd> Sum<S> {
         let lanes: [i32; LANES] = self.lanes.to_int::<i32x8<S>>().into();
         self.total += lanes.iter().sum::<i32>() as u64;
         self.lanes = f32x8::splat(self.plane.simd, 0.0);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    /// Compares both ways of reading lanes with single samples.
-    #[inline(always)]
-    fn assert_lanes<S: Simd, T: Sample, const STRIDE: usize>(simd: S, samples: &[T]) {
-        let expected = |at: &dyn Fn(usize) -> usize| -> [f32; LANES] {
-            std::array::from_fn(|lane| samples[at(lane)].into())
-        };
-        let lanes = |lanes: f32x8<S>| -> [f32; LANES] { lanes.into() };
-        assert_eq!(lanes(T::first(simd, samples)), expected(&|lane| lane));
-        let repeated = lanes(T::repeated::<S, STRIDE>(simd, samples));
-        assert_eq!(repeated, expected(&|lane| lane % STRIDE));
-    }
-
-    proptest! {
-        #[test]
-        fn lanes_hold_the_samples(samples in prop::array::uniform32(0u16..=u16::MAX)) {
-            let bytes = samples.map(|sample| u8::of(sample & 255));
-            dispatch!(Level::new(), simd => {
-                assert_lanes::<_, _, 1>(simd, &samples);
-                assert_lanes::<_, _, 2>(simd, &samples);
-                assert_lanes::<_, _, 4>(simd, &samples);
-                assert_lanes::<_, _, 1>(simd, &bytes);
-                assert_lanes::<_, _, 2>(simd, &bytes);
-                assert_lanes::<_, _, 4>(simd, &bytes);
-            });
-        }
     }
 }

@@ -249,10 +249,19 @@ named_values! {
 
 pub(crate) use named_values;
 
-/// Gives choices that are not defined for every number of components a check.
-macro_rules! checked_by_component_count {
-    ($($type:ident),+) => {$(
+/// Declares the choices that are defined for one number of components only.
+macro_rules! for_component_counts {
+    ($type:ident: $($($value:ident)|+ => $count:literal),+) => {
         impl $type {
+            /// The number of components this choice is made for; `None` for any.
+            #[must_use]
+            pub fn component_count(self) -> Option<usize> {
+                match self {
+                    $($(Self::$value)|+ => Some($count),)+
+                    _ => None,
+                }
+            }
+
             /// Checks that this choice is defined for images of `actual` components.
             ///
             /// # Errors
@@ -266,24 +275,16 @@ macro_rules! checked_by_component_count {
                 Err(ParameterError::ComponentCount { parameter, value, needed, actual, allowed })
             }
         }
-    )+};
+    };
 }
 
-pub(crate) use checked_by_component_count;
+pub(crate) use for_component_counts;
 
-checked_by_component_count!(Policy, ErrorMetric, Guide);
+for_component_counts!(Policy: PsaD | PsaL => 1, PsbD | PsbL | Psc => 3);
+for_component_counts!(ErrorMetric: LumaSe | LumaAe | YcbcrVecSe | YcbcrVecAe => 3);
+for_component_counts!(Guide: Luma | Gray => 3);
 
 impl Policy {
-    /// The number of components this policy is made for; `None` for any.
-    #[must_use]
-    pub fn component_count(self) -> Option<usize> {
-        match self {
-            Self::PsaD | Self::PsaL => Some(1),
-            Self::PsbD | Self::PsbL | Self::Psc => Some(3),
-            _ => None,
-        }
-    }
-
     /// The same policy for one component.
     pub(crate) fn of_one_component(self) -> Self {
         match self {
@@ -295,15 +296,6 @@ impl Policy {
 }
 
 impl ErrorMetric {
-    /// The number of components this metric is made for; `None` for any.
-    #[must_use]
-    pub fn component_count(self) -> Option<usize> {
-        match self {
-            Self::MeanCompSe | Self::MeanCompAe | Self::VecSe | Self::Ssim => None,
-            Self::LumaSe | Self::LumaAe | Self::YcbcrVecSe | Self::YcbcrVecAe => Some(3),
-        }
-    }
-
     /// The same metric for one component.
     pub(crate) fn of_one_component(self) -> Self {
         match self {
@@ -316,14 +308,6 @@ impl ErrorMetric {
     /// Whether the error is the sum of the squared differences of the components.
     pub(crate) fn is_squared_difference(self) -> bool {
         matches!(self, Self::MeanCompSe | Self::VecSe)
-    }
-}
-
-impl Guide {
-    /// The number of components this guide is made for; `None` for any.
-    #[must_use]
-    pub fn component_count(self) -> Option<usize> {
-        (self != Self::Components).then_some(3)
     }
 }
 
@@ -340,8 +324,6 @@ mod tests {
             assert_eq!(policy.of_one_component(), policy);
         }
         for &metric in ErrorMetric::ALL {
-            let expected = matches!(metric, LumaSe | LumaAe | YcbcrVecSe | YcbcrVecAe).then_some(3);
-            assert_eq!(metric.component_count(), expected, "{metric}");
             assert_eq!(metric.of_one_component().component_count(), None);
         }
         let of_one = [LumaSe, YcbcrVecAe, Ssim].map(ErrorMetric::of_one_component);

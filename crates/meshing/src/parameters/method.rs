@@ -6,8 +6,7 @@
 //! simplifies their triangulation.
 
 use crate::parameters::choices::{
-    Generator, Guide, Parallel, Policy, Reconstruction, Startup, checked_by_component_count,
-    named_values,
+    Generator, Guide, Parallel, Policy, Reconstruction, Startup, for_component_counts, named_values,
 };
 use crate::parameters::{InitialSize, ParameterError, Parameters, Target};
 
@@ -45,7 +44,7 @@ named_values! {
     }
 }
 
-checked_by_component_count!(Method);
+for_component_counts!(Method: Ed | Gprfsed | Gpr => 1, Ced | Cgprfsed | Cgpr => 3);
 
 impl Method {
     /// The parameters that define this method, for a target.
@@ -68,16 +67,6 @@ impl Method {
             // Refinement gains more than the exact order of removal.
             Self::Optimal => own.effort(5).parallel(Parallel::Tiles),
             Self::Flat => own.effort(6).reconstruction(Reconstruction::Flat),
-        }
-    }
-
-    /// The number of components this method is made for; `None` for any.
-    #[must_use]
-    pub fn component_count(self) -> Option<usize> {
-        match self {
-            Self::Ed | Self::Gprfsed | Self::Gpr => Some(1),
-            Self::Ced | Self::Cgprfsed | Self::Cgpr => Some(3),
-            _ => None,
         }
     }
 }

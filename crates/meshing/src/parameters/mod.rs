@@ -327,19 +327,13 @@ impl Parameters {
         size: usize,
         all: usize,
     ) -> Result<(), ParameterError> {
-        let parameter = match self.initial_size {
-            InitialSize::Size(_) => "initial_size",
-            InitialSize::Percent(_) => "initial_density",
-            InitialSize::Target | InitialSize::Gamma(_) => return Ok(()),
+        let (parameter, factor, divisor) = match self.initial_size {
+            InitialSize::Percent(_) => ("initial_density", 100.0, all as f64),
+            _ => ("initial_size", 1.0, 1.0),
         };
-        if initial_size >= size {
-            return Ok(());
-        }
-        let [value, minimum, maximum] = [initial_size, size, all].map(|points| {
-            let is_percent = matches!(self.initial_size, InitialSize::Percent(_));
-            if is_percent { 100.0 * points as f64 / all as f64 } else { points as f64 }
-        });
-        Err(ParameterError::OutOfRange { parameter, value, minimum, maximum })
+        let [value, minimum, maximum] =
+            [initial_size, size, all].map(|points| factor * points as f64 / divisor);
+        check_range(parameter, value, minimum, maximum)
     }
 
     /// Whether the mesh is improved after its points have been chosen and removed.
