@@ -1,79 +1,38 @@
 //! Progress and cancellation.
 //!
 //! The crate has no clock, no thread pool and no logger. The caller of a kernel passes a
-//! [`Control`]. The kernel reports the progress of each stage to it, and stops if it cancels. The
-//! control also sets the number of threads. Kernels poll their control at intervals of some
-//! milliseconds, so a cancelled call returns soon.
+//! [`Control`], which the kernel polls at intervals of some milliseconds.
 
-use std::fmt;
+use crate::named_values;
 use std::num::NonZeroUsize;
 use thiserror::Error;
 
-/// The stages of a method, in the order in which they run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Stage {
-    /// The search for the smallest mesh of a quality, by meshes of several sizes.
-    Search,
-    /// Significance of every lattice point, normalised to a density.
-    Density,
-    /// Choice of the initial points by error diffusion.
-    Diffuse,
-    /// Choice of the initial points by greedy insertion.
-    Insert,
-    /// Preferred-directions Delaunay triangulation of the initial points.
-    Triangulate,
-    /// Greedy point removal.
-    Simplify,
-    /// Refinement: vertices are moved, exchanged and fitted, edges are flipped.
-    Refine,
-    /// The squared error of the mesh, if removal does not yield it.
-    Measure,
-    /// The order of importance of the mesh's vertices.
-    Order,
-    /// The picture rebuilt from the mesh.
-    Rasterize,
-    /// The checks of a mesh or a progression that a caller makes of its parts.
-    Check,
-}
-
-impl Stage {
-    /// Every stage, in order.
-    pub const ALL: [Self; 11] = [
-        Self::Search,
-        Self::Density,
-        Self::Diffuse,
-        Self::Insert,
-        Self::Triangulate,
-        Self::Simplify,
-        Self::Refine,
-        Self::Measure,
-        Self::Order,
-        Self::Rasterize,
-        Self::Check,
-    ];
-
-    /// The stage's name in lower case, for logs and metrics.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Search => "search",
-            Self::Density => "density",
-            Self::Diffuse => "diffuse",
-            Self::Insert => "insert",
-            Self::Triangulate => "triangulate",
-            Self::Simplify => "simplify",
-            Self::Refine => "refine",
-            Self::Measure => "measure",
-            Self::Order => "order",
-            Self::Rasterize => "rasterize",
-            Self::Check => "check",
-        }
-    }
-}
-
-impl fmt::Display for Stage {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.name())
+named_values! {
+    /// The stages of a method, in the order in which they run.
+    #[derive(PartialOrd, Ord)]
+    "stage" Stage {
+        /// The search for the smallest mesh of a quality, by meshes of several sizes.
+        Search = "search",
+        /// Significance of every lattice point, normalised to a density.
+        Density = "density",
+        /// Choice of the initial points by error diffusion.
+        Diffuse = "diffuse",
+        /// Choice of the initial points by greedy insertion.
+        Insert = "insert",
+        /// Preferred-directions Delaunay triangulation of the initial points.
+        Triangulate = "triangulate",
+        /// Greedy point removal.
+        Simplify = "simplify",
+        /// Refinement: vertices are moved, exchanged and fitted, edges are flipped.
+        Refine = "refine",
+        /// The squared error of the mesh, if removal does not yield it.
+        Measure = "measure",
+        /// The order of importance of the mesh's vertices.
+        Order = "order",
+        /// The picture rebuilt from the mesh.
+        Rasterize = "rasterize",
+        /// The checks of a mesh or a progression that a caller makes of its parts.
+        Check = "check",
     }
 }
 
@@ -105,9 +64,8 @@ pub struct Cancelled;
 /// # Ok::<(), pixmesh_meshing::ImageError>(())
 /// ```
 pub trait Control: Sync {
-    /// Reports that `done` of `total` steps of `stage` are done; 0 when the stage begins.
-    ///
-    /// Kernels call it often, so it should return at once.
+    /// Reports that `done` of `total` steps of `stage` are done; 0 when the stage begins. Kernels
+    /// call it often, so it should return at once.
     ///
     /// # Errors
     /// [`Cancelled`] stops the kernel, which returns that error to its caller.
@@ -223,20 +181,10 @@ impl Control for () {
     }
 }
 
-impl<C: Control + Send + ?Sized> Control for std::sync::Arc<C> {
-    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-        (**self).poll(stage, done, total)
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        (**self).threads()
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use std::sync::{Arc, Mutex};
+    use std::sync::Mutex;
 
     /// What a kernel reported: the stage, the steps done and the steps in total.
     pub(crate) type Report = (Stage, usize, usize);
@@ -303,14 +251,6 @@ pub(crate) mod tests {
     const THREE: NonZeroUsize = NonZeroUsize::new(3).unwrap();
 
     #[test]
-    fn names_of_stages_are_in_lower_case() {
-        for stage in Stage::ALL {
-            assert_eq!(stage.name(), format!("{stage:?}").to_lowercase());
-            assert_eq!(stage.to_string(), stage.name());
-        }
-    }
-
-    #[test]
     fn wrapped_controls_poll_the_inner_one() {
         fn answers(control: &impl Control) -> (Result<(), Cancelled>, usize) {
             (control.poll(Stage::Density, 0, 1), control.threads().get())
@@ -318,7 +258,6 @@ pub(crate) mod tests {
         let cancelling = || OnThreads(Recorder::cancelling_at(0), THREE);
         assert_eq!(answers(&cancelling()), (Err(Cancelled), 3));
         assert_eq!(answers(&&cancelling()), (Err(Cancelled), 3));
-        assert_eq!(answers(&Arc::new(cancelling())), (Err(Cancelled), 3));
         assert_eq!(answers(&OnThreads(cancelling(), NonZeroUsize::MIN)), (Err(Cancelled), 1));
         assert_eq!(answers(&OnThreads((), THREE)), (Ok(()), 3));
         assert_eq!(answers(&()), (Ok(()), 1));

@@ -18,17 +18,14 @@ impl TryFrom<&DynamicImage> for Image {
     fn try_from(picture: &DynamicImage) -> Result<Self, ImageError> {
         let channels = usize::from(picture.color().channel_count());
         let size = (picture.width() as usize, picture.height() as usize);
-        match picture {
-            DynamicImage::ImageLuma8(_)
-            | DynamicImage::ImageLumaA8(_)
-            | DynamicImage::ImageRgb8(_)
-            | DynamicImage::ImageRgba8(_) => of_channels(size, 8, picture.as_bytes(), channels),
-            DynamicImage::ImageLuma16(pixels) => of_channels(size, 16, pixels, channels),
-            DynamicImage::ImageLumaA16(pixels) => of_channels(size, 16, pixels, channels),
-            DynamicImage::ImageRgb16(pixels) => of_channels(size, 16, pixels, channels),
-            DynamicImage::ImageRgba16(pixels) => of_channels(size, 16, pixels, channels),
-            float if channels == 3 => of_channels(size, 16, &float.to_rgb16(), channels),
-            float => of_channels(size, 16, &float.to_rgba16(), 4),
+        if let Some(pixels) = picture.as_flat_samples_u8() {
+            of_channels(size, 8, pixels.samples, channels)
+        } else if let Some(pixels) = picture.as_flat_samples_u16() {
+            of_channels(size, 16, pixels.samples, channels)
+        } else if channels == 3 {
+            of_channels(size, 16, &picture.to_rgb16(), channels)
+        } else {
+            of_channels(size, 16, &picture.to_rgba16(), 4)
         }
     }
 }

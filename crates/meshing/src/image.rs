@@ -74,9 +74,7 @@ impl ShapeMismatch {
 /// Components are stored one after the other, each row by row from the bottom.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
-    width: usize,
-    height: usize,
-    precision: u8,
+    shape: Shape,
     components: Vec<Vec<u16>>,
 }
 
@@ -150,12 +148,7 @@ impl Image {
     /// Width, height, number of components and precision.
     #[must_use]
     pub fn shape(&self) -> Shape {
-        Shape {
-            width: self.width(),
-            height: self.height(),
-            component_count: self.component_count(),
-            precision: self.precision(),
-        }
+        self.shape
     }
 
     /// Makes an image of components whose rows run from the top to the bottom, as decoders give
@@ -220,7 +213,7 @@ impl Image {
                 return Err(ImageError::SampleRange { component, sample, maximum, precision });
             }
         }
-        Ok(Self { width, height, precision, components })
+        Ok(Self::from_kernel(width, height, precision, components))
     }
 
     /// An image of parts that are valid by construction.
@@ -230,47 +223,49 @@ impl Image {
         precision: u8,
         components: Vec<Vec<u16>>,
     ) -> Self {
-        Self { width, height, precision, components }
+        let component_count = components.len();
+        Self { shape: Shape { width, height, component_count, precision }, components }
     }
 
     /// An image of the same size and precision with other components, valid by construction.
     pub(crate) fn with_components(&self, components: Vec<Vec<u16>>) -> Self {
-        Self { components, ..*self }
+        let Shape { width, height, precision, .. } = self.shape;
+        Self::from_kernel(width, height, precision, components)
     }
 
     /// Number of columns, at least 2.
     #[must_use]
     pub fn width(&self) -> usize {
-        self.width
+        self.shape.width
     }
 
     /// Number of rows, at least 2.
     #[must_use]
     pub fn height(&self) -> usize {
-        self.height
+        self.shape.height
     }
 
     /// Columns and rows.
     pub(crate) fn sides(&self) -> (usize, usize) {
-        (self.width, self.height)
+        (self.shape.width, self.shape.height)
     }
 
     /// Number of lattice points, `width * height`.
     #[must_use]
     pub fn pixel_count(&self) -> usize {
-        self.width * self.height
+        self.shape.width * self.shape.height
     }
 
     /// Bits per sample, 1 to 16.
     #[must_use]
     pub fn precision(&self) -> u8 {
-        self.precision
+        self.shape.precision
     }
 
     /// The largest sample the precision allows, `2^precision - 1`.
     #[must_use]
     pub fn max_sample(&self) -> u16 {
-        largest_sample(self.precision)
+        largest_sample(self.shape.precision)
     }
 
     /// Number of components, at least 1.
@@ -291,7 +286,7 @@ impl Image {
     /// When `c` or `y` is out of range.
     #[must_use]
     pub fn row(&self, c: usize, y: usize) -> &[u16] {
-        &self.components[c][y * self.width..][..self.width]
+        &self.components[c][y * self.shape.width..][..self.shape.width]
     }
 
     /// The sample of component `c` at `(x, y)`.

@@ -15,7 +15,7 @@
 use crate::control::{Cancelled, Poller};
 use crate::density::significance::{DerivativeRow, Significance, laplacian, mmsodd};
 use crate::parameters::Parameters;
-use crate::parameters::choices::{Boundary, Smoothing, SmoothingDirection};
+use crate::parameters::choices::{Boundary, Policy, Smoothing, SmoothingDirection};
 use fearless_simd::{Level, Simd, dispatch};
 
 /// A kernel of odd length along each axis.
@@ -42,15 +42,6 @@ pub(crate) struct Filter {
     boundary: Boundary,
 }
 
-/// Which derivatives are computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Order {
-    /// First derivatives in x and y.
-    First,
-    /// Second derivatives in x and y and the mixed one.
-    Second,
-}
-
 /// No smoothing and no difference.
 const IDENTITY: &[f64] = &[1.0];
 /// Twice the first derivative.
@@ -59,8 +50,9 @@ const FIRST_DIFFERENCE: &[f64] = &[-1.0, 0.0, 1.0];
 const SECOND_DIFFERENCE: &[f64] = &[1.0, -2.0, 1.0];
 
 impl Filter {
-    /// The stencils of the derivatives of one order.
-    pub(crate) fn new(parameters: &Parameters, order: Order) -> Self {
+    /// The stencils of the first derivatives for the vector gradient, of the second derivatives in
+    /// x and y and the mixed one for the other policies.
+    pub(crate) fn new(parameters: &Parameters) -> Self {
         let kernel = smoothing_kernel(parameters.smoothing, parameters.smoothing_order);
         let sum: f64 = kernel.iter().sum();
         let both = parameters.smoothing_direction == SmoothingDirection::Both;
@@ -68,21 +60,19 @@ impl Filter {
         // Without smoothing the mixed derivative is multiplied to have the unit of the others.
         let unit = [sum];
         let (mixed_x, mixed_y) = if both { (along, along) } else { (IDENTITY, &unit[..]) };
-        let steps = |smoothing: [&[f64]; 2], difference: [&[f64]; 2]| {
+        let is_first = parameters.policy == Policy::Psc;
+        let pure = if is_first { FIRST_DIFFERENCE } else { SECOND_DIFFERENCE };
+        let mut stencils = vec![
+            ([along, &kernel], [pure, IDENTITY]),
+            ([&kernel, along], [IDENTITY, pure]),
+            ([mixed_x, mixed_y], [FIRST_DIFFERENCE, FIRST_DIFFERENCE]),
+        ];
+        stencils.truncate(if is_first { 2 } else { 3 });
+        let steps = |(smoothing, difference)| {
             Steps::new(parameters.double_convolution, smoothing, difference)
         };
-        let pure = match order {
-            Order::First => FIRST_DIFFERENCE,
-            Order::Second => SECOND_DIFFERENCE,
-        };
-        let in_x = steps([along, &kernel], [pure, IDENTITY]);
-        let in_y = steps([&kernel, along], [IDENTITY, pure]);
-        let mixed = steps([mixed_x, mixed_y], [FIRST_DIFFERENCE, FIRST_DIFFERENCE]);
         Self {
-            steps: match order {
-                Order::First => vec![in_x, in_y],
-                Order::Second => vec![in_x, in_y, mixed],
-            },
+            steps: stencils.into_iter().map(steps).collect(),
             divisor: if both { sum * sum } else { sum },
             smoothing_boundary: parameters.smoothing_boundary,
             boundary: parameters.boundary,
@@ -392,7 +382,7 @@ mod tests {
         component: &[u16],
         width: usize,
     ) -> [Vec<f64>; 3] {
-        let filter = Filter::new(parameters, Order::Second);
+        let filter = Filter::new(parameters);
         let mut derivatives = Derivatives::new(&filter, component, width);
         let (mut all, mut row) = ([Vec::new(), Vec::new(), Vec::new()], DerivativeRow::default());
         for y in 0..component.len() / width {
@@ -406,7 +396,7 @@ mod tests {
 
     #[test]
     fn order_three_has_the_known_stencils() {
-        let filter = Filter::new(&parameters(), Order::Second);
+        let filter = Filter::new(&parameters());
         let stencil = |x: [f64; 5], y: &[f64]| Stencil { x: x.to_vec(), y: y.to_vec() };
         let mixed = [-1.0, -2.0, 0.0, 2.0, 1.0];
         let second = stencil([1.0, 0.0, -2.0, 0.0, 1.0], &[1.0, 2.0, 1.0]);
@@ -481,7 +471,7 @@ mod tests {
             let samples = &samples[..samples.len() / width * width];
             let parameters = Parameters { boundary, ..parameters() };
             let mut fast = BinomialRow::new(&parameters, width).unwrap();
-            let filter = Filter::new(&parameters, Order::Second);
+            let filter = Filter::new(&parameters);
             let mut derivatives = Derivatives::new(&filter, samples, width);
             let (mut found, mut expected) = (vec![0.0; width], vec![0.0; width]);
             let mut row = DerivativeRow::default();

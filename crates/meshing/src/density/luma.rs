@@ -14,18 +14,13 @@ pub(crate) fn guide_picture(
 ) -> Result<Option<Image>, Cancelled> {
     match guide {
         Guide::Components => Ok(None),
-        Guide::Luma => luma(image, control).map(Some),
+        Guide::Luma => gray_picture(image, luma_of, control).map(Some),
         Guide::Gray => gray_picture(image, gray_of, control).map(Some),
     }
 }
 
-/// The luma of an image's first three components; a copy of the first component where there are
-/// fewer than three.
-pub(crate) fn luma(image: &Image, control: &dyn Control) -> Result<Image, Cancelled> {
-    gray_picture(image, luma_of, control)
-}
-
-/// The gray value of each colour, as an image of one component.
+/// The gray value of each colour, as an image of one component: a copy of the first component where
+/// there are fewer than three.
 fn gray_picture(
     image: &Image,
     gray_of: fn([u16; 3]) -> u16,

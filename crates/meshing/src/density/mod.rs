@@ -5,8 +5,8 @@ pub(crate) mod luma;
 pub(crate) mod significance;
 
 use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
-use crate::density::derivatives::{BinomialRow, Derivatives, Filter, Order};
-use crate::density::luma::luma;
+use crate::density::derivatives::{BinomialRow, Derivatives, Filter};
+use crate::density::luma::guide_picture;
 use crate::density::significance::{
     DerivativeRow, GradientTensor, Significance, add_gradients, vector_gradient,
 };
@@ -14,16 +14,14 @@ use crate::error::MeshingError;
 use crate::image::Image;
 use crate::parallel::in_row_bands;
 use crate::parameters::Parameters;
-use crate::parameters::choices::{Policy, PscTie};
+use crate::parameters::choices::{Guide, Policy, PscTie};
 
 /// Added to the largest significance before it divides, so that an image without any detail has
 /// density 0 and not 0/0.
 const NORMALISATION_FLOOR: f64 = 1e-12;
 
-/// How dense sample points should be: the significance of each lattice point, divided by the
-/// largest.
-///
-/// There is one field, or one per component if the policy diffuses each component on its own.
+/// How dense sample points should be: the significance of each lattice point over the largest. One
+/// field, or one for each component if the policy diffuses each component on its own.
 ///
 /// ```
 /// use pixmesh_meshing::{Density, Image, Parameters, Target};
@@ -85,19 +83,14 @@ impl Density {
             Policy::Psc => VectorGradient(parameters.psc_tie),
         };
         let is_apart = matches!(parameters.policy, Policy::PseD | Policy::PseL);
-        let gray = match parameters.policy {
-            Policy::PsbD | Policy::PsbL => Some(luma(image, control)?),
-            _ => None,
-        };
+        let is_of_luma = matches!(parameters.policy, Policy::PsbD | Policy::PsbL);
+        let guide = if is_of_luma { Guide::Luma } else { Guide::Components };
+        let gray = guide_picture(image, guide, control)?;
         let components = gray.as_ref().unwrap_or(image).components();
         let (width, height) = (image.width(), image.height());
         let field_count = if is_apart { components.len() } else { 1 };
         let mut fields: Vec<_> = (0..field_count).map(|_| vec![0.0; width * height]).collect();
-        let order = match operator {
-            Maximum(_) | Mean(_) => Order::Second,
-            VectorGradient(_) => Order::First,
-        };
-        let filter = &Filter::new(parameters, order);
+        let filter = &Filter::new(parameters);
         // Extended by zeros, an image of one colour would have features along its border.
         let is_flat = is_flat(image, control)?;
         for (i, field) in fields.iter_mut().enumerate().filter(|_| !is_flat) {
@@ -188,11 +181,6 @@ fn maximise(row: &mut [f64], values: &[f64]) {
     row.iter_mut().zip(values).for_each(|(a, &b)| *a = if b > *a { b } else { *a });
 }
 
-/// Adds the other row to a row.
-fn add(row: &mut [f64], values: &[f64]) {
-    row.iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
-}
-
 /// Computes a field of one or more components, one row after the other.
 struct FieldRows<'a> {
     operator: Operator,
@@ -218,6 +206,9 @@ impl FieldRows<'_> {
                 self.aggregate(significance, y, row, maximise, poller)
             }
             Operator::Mean(significance) => {
+                let add = |row: &mut [f64], values: &[f64]| {
+                    row.iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
+                };
                 self.aggregate(significance, y, row, add, poller)?;
                 let count = self.components.len() as f64;
                 row.iter_mut().for_each(|value| *value /= count);
@@ -249,10 +240,9 @@ impl FieldRows<'_> {
         merge: fn(&mut [f64], &[f64]),
         poller: &mut Poller<'_>,
     ) -> Result<(), Cancelled> {
-        let mut values = std::mem::take(&mut self.values);
-        values.resize(row.len(), 0.0);
+        self.values.resize(row.len(), 0.0);
         for component in 0..self.components.len() {
-            let target = if component == 0 { &mut *row } else { &mut values[..] };
+            let target = if component == 0 { &mut *row } else { &mut self.values[..] };
             if let Some(fast) = &mut self.fast {
                 poller.step(target.len())?;
                 fast.evaluate(significance, &self.components[component], y, target);
@@ -261,10 +251,9 @@ impl FieldRows<'_> {
                 significance.evaluate(&self.derivative_row, self.filter.divisor, target);
             }
             if component > 0 {
-                merge(row, &values);
+                merge(row, &self.values);
             }
         }
-        self.values = values;
         Ok(())
     }
 }

@@ -6,9 +6,8 @@
 //! asked for. Error that has no neighbour to receive it is shared among the others (non-leaky), and
 //! the first row may start with the errors of the picture mirrored below it.
 //!
-//! The search tries about ten thresholds. One pass tries seven or fifteen of them at once, those
-//! that the search will most likely use next (see `threshold_search`). The result is the one of a
-//! search that tries one after the other.
+//! One pass tries several thresholds, those that the search will most likely use next (see
+//! `threshold_search`). The result is the one of a search that tries one after the other.
 
 use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
 use crate::density::Density;
@@ -52,7 +51,8 @@ pub(crate) fn diffuse_to_size(
     let tolerance = parameters.tolerance.unwrap_or(default);
     let mut search = ThresholdSearch::new(diffusion.first_threshold(), size);
     while diffusion.tries < MAX_TRIES {
-        let thresholds = search.likely_thresholds(diffusion.thresholds_per_pass());
+        let per_pass = diffusion.chosen.len() * diffusion.group_size;
+        let thresholds = search.likely_thresholds(per_pass);
         let counts = diffusion.run(&thresholds)?;
         while diffusion.tries < MAX_TRIES
             && let Some(i) = thresholds.iter().position(|&t| t == search.threshold())
@@ -82,6 +82,9 @@ struct Diffusion<'a> {
     /// For each group of thresholds and each lattice point one bit for each threshold of the last
     /// pass, set where it chose the point.
     chosen: Vec<Vec<u16>>,
+    /// How many thresholds one thread tries in little more time than one. A lane of the last vector
+    /// is not used.
+    group_size: usize,
     level: Level,
     control: &'a dyn Control,
     /// Thresholds tried so far.
@@ -96,6 +99,8 @@ impl<'a> Diffusion<'a> {
         control: &'a dyn Control,
     ) -> Result<Self, Cancelled> {
         let (width, groups) = (density.width, control.threads().get().min(MAX_GROUPS));
+        let level = Level::new();
+        let has_wide_vectors = dispatch!(level, simd => lanes_of_vectors(simd)) >= 4;
         let mut diffusion = Self {
             density,
             size,
@@ -105,7 +110,8 @@ impl<'a> Diffusion<'a> {
             initial_errors: Vec::new(),
             // Each allocated as zeros, which costs nothing until it is written.
             chosen: (0..groups).map(|_| vec![0; width * density.height]).collect(),
-            level: Level::new(),
+            group_size: if has_wide_vectors { 15 } else { 7 },
+            level,
             control,
             tries: 0,
         };
@@ -121,7 +127,6 @@ impl<'a> Diffusion<'a> {
             let errors = match parameters.startup {
                 Startup::Classic => vec![0.0; width],
                 Startup::Mirroring => {
-                    let level = diffusion.level;
                     dispatch!(level, simd => diffusion.mirrored_errors(simd, field))?
                 }
                 Startup::Random => {
@@ -176,22 +181,11 @@ impl<'a> Diffusion<'a> {
         }
     }
 
-    /// How many thresholds one thread tries in little more time than one. A lane of the last vector
-    /// is not used.
-    fn thresholds_per_group(&self) -> usize {
-        if has_wide_vectors(self.level) { 15 } else { 7 }
-    }
-
-    /// How many thresholds one pass tries.
-    fn thresholds_per_pass(&self) -> usize {
-        self.chosen.len() * self.thresholds_per_group()
-    }
-
     /// One pass over every field for each threshold; returns how many points each one chose.
     fn run(&mut self, thresholds: &[f64]) -> Result<Vec<usize>, Cancelled> {
         let mut chosen = std::mem::take(&mut self.chosen);
         let this = &*self;
-        let groups: Vec<&[f64]> = thresholds.chunks(self.thresholds_per_group()).collect();
+        let groups: Vec<&[f64]> = thresholds.chunks(self.group_size).collect();
         let mut counts = vec![Vec::new(); groups.len()];
         let shares = groups.into_iter().zip(chosen.iter_mut().zip(&mut counts));
         let result = share_out(shares, this.control, |(group, (chosen, counts)), control| {
@@ -276,8 +270,7 @@ impl<'a> Diffusion<'a> {
 
     /// 1 for each lattice point that a threshold of the last pass chose, 0 for the others.
     fn marks_of(self, threshold: usize) -> Result<Vec<u8>, Cancelled> {
-        let (group, lane) =
-            (threshold / self.thresholds_per_group(), threshold % self.thresholds_per_group());
+        let (group, lane) = (threshold / self.group_size, threshold % self.group_size);
         let mut poller = self.poller(self.control);
         let mut marks = Vec::with_capacity(self.chosen[group].len());
         for chunk in self.chosen[group].chunks(POINTS_PER_POLL) {
@@ -288,12 +281,10 @@ impl<'a> Diffusion<'a> {
     }
 }
 
-/// Whether sixteen numbers fill at most four vectors.
-fn has_wide_vectors(level: Level) -> bool {
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    return level.as_avx2().is_some();
-    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-    return false;
+/// How many numbers a vector of the machine holds.
+#[inline(always)]
+fn lanes_of_vectors<S: Simd>(_: S) -> usize {
+    S::f64s::LEN
 }
 
 /// Errors drawn evenly from `-reach..reach`, from the seed's stream for a field.

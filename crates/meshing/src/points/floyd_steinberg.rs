@@ -66,16 +66,13 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> Lanes<S, V, N> {
     }
 }
 
-/// The shares of a point's error that its neighbours receive.
+/// The shares of a point's error that its neighbours receive: the next point of the row, and the
+/// points above the previous one, the point itself and the next one.
 #[derive(Clone, Copy)]
 struct Shares {
-    /// The next point of the row.
     ahead: f64,
-    /// The point above the previous one.
     above_behind: f64,
-    /// The point above.
     above: f64,
-    /// The point above the next one.
     above_ahead: f64,
 }
 
@@ -90,30 +87,20 @@ pub(crate) struct Weights {
     ahead_in_last_row: f64,
 }
 
-/// The shares of points that have all neighbours.
-const FLOYD_STEINBERG: Shares = Shares {
-    ahead: 7.0 / 16.0,
-    above_behind: 3.0 / 16.0,
-    above: 5.0 / 16.0,
-    above_ahead: 1.0 / 16.0,
-};
-
 impl Weights {
     /// The shares that lose the error of missing neighbours (leaky), or that give it to the others.
     pub(crate) fn new(leaky: bool) -> Self {
-        let inner = FLOYD_STEINBERG;
+        let parts = |parts: [f64; 4]| {
+            let sum: f64 = parts.iter().sum();
+            let [ahead, above_behind, above, above_ahead] = parts.map(|part| part / sum);
+            Shares { ahead, above_behind, above, above_ahead }
+        };
+        let inner = parts([7.0, 3.0, 5.0, 1.0]);
         if leaky {
             return Self { first: inner, inner, last: inner, ahead_in_last_row: inner.ahead };
         }
-        let first = Shares {
-            ahead: 7.0 / 13.0,
-            above_behind: 0.0,
-            above: 5.0 / 13.0,
-            above_ahead: 1.0 / 13.0,
-        };
-        let last =
-            Shares { ahead: 0.0, above_behind: 3.0 / 8.0, above: 5.0 / 8.0, above_ahead: 0.0 };
-        Self { first, inner, last, ahead_in_last_row: 1.0 }
+        let first = parts([7.0, 0.0, 5.0, 1.0]);
+        Self { first, inner, last: parts([0.0, 3.0, 5.0, 0.0]), ahead_in_last_row: 1.0 }
     }
 }
 

@@ -1,5 +1,4 @@
-//! Greedy insertion: initial points within some tens of milliseconds for a quarter of a megapixel,
-//! for a mesh that a page shows before a better one arrives.
+//! Greedy insertion: initial points for a mesh that a page shows before a better one arrives.
 //!
 //! Michael Garland and Paul S. Heckbert, "Fast polygonal approximation of terrains and height
 //! fields", 1995, repeatedly insert the point of largest error. Here the face of largest error gets
@@ -27,11 +26,8 @@ struct Demand {
     slot: u32,
 }
 
-/// Chooses up to `size` points of an image, by row, then column, the corners among them, by greedy
-/// insertion; fewer if all faces have no error before.
-///
-/// # Errors
-/// When the control cancels.
+/// Chooses up to `size` points of an image, by row, then column, the corners among them; fewer if
+/// all faces have no error before.
 pub(crate) fn inserted_points(
     image: &Image,
     metric: ErrorMetric,

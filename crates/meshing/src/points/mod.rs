@@ -65,15 +65,6 @@ pub(crate) fn initial_points(
     for corner in corner_points(width, height) {
         marks[corner.y as usize * width + corner.x as usize] = 1;
     }
-    marked_points(&marks, width, &mut poller)
-}
-
-/// The marked lattice points, by row, then column.
-fn marked_points(
-    marks: &[u8],
-    width: usize,
-    poller: &mut Poller<'_>,
-) -> Result<Vec<Point>, Cancelled> {
     let mut points = Vec::with_capacity(marks.iter().map(|&mark| usize::from(mark)).sum());
     for (y, row) in marks.chunks_exact(width).enumerate() {
         poller.step(width)?;

@@ -2,9 +2,8 @@
 //! until the number changes from too many to too few or back, then bisects.
 //!
 //! Several thresholds take little longer than one, so the next steps are tried ahead. Which
-//! thresholds they use depends on whether each one chooses too many points. That is estimated: the
-//! number of points is almost inversely proportional to the threshold, and the counts of the
-//! thresholds tried before refine the estimate. A wrong estimate costs time and changes no result.
+//! thresholds they use is estimated: the number of points is almost inversely proportional to the
+//! threshold, and the counts so far refine the estimate. A wrong estimate costs time alone.
 
 /// The state of the search, and the counts known so far.
 pub(crate) struct ThresholdSearch {
@@ -76,15 +75,9 @@ impl ThresholdSearch {
         self.known.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
 
-    /// An estimate of the probability that a threshold chooses too many points.
+    /// An estimate of the probability that a threshold chooses too many points, by an estimate of
+    /// how many it chooses and of the error of that number.
     fn probability_of_too_many(&self, threshold: f64) -> f64 {
-        let (count, error) = self.estimate(threshold);
-        let off = (count - self.size as f64) / error;
-        0.5 + 0.5 * off / (1.0 + off.abs())
-    }
-
-    /// An estimate of how many points a threshold chooses, and of its error.
-    fn estimate(&self, threshold: f64) -> (f64, f64) {
         /// The relative error, of an extrapolated count and of the difference of two known ones.
         const RELATIVE: f64 = 0.02;
         /// The error in points that adds to it.
@@ -92,7 +85,7 @@ impl ThresholdSearch {
         let inverse = 1.0 / threshold;
         let above = self.known.partition_point(|known| known.0 < threshold);
         let below = above.checked_sub(1).and_then(|i| self.known.get(i));
-        match (below, self.known.get(above)) {
+        let (count, error) = match (below, self.known.get(above)) {
             (Some(&(low, many)), Some(&(high, few))) => {
                 let (many, few) = (many as f64, few as f64);
                 let part = (inverse - 1.0 / high) / (1.0 / low - 1.0 / high);
@@ -105,7 +98,9 @@ impl ThresholdSearch {
                 let count = count as f64 * known * inverse;
                 (count, RELATIVE * count + ABSOLUTE)
             }
-        }
+        };
+        let off = (count - self.size as f64) / error;
+        0.5 + 0.5 * off / (1.0 + off.abs())
     }
 }
 
