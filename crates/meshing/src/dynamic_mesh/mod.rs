@@ -116,7 +116,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     pub(crate) fn remove(&mut self, vertex: u32) -> i64 {
         let change = self.evaluator.removal_change(&self.triangulation, vertex);
         let Evaluator { star, filler, errors, .. } = &mut self.evaluator;
-        self.triangulation.remove(vertex, star, filler.triangles(), errors);
+        self.triangulation.remove(vertex, star, &filler.triangles, errors);
         change
     }
 

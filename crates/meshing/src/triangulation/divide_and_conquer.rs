@@ -53,7 +53,10 @@ impl<'a> Subdivision<'a> {
     fn triangulate(&mut self, from: u32, to: u32) -> Result<Extremes, Cancelled> {
         self.poller.done = to.min(from + 3) as usize;
         match to - from {
-            2 => Ok(self.segment(from)),
+            2 => {
+                let edge = self.make(from, from + 1);
+                Ok((edge, edge ^ 1))
+            }
             3 => Ok(self.triangle(from)),
             count => {
                 let middle = from + count / 2;
@@ -62,12 +65,6 @@ impl<'a> Subdivision<'a> {
                 self.merge(lower, upper)
             }
         }
-    }
-
-    /// Connects two points.
-    fn segment(&mut self, first: u32) -> Extremes {
-        let edge = self.make(first, first + 1);
-        (edge, edge ^ 1)
     }
 
     /// Connects three points.

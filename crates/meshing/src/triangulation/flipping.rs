@@ -22,7 +22,8 @@ pub(super) struct Flipping<'a> {
     outer: u32,
     /// Edges to check.
     suspects: Vec<u32>,
-    flips: usize,
+    /// The number of flips so far.
+    pub(super) flips: usize,
     control: &'a dyn Control,
 }
 
@@ -59,11 +60,6 @@ impl<'a> Flipping<'a> {
     #[inline]
     pub(super) fn twin(&self, h: u32) -> u32 {
         self.twins[h as usize]
-    }
-
-    /// The number of flips so far.
-    pub(super) fn flips(&self) -> usize {
-        self.flips
     }
 
     /// Adds a counter-clockwise triangle without twins; returns its first half-edge.

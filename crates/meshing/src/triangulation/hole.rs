@@ -6,11 +6,9 @@
 //! one whose circle through the edge holds no other; it splits the rest of the boundary in two,
 //! each filled in the same way. A hole has six vertices on average.
 //!
-//! [`fill_small`] fills holes of up to [`MOST_SMALL`] points in arrays of fixed size: the next edge
-//! is the side of the triangle before, and the branches that depend on the points are few. Larger
-//! holes are split at their middle edge, as lists, because the first way takes quadratic time where
-//! the triangles make a fan. [`HoleFiller`] chooses; the lists are the specification of the arrays
-//! (the test `arrays_and_lists_fill_alike`).
+//! [`fill_small`] fills holes of up to [`MOST_SMALL`] points in arrays of fixed size. It takes
+//! quadratic time where the triangles make a fan, so larger holes are split at their middle edge, as
+//! lists. The test `arrays_and_lists_fill_alike` ties the two.
 
 use crate::image::Point;
 use crate::triangulation::predicates::{in_circle, product};
@@ -37,7 +35,8 @@ pub(crate) struct HoleFiller {
     rings: Vec<u32>,
     /// The start of each of these.
     ring_starts: Vec<usize>,
-    triangles: Vec<HoleTriangle>,
+    /// The triangles of the last fill.
+    pub(crate) triangles: Vec<HoleTriangle>,
 }
 
 impl HoleFiller {
@@ -54,11 +53,6 @@ impl HoleFiller {
         } else {
             self.split_at_middle_edges(boundary);
         }
-        &self.triangles
-    }
-
-    /// The triangles of the last fill.
-    pub(crate) fn triangles(&self) -> &[HoleTriangle] {
         &self.triangles
     }
 

@@ -2,9 +2,8 @@
 //! preferred-directions Delaunay triangulation (PDDT).
 //!
 //! Christopher Dyken and Michael S. Floater, "Preferred directions for resolving the
-//! non-uniqueness of Delaunay triangulations", 2006, decide each cocircular quadrilateral by the
-//! diagonal that makes the smaller angle with a first direction `d1`, at a tie with a second one,
-//! `d2`; here `d1 = (1, 0)` and `d2 = (1, 1)`.
+//! non-uniqueness of Delaunay triangulations", 2006, give each cocircular quadrilateral the diagonal
+//! of the smaller angle with `d1 = (1, 0)`, at a tie with `d2 = (1, 1)`.
 //!
 //! A symbolic perturbation makes the same choice without angles. Lift every point `p` to the height
 //! `|p|^2 - e1 (p.d1)^2 - e2 (p.d2)^2` with infinitesimals `e1 >> e2 > 0`. Where the diagonals `ac`
@@ -25,7 +24,7 @@ use crate::image::Point;
 /// Twice the signed area of the triangle `abc`: positive when it turns counter-clockwise, 0 when
 /// the points are collinear.
 ///
-/// Exact when no two coordinates of the points differ by 2^30 or more; a debug build panics beyond.
+/// Exact if no two coordinates of the points differ by 2^30 or more; a debug build panics beyond.
 #[inline]
 #[must_use]
 pub fn orientation(a: Point, b: Point, c: Point) -> i64 {
@@ -91,57 +90,6 @@ pub(super) fn product(a: i64, b: i64) -> i128 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    /// Compares the angles that two undirected directions make with a third, by squared cosines:
-    /// `Less` when `u` makes the smaller one.
-    fn compare_angles(u: (i128, i128), v: (i128, i128), d: (i128, i128)) -> std::cmp::Ordering {
-        let dot = |u: (i128, i128), v: (i128, i128)| u.0 * v.0 + u.1 * v.1;
-        (dot(v, d).pow(2) * dot(u, u)).cmp(&(dot(u, d).pow(2) * dot(v, v)))
-    }
-
-    /// Whether the diagonal `cd` is preferred to `ab`, by the definition.
-    fn prefers_cd(a: Point, b: Point, c: Point, d: Point) -> bool {
-        let direction = |p, q| {
-            let (x, y) = difference(q, p);
-            (i128::from(x), i128::from(y))
-        };
-        let (ab, cd) = (direction(a, b), direction(c, d));
-        compare_angles(cd, ab, (1, 0)).then(compare_angles(cd, ab, (1, 1))).is_lt()
-    }
-
-    /// Points on a circle around the origin, counter-clockwise, by their squared radius.
-    fn lattice_circle(squared_radius: i32) -> Vec<Point> {
-        let radius = squared_radius.isqrt();
-        let mut points: Vec<Point> = (-radius..=radius)
-            .flat_map(|y| (-radius..=radius).map(move |x| Point::new(x, y)))
-            .filter(|p| p.x * p.x + p.y * p.y == squared_radius)
-            .collect();
-        points.sort_by(|p, q| {
-            f64::from(p.y).atan2(p.x.into()).total_cmp(&f64::from(q.y).atan2(q.x.into()))
-        });
-        points
-    }
-
-    #[test]
-    fn cocircular_points_take_the_smaller_angle() {
-        for squared_radius in [1, 2, 25, 50, 65, 325, 1105] {
-            let circle = lattice_circle(squared_radius);
-            let n = circle.len();
-            for i in 0..n {
-                for (j, k, l) in (i + 1..n)
-                    .flat_map(|j| (j + 1..n).flat_map(move |k| (k + 1..n).map(move |l| (j, k, l))))
-                {
-                    // a, d, b, c in counter-clockwise order, so that ab and cd are the diagonals.
-                    let (a, d, b, c) = (circle[i], circle[j], circle[k], circle[l]);
-                    assert_eq!(
-                        in_circle(a, b, c, d),
-                        prefers_cd(a, b, c, d),
-                        "{a:?} {d:?} {b:?} {c:?}"
-                    );
-                }
-            }
-        }
-    }
 
     proptest! {
         #[test]

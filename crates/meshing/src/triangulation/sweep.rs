@@ -33,7 +33,7 @@ pub(super) fn triangulate(
             sweep.triangles.poll()?;
         }
         sweep.insert(vertex as u32)?;
-        if sweep.triangles.flips() > MOST_FLIPS * points.len() {
+        if sweep.triangles.flips > MOST_FLIPS * points.len() {
             return Ok(None);
         }
     }
