@@ -24,13 +24,11 @@ const COPY_OF_SEVERAL: u64 = 4;
 /// The most bits and components of a picture that is copied so.
 const MAX_COPIED_BITS: u8 = 8;
 const MAX_COPIED_COMPONENTS: u64 = 4;
-/// Bytes per pixel of the table by which areas of one colour are found.
-const AREAS: u64 = 4;
 /// Bytes per initial point: while they are triangulated, and later with what removal knows of each.
-const POINT: u64 = 290;
+const POINT: u64 = 240;
 /// Bytes per initial point more where they are removed tile by tile: their order in each tile, and what
 /// goes in each round.
-const TILED: u64 = 120;
+const TILED: u64 = 80;
 /// Bytes per final vertex while it is refined: twice what is known of it and its faces.
 const REFINED: u64 = 640;
 /// Bytes that the allocator keeps apart for the threads that refine, eight at most, whatever the mesh.
@@ -142,7 +140,7 @@ impl<'a> Footprint<'a> {
         let chosen_from = match self.parameters.generator {
             _ if self.initial >= self.pixels => 0,
             Generator::ErrorDiffusion => self.density_per_pixel(),
-            Generator::Insertion => self.copy_per_pixel() + AREAS + REFINED_MARKS,
+            Generator::Insertion => self.copy_per_pixel() + REFINED_MARKS,
             Generator::All | Generator::Random | Generator::Uniform => 0,
         };
         let inserted = match self.parameters.generator {
@@ -163,7 +161,7 @@ impl<'a> Footprint<'a> {
     /// The image, what faces are measured by, and the triangulation of the initial points: during
     /// removal, and without it when the error is measured at the end.
     fn triangulating(&self) -> u64 {
-        let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
+        let measured_by = self.pixels * self.copy_per_pixel();
         let refining = match self.parameters.effort {
             0 => 0,
             _ => self.most * REFINED + self.pixels * REFINED_MARKS + REFINING_THREADS,
@@ -190,7 +188,7 @@ impl<'a> Footprint<'a> {
         if self.format != Format::Progression {
             return 0;
         }
-        let measured_by = self.pixels * (self.copy_per_pixel() + AREAS);
+        let measured_by = self.pixels * self.copy_per_pixel();
         let parameters = self.parameters;
         let tells_errors = parameters.error_metric == ErrorMetric::MeanCompSe
             && parameters.guide == Guide::Components;

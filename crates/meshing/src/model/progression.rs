@@ -75,6 +75,8 @@ impl Progression {
     ///
     /// The meshes of all sizes are those that removal with these parameters passes through, if the
     /// mesh is what it left; of a refined mesh, those that removal passes through from there on.
+    /// But vertices inside of large areas of one color come last, in descending order by row, then
+    /// column, where a mesh of a size between has such vertices evenly spread.
     ///
     /// # Errors
     /// When the image has another shape than the mesh's, a parameter is not allowed for such an

@@ -30,8 +30,9 @@ pub(crate) fn refine<M: FaceMeasure>(
     effort: u8,
     control: &dyn Control,
 ) -> Result<SortedMesh, Cancelled> {
-    let mut relocation = Relocation::new(mesh);
     let count = steps(effort).count();
+    let start = StepProgress::begin(control, 0, count + 1)?;
+    let mut relocation = Relocation::new(mesh, &start)?;
     for (done, step) in steps(effort).enumerate() {
         let progress = StepProgress::begin(control, done, count + 1)?;
         match step {
@@ -119,7 +120,7 @@ pub(crate) mod tests {
             let (image, points) = picture(width, height, &samples, &seeds);
             let evaluator = evaluator_of(&image);
             let mut mesh = measured(&evaluator, &image, points);
-            let mut relocation = Relocation::new(&mesh);
+            let mut relocation = Relocation::new(&mesh, &()).unwrap();
             for _ in 0..4 {
                 let (error, before) = (mesh.total_error(), mesh.triangulation.sorted(&()));
                 grow_and_shrink(&mut mesh, 30, Search::Exhaustive, &mut relocation, &()).unwrap();

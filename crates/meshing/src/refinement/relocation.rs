@@ -5,7 +5,7 @@
 //! move lowers the measured error, and a pass visits only vertices whose faces have changed since
 //! their last visit. In a large mesh it visits most vertices patch by patch, on all threads.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::half_edges::DynamicTriangulation;
 use crate::dynamic_mesh::moves::{Acceptance, Outcome};
@@ -15,7 +15,6 @@ use crate::image::Point;
 use crate::parallel::share_out;
 use crate::removal::tile_order::tile_order;
 use crate::triangulation::NONE;
-use std::convert::Infallible;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Positions that a predicted search tries at most.
@@ -62,18 +61,20 @@ pub(crate) struct Relocation {
 
 impl Relocation {
     /// Visits every vertex in the first pass.
-    pub(crate) fn new<M: FaceMeasure>(mesh: &MeasuredMesh<M>) -> Self {
-        let points = &mesh.triangulation.points;
-        let (width, height) = mesh.triangulation.size();
+    pub(crate) fn new<M: FaceMeasure>(
+        mesh: &MeasuredMesh<M>,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
+        let (points, (width, height)) = (&mesh.triangulation.points, mesh.triangulation.size());
         let count = points.len();
-        let Ok(order) = tile_order(points, width, height, &mut |_| Ok::<_, Infallible>(()));
-        Self {
+        let poller = &mut Poller::new(control, Stage::Refine, 0, 1);
+        Ok(Self {
             is_outdated: vec![true; count],
             is_pending: vec![true; count],
-            order,
+            order: tile_order(points, (width, height), poller)?,
             skips_unpredicted: mesh.has_model() && width * height <= DENSE * count,
             candidates: Vec::new(),
-        }
+        })
     }
 
     /// Adds the vertex of the next index.

@@ -13,8 +13,8 @@ pub(crate) enum Step {
     Grow(Search, usize),
 }
 
-/// Each step with the lowest effort that includes it. An effort takes the steps of the efforts below
-/// it first, so that more effort is never worse.
+/// Each step with the lowest effort that includes it. An effort takes the steps of lower efforts
+/// first, so that more effort is never worse.
 const STEPS: &[(u8, Step)] = {
     use Search::{Exhaustive, Predicted};
     use Step::{Grow, Relocate, RelocateAll};

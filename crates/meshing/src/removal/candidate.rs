@@ -4,8 +4,8 @@
 //! else changes.
 //!
 //! Nearly all stars are inline. Their holes are filled in arrays of fixed size, with few branches
-//! that depend on the data: a misprediction costs about 40 instructions. The [`FillCache`] supplies
-//! errors of triangles; the other new faces around all neighbours of a vertex are measured together.
+//! that depend on the data: a misprediction costs about 40 instructions. The [`FillCache`] has the
+//! errors of most triangles. The other new faces around a vertex are measured together.
 
 use crate::face_error::{ErrorEvaluator, FaceErrors, FaceMeasure};
 use crate::image::Point;
@@ -29,20 +29,12 @@ pub(crate) struct Evaluator<'m> {
     errors: FaceErrors<'m>,
     batch: Batch,
     filler: HoleFiller,
-    /// The directed edges of a fill that is not cached as a whole, in ascending order.
-    edges: Vec<Edge>,
+    /// The directed edges of a fill that is not cached as a whole, by indices of the boundary, in
+    /// ascending order, with the third vertex and the error of the triangle to the left.
+    edges: Vec<([usize; 2], (usize, u64))>,
     /// What replaces a vertex in a star that is not inline.
     successors: Vec<u32>,
     between: Vec<u64>,
-}
-
-/// A directed edge of a fill by indices of the boundary, and the triangle to its left.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Edge {
-    from: usize,
-    to: usize,
-    third: usize,
-    error: u64,
 }
 
 impl<'m> Evaluator<'m> {
@@ -96,8 +88,7 @@ impl<'m> Evaluator<'m> {
             self.list_edges(vertex, stars);
             let edges = std::mem::take(&mut self.edges);
             let third = |from: usize, to: usize| {
-                let edge = edges[edges.partition_point(|edge| (edge.from, edge.to) < (from, to))];
-                (edge.third, edge.error)
+                edges[edges.partition_point(|(ends, _)| *ends < [from, to])].1
             };
             self.replace(vertex, hole, third, stars, neighbours);
             self.edges = edges;
@@ -169,9 +160,8 @@ impl<'m> Evaluator<'m> {
                 false => self.errors.error(corners.map(|at| boundary[at])),
             };
             let [a, b, c] = corners;
-            for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
-                self.edges.push(Edge { from, to, third, error });
-            }
+            let sides = [([a, b], c), ([b, c], a), ([c, a], b)];
+            self.edges.extend(sides.map(|(ends, third)| (ends, (third, error))));
         }
         self.edges.sort_unstable();
     }
@@ -179,7 +169,7 @@ impl<'m> Evaluator<'m> {
 
 /// Walks through the triangles of a fill at one vertex of the boundary, counter-clockwise from the
 /// next vertex to the one before. Calls `add` with each new neighbour and the error of the face
-/// before it; returns that of the face after the last. An open hole lies on the border of the image:
+/// before it; returns that of the face after the last. An open hole is on the border of the image:
 /// its first and last vertex become neighbours, and 0 stands for the face beyond their edge.
 #[inline(always)]
 fn walk_fan(
@@ -295,7 +285,7 @@ impl Batch {
             }
         } else {
             let mut boundary = [Point::new(0, 0); CAPACITY];
-            for (point, &vertex) in boundary.iter_mut().zip(star.inline_neighbours()) {
+            for (point, &vertex) in boundary.iter_mut().zip(&star.record.neighbours) {
                 *point = stars.point(vertex);
             }
             let former = shift.table();

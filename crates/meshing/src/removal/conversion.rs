@@ -60,11 +60,7 @@ fn outgoing_half_edges(
     triangulation: &Triangulation,
     poller: &mut Poller<'_>,
 ) -> Result<Vec<u32>, Cancelled> {
-    let mut outgoing = Vec::with_capacity(triangulation.points.len());
-    for _ in &triangulation.points {
-        poller.step(1)?;
-        outgoing.push(NONE);
-    }
+    let mut outgoing = vec![NONE; triangulation.points.len()];
     let half_edges = triangulation.origins.iter().zip(&triangulation.twins);
     for (h, (&origin, &twin)) in (0..).zip(half_edges) {
         poller.step(1)?;

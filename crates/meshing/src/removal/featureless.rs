@@ -41,10 +41,9 @@ pub(crate) fn remove_featureless(
     let mut leaves = featureless_vertices(image, &triangulation, control)?;
     let count = leaves.iter().filter(|&&leaves| leaves).count();
     if count > surplus {
-        let (points, (width, height)) = (&triangulation.points, image.sides());
-        let mut poller = Poller::new(control, Stage::Triangulate, points.len(), points.len());
-        let step = &mut |steps| poller.step(steps);
-        thin(&mut leaves, count, surplus, &tile_order(points, width, height, step)?);
+        let points = &triangulation.points;
+        let poller = &mut Poller::new(control, Stage::Triangulate, points.len(), points.len());
+        thin(&mut leaves, count, surplus, &tile_order(points, image.sides(), poller)?);
     }
     if count.min(surplus) == 0 {
         return Ok((triangulation, Vec::new()));

@@ -9,7 +9,7 @@
 //!
 //! Tiles and limits follow from the image and the parameters, not from the number of threads.
 
-use crate::control::{Cancelled, Control};
+use crate::control::{Cancelled, Control, Poller};
 use crate::face_error::ErrorEvaluator;
 use crate::parallel::share_out;
 use crate::removal::greedy::{Group, Progress, StopRule};
@@ -41,15 +41,15 @@ const GROWTH: usize = 4;
 /// as many more drop below it during the round.
 const PART_OF_ROUND: usize = 3;
 
-/// The last of this many parts of the removals are made in the exact order.
-const PART_OF_LAST: usize = 128;
-
 /// The quota of a tile in a round is twice its vertices below the limit, and this part of its size.
 const PART_OF_TILE_AT_LEAST: usize = 512;
 
 /// Rounds end when fewer removals remain than this part of all vertices, so that the quotas of a
-/// round cannot exceed them.
+/// round cannot exceed them. The rest is made in the exact order.
 const LEAST_PART: usize = 128;
+
+/// One in this many entries is in the sample from which a round's limit is estimated.
+const SAMPLE_SPACING: usize = 64;
 
 /// The binary digits of a vertex's number within its tile; `None` for too few vertices, or when the
 /// number of removals is not known.
@@ -71,24 +71,22 @@ pub(crate) fn remove_in_rounds(
     let Start { stars, queues, progress } = start;
     let (count, size) = (queues.len(), 1 << stars.vertices.digits);
     // A limit needs a vertex below it.
-    let least = count * size / LEAST_PART;
-    let least = least.max(progress.surplus_left() / PART_OF_LAST).max(PART_OF_ROUND);
+    let least = (count * size / LEAST_PART).max(PART_OF_ROUND);
     while progress.surplus_left() >= least {
-        let limit = limit(queues, progress.surplus_left() / PART_OF_ROUND);
-        let mut quotas = quotas(queues, limit, size);
+        let poller = &mut progress.poller(control);
+        let limit = limit(queues, progress.surplus_left() / PART_OF_ROUND, poller)?;
+        let mut quotas = quotas(queues, limit, size, poller)?;
         let levels = std::iter::successors(Some(1), |tiles| Some(tiles * GROWTH));
         for tiles in levels.take_while(|&tiles| tiles < count).chain([count]) {
             let parts = queues.chunks_mut(tiles).zip(quotas.chunks_mut(tiles));
-            let groups = stars.groups(tiles).zip(parts).map(|(stars, (queues, quotas))| Task {
-                group: Group::new(stars, queues, measure),
-                quotas,
-                removed: Vec::new(),
-            });
-            let mut tasks: Vec<Task<'_, '_>> = groups.collect();
-            share_out(tasks.iter_mut(), control, |task, control| {
-                task.run(limit, progress, control)
+            let mut removed = vec![Vec::new(); count.div_ceil(tiles)];
+            let groups = stars.groups(tiles).zip(parts).zip(&mut removed);
+            share_out(groups, control, |((stars, (queues, quotas)), removed), control| {
+                let mut group = Group::new(stars, queues, measure);
+                *removed = remove_below(limit, &mut group, quotas, progress, control)?;
+                group.end_waiting();
+                Ok(())
             })?;
-            let removed: Vec<Vec<Entry>> = tasks.into_iter().map(Task::finish).collect();
             record_in_order(&removed, &stars.vertices, progress);
         }
     }
@@ -96,24 +94,54 @@ pub(crate) fn remove_in_rounds(
 }
 
 /// The entry with `count` others below it in all queues.
-fn limit(queues: &[RemovalQueue], count: usize) -> Entry {
-    let mut entries: Vec<Entry> = Vec::with_capacity(queues.iter().map(RemovalQueue::len).sum());
-    entries.extend(queues.iter().flat_map(RemovalQueue::entries));
-    *entries.select_nth_unstable(count).1
+fn limit(
+    queues: &[RemovalQueue],
+    count: usize,
+    poller: &mut Poller<'_>,
+) -> Result<Entry, Cancelled> {
+    let mut sample = Vec::new();
+    for queue in queues {
+        poller.step(queue.len())?;
+        sample.extend(queue.entries().step_by(SAMPLE_SPACING));
+    }
+    sample.sort_unstable();
+    let estimate = count / SAMPLE_SPACING;
+    let mut margin = 1 + sample.len() / SAMPLE_SPACING;
+    loop {
+        // Without a sampled entry on one side, the range is open there.
+        let low = estimate.checked_sub(margin).and_then(|i| sample.get(i));
+        let high = sample.get(estimate + margin);
+        let (mut below, mut within) = (0, Vec::new());
+        for queue in queues {
+            poller.step(queue.len())?;
+            for entry in queue.entries().filter(|entry| high.is_none_or(|high| entry < high)) {
+                if low.is_some_and(|low| entry < *low) {
+                    below += 1;
+                } else {
+                    within.push(entry);
+                }
+            }
+        }
+        match count.checked_sub(below) {
+            Some(rank) if rank < within.len() => return Ok(*within.select_nth_unstable(rank).1),
+            _ => margin *= 4,
+        }
+    }
 }
 
 /// How many vertices each tile of this size may lose in a round.
-fn quotas(queues: &[RemovalQueue], limit: Entry, size: usize) -> Vec<usize> {
-    let below = |queue: &RemovalQueue| queue.entries().filter(|&entry| entry < limit).count();
-    queues.iter().map(|queue| 2 * below(queue) + size / PART_OF_TILE_AT_LEAST).collect()
-}
-
-/// The work of one group in a round.
-struct Task<'t, 'a> {
-    group: Group<'t, 'a>,
-    quotas: &'t mut [usize],
-    /// The vertices removed, in order.
-    removed: Vec<Entry>,
+fn quotas(
+    queues: &[RemovalQueue],
+    limit: Entry,
+    size: usize,
+    poller: &mut Poller<'_>,
+) -> Result<Vec<usize>, Cancelled> {
+    let quota = |queue: &RemovalQueue| {
+        poller.step(queue.len())?;
+        let below = queue.entries().filter(|&entry| entry < limit).count();
+        Ok(2 * below + size / PART_OF_TILE_AT_LEAST)
+    };
+    queues.iter().map(quota).collect()
 }
 
 /// Records what all groups have removed, in the order of the whole.
@@ -126,36 +154,30 @@ fn record_in_order(removed: &[Vec<Entry>], vertices: &Vertices, progress: &mut P
     }
 }
 
-impl Task<'_, '_> {
-    /// Removes, tile after tile, vertices below the limit whose neighbours are all in the group.
-    fn run(
-        &mut self,
-        limit: Entry,
-        progress: &Progress,
-        control: &dyn Control,
-    ) -> Result<(), Cancelled> {
-        let mut removed_before = usize::MAX;
-        // A removal may bring a neighbour in another tile below the limit.
-        while self.removed.len() != removed_before {
-            removed_before = self.removed.len();
-            for (tile, quota) in self.quotas.iter_mut().enumerate() {
-                while *quota > 0
-                    && let Some(removed) = self.group.remove_next(tile, |first| first < limit)
-                {
-                    progress.poll(control)?;
-                    *quota -= 1;
-                    self.removed.push(removed);
-                }
+/// Removes, tile after tile, vertices below the limit whose neighbours are all in the group.
+/// Returns them in order.
+fn remove_below(
+    limit: Entry,
+    group: &mut Group<'_, '_>,
+    quotas: &mut [usize],
+    progress: &Progress,
+    control: &dyn Control,
+) -> Result<Vec<Entry>, Cancelled> {
+    let (mut removed, mut removed_before) = (Vec::new(), usize::MAX);
+    // A removal may bring a neighbour in another tile below the limit.
+    while removed.len() != removed_before {
+        removed_before = removed.len();
+        for (tile, quota) in quotas.iter_mut().enumerate() {
+            while *quota > 0
+                && let Some(entry) = group.remove_next(tile, |first| first < limit)
+            {
+                progress.poll(control)?;
+                *quota -= 1;
+                removed.push(entry);
             }
         }
-        Ok(())
     }
-
-    /// What was removed.
-    fn finish(self) -> Vec<Entry> {
-        self.group.end_waiting();
-        self.removed
-    }
+    Ok(removed)
 }
 
 #[cfg(test)]
@@ -266,13 +288,14 @@ mod tests {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
         let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
-        let Start { queues, .. } = start(&image, &measure, down_to(4), 6, &());
+        let Start { queues, progress, .. } = start(&image, &measure, down_to(4), 6, &());
         assert_eq!(queues.len(), 900_usize.div_ceil(64));
-        for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2)] {
-            let limit = limit(&queues, count);
+        for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2), (895, 64, 0)] {
+            let poller = &mut progress.poller(&());
+            let limit = limit(&queues, count, poller).unwrap();
             let below = |queue: &RemovalQueue| queue.entries().filter(|e| *e < limit).count();
             assert_eq!(queues.iter().map(below).sum::<usize>(), count);
-            let quotas = quotas(&queues, limit, size);
+            let quotas = quotas(&queues, limit, size, poller).unwrap();
             assert!(quotas.iter().zip(&queues).all(|(&q, queue)| q == 2 * below(queue) + least));
         }
     }

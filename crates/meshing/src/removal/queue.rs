@@ -16,6 +16,9 @@ use std::ops::Range;
 /// Children of each node.
 const ARITY: usize = 4;
 
+/// The index of the least entry, the last of the first four siblings.
+const FIRST: usize = ARITY - 1;
+
 /// Stands where there is no entry: after all of them.
 const NO_KEY: u128 = u128::MAX;
 
@@ -47,15 +50,14 @@ impl Entry {
 /// The entries of the four children of a node.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Children([u128; ARITY]);
+struct Siblings([u128; ARITY]);
 
 /// A priority queue of candidates.
 ///
-/// The least entry has index 0; the children of index `i` have the indices `4 i + 1` to `4 i + 4`.
+/// The first three indices are not used, and [`FIRST`] has the least entry. The children of index
+/// `i` have the indices `4 (i - 2)` to `4 (i - 2) + 3`.
 pub(crate) struct RemovalQueue {
-    first: u128,
-    /// The entries of the other indices: the `i`-th element holds the children of index `i`.
-    children: Vec<Children>,
+    siblings: Vec<Siblings>,
     len: usize,
     /// The number of the first vertex that may be in the queue.
     first_vertex: u32,
@@ -66,23 +68,25 @@ pub(crate) struct RemovalQueue {
 impl RemovalQueue {
     /// An empty queue for some of these vertices.
     pub(crate) fn with_capacity(vertices: Range<u32>) -> Self {
-        let children = Vec::with_capacity(vertices.len().div_ceil(ARITY));
+        let mut siblings = Vec::with_capacity(1 + vertices.len().div_ceil(ARITY));
+        siblings.push(Siblings([NO_KEY; ARITY]));
         let indices = vec![0; vertices.len()];
-        Self { first: NO_KEY, children, len: 0, first_vertex: vertices.start, indices }
+        Self { siblings, len: 0, first_vertex: vertices.start, indices }
     }
 
     /// Adds an entry behind all others; [`Self::order`] restores the order of the heap.
     pub(crate) fn push(&mut self, entry: Entry) {
-        if self.len.is_multiple_of(ARITY) {
-            self.children.push(Children([NO_KEY; ARITY]));
+        let index = FIRST + self.len;
+        if index / ARITY == self.siblings.len() {
+            self.siblings.push(Siblings([NO_KEY; ARITY]));
         }
-        self.put(self.len, entry.key());
+        self.put(index, entry.key());
         self.len += 1;
     }
 
     /// Orders the heap.
     pub(crate) fn order(&mut self, poller: &mut Poller<'_>) -> Result<(), Cancelled> {
-        for parent in (0..self.children.len()).rev() {
+        for parent in (FIRST..FIRST + self.siblings.len() - 1).rev() {
             poller.step(ARITY)?;
             self.sift_down(parent, self.at(parent));
         }
@@ -91,13 +95,13 @@ impl RemovalQueue {
 
     /// The vertex whose removal changes the error least.
     pub(crate) fn first(&self) -> Option<Entry> {
-        (self.len > 0).then(|| Entry::from_key(self.first))
+        Some(self.at(FIRST)).filter(|&key| key != NO_KEY).map(Entry::from_key)
     }
 
     /// The vertex after that.
     #[inline]
     pub(crate) fn second(&self) -> Option<Entry> {
-        let Children([a, b, c, d]) = self.children.first()?;
+        let Siblings([a, b, c, d]) = self.siblings.get(1)?;
         Some(*a.min(b).min(c.min(d))).filter(|&key| key != NO_KEY).map(Entry::from_key)
     }
 
@@ -108,8 +112,7 @@ impl RemovalQueue {
 
     /// All entries, in any order.
     pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
-        let others = self.children.iter().flat_map(|Children(keys)| keys);
-        let keys = std::iter::once(&self.first).chain(others);
+        let keys = self.siblings.iter().flat_map(|Siblings(keys)| keys);
         keys.filter(|&&key| key != NO_KEY).map(|&key| Entry::from_key(key))
     }
 
@@ -124,10 +127,9 @@ impl RemovalQueue {
             return;
         }
         self.len -= 1;
-        let last = self.at(self.len);
-        self.set(self.len, NO_KEY);
+        let last = std::mem::replace(self.at_mut(FIRST + self.len), NO_KEY);
         if self.len > 0 {
-            self.sift_down(0, last);
+            self.sift_down(FIRST, last);
         }
     }
 
@@ -145,8 +147,8 @@ impl RemovalQueue {
 
     /// Writes an entry to `index` or above, and moves the greater ancestors passed down.
     fn sift_up(&mut self, mut index: usize, key: u128) {
-        while index > 0 {
-            let parent = (index - 1) / ARITY;
+        while index > FIRST {
+            let parent = index / ARITY + FIRST - 1;
             let above = self.at(parent);
             if above <= key {
                 break;
@@ -159,15 +161,15 @@ impl RemovalQueue {
 
     /// Writes an entry to `index` or below, and moves the least children passed up.
     fn sift_down(&mut self, mut index: usize, key: u128) {
-        while let Some(&Children([a, b, c, d])) = self.children.get(index) {
-            let (first, i) = if b < a { (b, 2) } else { (a, 1) };
-            let (second, j) = if d < c { (d, 4) } else { (c, 3) };
+        while let Some(&Siblings([a, b, c, d])) = self.siblings.get(index + 1 - FIRST) {
+            let (first, i) = if b < a { (b, 1) } else { (a, 0) };
+            let (second, j) = if d < c { (d, 3) } else { (c, 2) };
             let (least, child) = if second < first { (second, j) } else { (first, i) };
             if key <= least {
                 break;
             }
             self.put(index, least);
-            index = ARITY * index + child;
+            index = ARITY * (index + 1 - FIRST) + child;
         }
         self.put(index, key);
     }
@@ -181,24 +183,18 @@ impl RemovalQueue {
     /// The entry at an index.
     #[inline]
     fn at(&self, index: usize) -> u128 {
-        match index.checked_sub(1) {
-            None => self.first,
-            Some(other) => self.children[other / ARITY].0[other % ARITY],
-        }
+        self.siblings[index / ARITY].0[index % ARITY]
     }
 
     #[inline]
-    fn set(&mut self, index: usize, key: u128) {
-        match index.checked_sub(1) {
-            None => self.first = key,
-            Some(other) => self.children[other / ARITY].0[other % ARITY] = key,
-        }
+    fn at_mut(&mut self, index: usize) -> &mut u128 {
+        &mut self.siblings[index / ARITY].0[index % ARITY]
     }
 
     /// Writes an entry to an index.
     #[inline]
     fn put(&mut self, index: usize, key: u128) {
-        self.set(index, key);
+        *self.at_mut(index) = key;
         let offset = self.offset(key as u32);
         self.indices[offset] = index as u32;
     }

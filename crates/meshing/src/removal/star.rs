@@ -1,9 +1,9 @@
 //! The mesh under removal: for each vertex its star, that is its neighbours, counter-clockwise, and
 //! the errors of the faces between them.
 //!
-//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines. Six vertices in a
-//! thousand have more neighbours, or a face whose error needs more than 32 bits: their stars are
-//! spilled to lists.
+//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines. Of a thousand
+//! vertices six have more neighbours, or a face whose error needs more than 32 bits: their stars
+//! are spilled to lists.
 
 use crate::image::Point;
 use crate::triangulation::hole::CAPACITY;
@@ -98,7 +98,8 @@ pub(crate) struct Record {
     pub(crate) fill: FillCache,
     /// Number of neighbours, 0 for a removed vertex, [`SPILLED`] for a spilled star.
     degree: u32,
-    neighbours: [u32; INLINE_CAPACITY],
+    /// The neighbours, 0 for each that is missing.
+    pub(crate) neighbours: [u32; INLINE_CAPACITY],
     /// The error of the face between each neighbour and the next one.
     errors: [u32; INLINE_CAPACITY],
 }
@@ -240,12 +241,6 @@ impl Packed {
         self.spilled.as_ref().map_or(self.record.degree as usize, |star| star.neighbours.len())
     }
 
-    /// The neighbours of an inline star, 0 for each that is missing.
-    #[inline(always)]
-    pub(crate) fn inline_neighbours(&self) -> &[u32; INLINE_CAPACITY] {
-        &self.record.neighbours
-    }
-
     /// The sum of the errors of all faces.
     #[inline(always)]
     pub(crate) fn error(&self) -> u64 {
@@ -279,13 +274,16 @@ pub(crate) struct AllStars {
 
 impl AllStars {
     /// The stars of each group of `tiles` consecutive tiles.
-    pub(crate) fn groups(&mut self, tiles: usize) -> impl Iterator<Item = Stars<'_>> {
+    pub(crate) fn groups(&mut self, tiles: usize) -> impl ExactSizeIterator<Item = Stars<'_>> {
         let Self { vertices, records, spilled } = self;
-        let records = records.chunks_mut(tiles << vertices.digits);
-        let firsts = (0..).step_by(tiles << vertices.digits);
-        let groups = records.zip(spilled.chunks_mut(tiles)).zip(firsts);
-        let vertices: &Vertices = vertices;
-        groups.map(|((records, spilled), first)| Stars { vertices, first, records, spilled })
+        let (vertices, size): (&Vertices, _) = (vertices, tiles << vertices.digits);
+        let groups = records.chunks_mut(size).zip(spilled.chunks_mut(tiles)).enumerate();
+        groups.map(move |(number, (records, spilled))| Stars {
+            vertices,
+            first: (number * size) as u32,
+            records,
+            spilled,
+        })
     }
 
     /// The stars of all tiles.

@@ -1,6 +1,6 @@
 //! What removal starts from: the stars of a triangulation, and the queue of each tile.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, collect};
 use crate::face_error::ErrorEvaluator;
 use crate::image::Image;
 use crate::parallel::in_parallel;
@@ -44,14 +44,10 @@ pub(crate) fn prepare(
     measure.for_each_part(faces.len(), corners, control.threads(), poll, add)?;
     let progress = Progress::new(rule, count, errors.iter().sum());
     let poller = &mut progress.poller(control);
-    let (width, height) = image.sides();
-    let ranks = tile_order(&triangulation.points, width, height, &mut |steps| poller.step(steps))?;
-    let mut points = Vec::with_capacity(count);
-    for &rank in &ranks {
-        poller.step(1)?;
-        points.push(triangulation.points[rank as usize]);
-    }
-    let (right, top) = (width as i32 - 1, height as i32 - 1);
+    let ranks = tile_order(&triangulation.points, image.sides(), poller)?;
+    let in_order = ranks.iter().map(|&rank| triangulation.points[rank as usize]);
+    let points = collect(in_order, || progress.poll(control))?;
+    let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
     let vertices = Vertices { points, ranks, digits, right, top };
     let mut stars = stars_of(&triangulation, vertices, &errors, poller)?;
     drop((triangulation, errors));

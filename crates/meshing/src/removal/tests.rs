@@ -139,9 +139,9 @@ fn polls_between_bounded_steps() {
     let count = width * height;
     // 8,192 faces or first evaluations a poll.
     let measured = 2 * (width - 1) * (height - 1) / 8192 + count / 8192;
-    // Two passes for the order, one each for points, ranks, vertices and the queue; six half-edges
-    // and one star of eight steps a vertex.
-    let steps = (2 + 4 + 6 + 8) * count;
+    // Two passes for the order, one each for points, vertices and the queue; six half-edges and one
+    // star of eight steps a vertex.
+    let steps = (2 + 3 + 6 + 8) * count;
     let polls = recorder.done(Stage::Simplify, 0).len();
     assert!(polls >= measured + steps / POINTS_PER_POLL - 8, "{polls}");
     let recorder = Recorder::default();

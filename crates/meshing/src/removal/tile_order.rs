@@ -5,6 +5,7 @@
 //! Guy Macdonald Morton, "A computer oriented geodetic data base and a new technique in file
 //! sequencing", 1966: consecutive points lie together in the plane.
 
+use crate::control::{Cancelled, Poller};
 use crate::image::Point;
 
 /// Columns and rows of a tile, as a power of two.
@@ -12,17 +13,16 @@ const TILE: u32 = 5;
 
 /// The indices of points that lie within `width` columns and `height` rows, tile by tile, in their
 /// given order within each.
-pub(crate) fn tile_order<E>(
+pub(crate) fn tile_order(
     points: &[Point],
-    width: usize,
-    height: usize,
-    step: &mut impl FnMut(usize) -> Result<(), E>,
-) -> Result<Vec<u32>, E> {
+    (width, height): (usize, usize),
+    poller: &mut Poller<'_>,
+) -> Result<Vec<u32>, Cancelled> {
     let curve = Curve::new((width >> TILE) + 1, (height >> TILE) + 1);
     let tile_of = |p: &Point| curve.index(p.x as usize >> TILE, p.y as usize >> TILE);
     let mut starts = vec![0u32; curve.len + 1];
     for point in points {
-        step(1)?;
+        poller.step(1)?;
         starts[tile_of(point) + 1] += 1;
     }
     for tile in 1..starts.len() {
@@ -30,7 +30,7 @@ pub(crate) fn tile_order<E>(
     }
     let mut order = vec![0; points.len()];
     for (i, point) in (0..).zip(points) {
-        step(1)?;
+        poller.step(1)?;
         let start = &mut starts[tile_of(point)];
         order[*start as usize] = i;
         *start += 1;
@@ -73,12 +73,14 @@ impl Curve {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Stage;
 
     #[test]
     fn keeps_the_points_of_a_tile_together() {
         let points: Vec<Point> =
             (0..70).flat_map(|y| (0..100).map(move |x| Point::new(x, y))).collect();
-        let order = tile_order(&points, 100, 70, &mut |_| Ok::<_, ()>(())).unwrap();
+        let order =
+            tile_order(&points, (100, 70), &mut Poller::new(&(), Stage::Refine, 0, 1)).unwrap();
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert!(sorted.iter().copied().eq(0..7000));

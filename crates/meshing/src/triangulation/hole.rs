@@ -141,8 +141,8 @@ impl SmallFill<'_> {
         }
     }
 
-    /// Fills a quadrilateral, convex or not. Lifted to the paraboloid its points make a tetrahedron,
-    /// whose lower side is the fill; the sign of the in-circle determinant decides which it is.
+    /// Fills a quadrilateral, convex or not. Lifted to the paraboloid, its points are those of a
+    /// tetrahedron, whose lower side is the fill; the in-circle determinant decides which it is.
     #[inline(always)]
     fn fill_quadrilateral(&mut self, [a, b, c, d]: [usize; 4]) {
         let [pa, pb, pc, pd] = [a, b, c, d].map(|at| self.points[at % CAPACITY]);

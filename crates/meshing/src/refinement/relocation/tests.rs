@@ -70,7 +70,7 @@ proptest! {
         let (image, points) = picture(width, height, &samples, &seeds);
         let evaluator = evaluator_of(&image);
         let mut mesh = measured(&evaluator, &image, points.clone());
-        let mut relocation = Relocation::new(&mesh);
+        let mut relocation = Relocation::new(&mesh, &()).unwrap();
         let order = relocation.order.clone();
         relocation.pass(&mut mesh, search, &Cuts::BOTH, &()).unwrap();
         let expected = relocated_by_brute_force(&image, points, &order, search);
@@ -91,7 +91,7 @@ proptest! {
         let new_mesh = || measured(&evaluator, &image, points.clone());
         let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let (mut mesh, mut whole) = (new_mesh(), new_mesh());
-        let mut in_patches = Relocation::new(&mesh);
+        let mut in_patches = Relocation::new(&mesh, &()).unwrap();
         let mut in_turn = in_patches.clone();
         let all = in_turn.order.clone();
         for cuts in Cuts::BOTH {
@@ -209,7 +209,7 @@ fn predicted_search_skips_large_faces_in_dense_meshes() {
         assert_eq!(points.len() * DENSE == width * height, others == 2);
         let is_moved = |search| {
             let mut mesh = measured(&evaluator, &image, points.clone());
-            let mut relocation = Relocation::new(&mesh);
+            let mut relocation = Relocation::new(&mesh, &()).unwrap();
             relocation.pass(&mut mesh, search, &Cuts::BOTH, &()).unwrap();
             !mesh.triangulation.points.contains(&far)
         };
