@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let enough = gains.iter().filter(|gain| **gain >= 1.0).count();
         let (count, beside) = (gains.len(), beside(&sums, e));
         println!(
-            "effort {effort}: {enough} of {count} gain 1 dB, {mean:.3} on average, {least:.3} at least; time{beside}"
+            "effort {effort}: {enough} of {count} gain 1 dB or more, {mean:.3} on average, {least:.3} at least; time{beside}"
         );
     }
     Ok(())
