@@ -12,7 +12,6 @@
 //! | [`access`] | keys, and how many requests each may send |
 //! | [`admission`] | what may run now, what waits, and what is turned away at once |
 //! | [`pool`] | the threads that run tasks, with deadline and cancellation |
-//! | [`decoding`] | pictures from their files, where need be in a process of its own |
 //! | [`pipeline`] | from an upload to the bytes of the answer |
 //! | [`jobs`] | work that is kept until it is done, whatever happens to the process |
 //! | [`digest`] | SHA-256, by which blobs and answers are named |

@@ -130,7 +130,7 @@ impl ThesisTables {
         let results = self.measure(&paths)?;
         if results.pictures(1).next().is_none() {
             let name = self.folder.display().to_string();
-            return Err(ThesisError::NoPictures { name }.into());
+            return Err(ThesisError::NoPictures { name });
         }
         let text = self.print(&Source { results: &results, published: &published });
         Ok(files::write(self.output.as_ref(), text.as_bytes())?)
@@ -147,7 +147,7 @@ impl ThesisTables {
         let Some(path) = &self.published else { return Ok(Published::default()) };
         let bytes = files::read(Some(path))?;
         let (text, name) = (String::from_utf8_lossy(&bytes), path.display().to_string());
-        Ok(Published::read(&text, &name, tables::all_series())?)
+        Published::read(&text, &name, tables::all_series())
     }
 
     /// Makes every mesh.
