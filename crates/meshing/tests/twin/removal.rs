@@ -37,13 +37,13 @@ pub(crate) fn simplify(
     points
 }
 
-/// Removes points that are at least three edges away from every face of several colors, until
+/// Removes points that are at least six edges away from every face of several colors, until
 /// `size` points are left. Those that stay are evenly spread along the rows: pictures are so small
 /// that all points lie in one tile.
 fn remove_featureless(image: &Image, points: &mut Vec<Point>, size: usize) {
     let triangles = triangulate(points);
     let mut near = corners_of_features(image, &triangles);
-    for _ in 0..2 {
+    for _ in 0..5 {
         let reached = triangles.iter().filter(|t| t.iter().any(|p| near.contains(p)));
         near = reached.flatten().copied().collect();
     }
