@@ -150,6 +150,24 @@ impl<'a> Poller<'a> {
     }
 }
 
+/// A control that translates each report before it passes it on.
+pub(crate) struct Translated<'a, F> {
+    pub(crate) control: &'a dyn Control,
+    /// The stage, the steps done and the steps in total, from those reported.
+    pub(crate) translate: F,
+}
+
+impl<F: Fn(Stage, usize, usize) -> (Stage, usize, usize) + Sync> Control for Translated<'_, F> {
+    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+        let (stage, done, total) = (self.translate)(stage, done, total);
+        self.control.poll(stage, done, total)
+    }
+
+    fn threads(&self) -> NonZeroUsize {
+        self.control.threads()
+    }
+}
+
 /// A control with this number of threads.
 #[derive(Clone, Copy, Debug)]
 pub struct OnThreads<C>(pub C, pub NonZeroUsize);

@@ -22,7 +22,7 @@ use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::removal::featureless::remove_featureless;
 use crate::removal::max_error::removals_within;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
-use crate::search::{SearchProgress, bisect_size};
+use crate::search::{bisect_size, count_meshes};
 use crate::triangulation::{Face, Triangulation};
 use std::collections::HashSet;
 
@@ -261,7 +261,7 @@ fn smallest_within(
     let (mut meshes, mut best) = (0, None::<Approximation>);
     let mut mesh_of = |size: usize| {
         let parameters = parameters.clone().target(Target::Size(size));
-        let progress = SearchProgress { control, meshes };
+        let progress = count_meshes(control, meshes);
         progress.poll(Stage::Search, 0, 1)?;
         meshes += 1;
         mesh_image(image, &parameters, &progress).map(|made| (made, meshes))
@@ -270,7 +270,7 @@ fn smallest_within(
     let precision = if parameters.refines() { REFINED_SEARCH_PRECISION } else { usize::MAX };
     bisect_size(all, precision, |size| {
         let (made, meshes) = mesh_of(size)?;
-        let progress = SearchProgress { control, meshes };
+        let progress = count_meshes(control, meshes);
         let keeps = is_within(image, &made, parameters, &progress)?;
         let is_smaller = |best: &Approximation| made.mesh.points().len() < best.mesh.points().len();
         if keeps && best.as_ref().is_none_or(is_smaller) {

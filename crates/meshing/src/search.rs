@@ -4,9 +4,8 @@
 //! The quality of such meshes nearly always grows with their size. The search doubles or halves the
 //! size until the bound lies between two sizes, then bisects.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Control, Stage, Translated};
 use crate::parameters::MIN_SIZE;
-use std::num::NonZeroUsize;
 
 /// The first size tried is this part of the lattice points.
 const FIRST_PART: usize = 64;
@@ -46,21 +45,10 @@ pub(crate) fn bisect_size<E>(
     }
 }
 
-/// A control that reports the meshes made so far, not the stages of each.
-pub(crate) struct SearchProgress<'a> {
-    pub(crate) control: &'a dyn Control,
-    /// Meshes made so far.
-    pub(crate) meshes: usize,
-}
-
-impl Control for SearchProgress<'_> {
-    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
-        self.control.poll(Stage::Search, self.meshes.min(MOST_MESHES), MOST_MESHES)
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        self.control.threads()
-    }
+/// A control that reports the number of meshes made so far, not the stages of each.
+pub(crate) fn count_meshes(control: &dyn Control, made: usize) -> impl Control {
+    let count = (Stage::Search, made.min(MOST_MESHES), MOST_MESHES);
+    Translated { control, translate: move |_, _, _| count }
 }
 
 #[cfg(test)]
@@ -73,6 +61,7 @@ mod tests {
     use crate::parameters::Target;
     use crate::parameters::method::Method;
     use crate::pipeline::{is_within, mesh_image};
+    use std::num::NonZeroUsize;
 
     /// A slope with a disc on it.
     fn slope_with_disc() -> Image {
@@ -118,8 +107,7 @@ mod tests {
         let control = OnThreads(Recorder::default(), NonZeroUsize::MAX);
         let parameters = Method::Preview.parameters(Target::Psnr(30.0));
         mesh_image(&slope_with_disc(), &parameters, &control).unwrap();
-        let progress = SearchProgress { control: &control, meshes: 3 };
-        assert_eq!(progress.threads(), NonZeroUsize::MAX);
+        assert_eq!(count_meshes(&control, 3).threads(), NonZeroUsize::MAX);
         let mut meshes = control.0.done(Stage::Search, MOST_MESHES);
         assert!(meshes.is_sorted());
         meshes.dedup();

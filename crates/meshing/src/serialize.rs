@@ -45,24 +45,17 @@ impl<'de> Deserialize<'de> for Mesh {
 }
 
 /// The parts of weights, row 0 at the bottom.
-#[derive(Serialize, Deserialize)]
-struct WeightsParts<'a> {
+#[derive(Deserialize)]
+struct WeightsParts {
     width: usize,
     height: usize,
-    values: Cow<'a, [u8]>,
-}
-
-impl Serialize for Weights {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let (width, height) = self.size();
-        WeightsParts { width, height, values: self.values().into() }.serialize(serializer)
-    }
+    values: Vec<u8>,
 }
 
 impl<'de> Deserialize<'de> for Weights {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let WeightsParts { width, height, values } = WeightsParts::deserialize(deserializer)?;
-        Self::from_bottom_up(width, height, values.into_owned()).map_err(D::Error::custom)
+        Self::from_bottom_up(width, height, values).map_err(D::Error::custom)
     }
 }
 

@@ -65,7 +65,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
             if !triangulation.holds(to) || boundary.contains(&to) {
                 continue;
             }
-            let change = pixels.predicted_change(&model, to);
+            let change = model.predicted_change(to, pixels.samples_at(to));
             if change < limit {
                 let rank = candidates.partition_point(|better| better.0 <= change);
                 candidates.truncate(count - 1);

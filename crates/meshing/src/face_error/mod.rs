@@ -183,11 +183,8 @@ impl<'e> FaceErrors<'e> {
     }
 
     fn error_of_interpolants(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        if self.evaluator.is_squared() {
-            self.squared_error(corners, limit)
-        } else {
-            self.error_by_pixel(corners)
-        }
+        let is_squared = self.evaluator.is_squared();
+        if is_squared { self.squared_error(corners, limit) } else { self.error_by_pixel(corners) }
     }
 
     fn interpolate_image(&mut self, corners: [Point; 3]) {

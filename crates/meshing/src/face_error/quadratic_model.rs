@@ -13,13 +13,14 @@
 //!
 //! The model is a second-order Taylor polynomial: it is most accurate for short moves. It ranks
 //! candidate positions; the exact error decides on them. Rounded products of 16-bit samples are
-//! therefore good enough. Every machine predicts the same numbers: vectors have eight lanes
-//! everywhere, and each lane does the same operations in the same order.
+//! therefore good enough. As in [`squared`](crate::face_error::squared), every machine predicts the
+//! same numbers.
 
 use crate::face_error::interpolant::Plane;
 use crate::face_error::pixels_of_face::{ROWS, SmallFace};
 use crate::face_error::squared::{LANES, MAX_COMPONENTS, Pixels, Sample};
 use crate::image::Point;
+use crate::triangulation::predicates::orientation;
 use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 
 /// The pixels of an image that the model reads.
@@ -29,8 +30,8 @@ pub(crate) trait ModelPixels {
     /// these faces is not small.
     fn model(&self, vertex: Point, link: &[Point], face_count: usize) -> Option<QuadraticModel>;
 
-    /// The predicted change of the squared error when the vertex moves to another pixel.
-    fn predicted_change(&self, model: &QuadraticModel, to: Point) -> f32;
+    /// The samples of one pixel; those of missing components mean nothing.
+    fn samples_at(&self, p: Point) -> [f32; MAX_COMPONENTS];
 }
 
 impl<T: Sample> ModelPixels for Pixels<T> {
@@ -42,8 +43,10 @@ impl<T: Sample> ModelPixels for Pixels<T> {
         }
     }
 
-    fn predicted_change(&self, model: &QuadraticModel, to: Point) -> f32 {
-        model.change(to, self.samples_at(to))
+    fn samples_at(&self, p: Point) -> [f32; MAX_COMPONENTS] {
+        let at = (p.y as usize * self.width + p.x as usize) * self.stride;
+        let samples = &self.samples[at..at + MAX_COMPONENTS];
+        std::array::from_fn(|c| samples[c].into())
     }
 }
 
@@ -65,9 +68,10 @@ pub(crate) struct QuadraticModel {
 }
 
 impl QuadraticModel {
-    /// The change for a move to a pixel of the samples `after`.
+    /// The predicted change of the squared error when the vertex moves to a pixel of the samples
+    /// `after`.
     #[inline]
-    fn change(&self, to: Point, after: [f32; MAX_COMPONENTS]) -> f32 {
+    pub(crate) fn predicted_change(&self, to: Point, after: [f32; MAX_COMPONENTS]) -> f32 {
         let (x, y) = ((to.x - self.vertex.x) as f32, (to.y - self.vertex.y) as f32);
         let [columns, rows, xx, xy, yy] = self.displacement;
         let alone = columns * x + rows * y + xx * x * x + xy * x * y + yy * y * y;
@@ -114,7 +118,7 @@ impl<T: Sample> Pixels<T> {
             let plane = self.plane::<S, STRIDE>(simd, corners);
             let weight = Weight::new(&plane, corners);
             let moment = self.moment::<S, STRIDE>(&plane, &weight, &face);
-            sums.add(&plane, moment, double_area(corners) / 12.0);
+            sums.add(&plane, moment, orientation(vertex, b, c) as f32 / 12.0);
         }
         Some(sums.model::<STRIDE>(vertex, self.samples_at(vertex)))
     }
@@ -169,28 +173,15 @@ impl<T: Sample> Pixels<T> {
         }
         sum
     }
-
-    /// The samples of one pixel; those of missing components mean nothing.
-    #[inline]
-    fn samples_at(&self, p: Point) -> [f32; MAX_COMPONENTS] {
-        let at = (p.y as usize * self.width + p.x as usize) * self.stride;
-        let samples = &self.samples[at..at + MAX_COMPONENTS];
-        std::array::from_fn(|c| samples[c].into())
-    }
-}
-
-/// Twice the area of a small face.
-#[inline(always)]
-fn double_area([a, b, c]: [Point; 3]) -> f32 {
-    ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)) as f32
 }
 
 impl<S: Simd> Weight<S> {
     #[inline(always)]
     fn new(plane: &Plane<S>, corners: [Point; 3]) -> Self {
-        let [_, b, c] = corners;
-        let per_column = (b.y - c.y) as f32 / double_area(corners);
-        let per_row = -((b.x - c.x) as f32) / double_area(corners);
+        let [a, b, c] = corners;
+        let double_area = orientation(a, b, c) as f32;
+        let per_column = (b.y - c.y) as f32 / double_area;
+        let per_row = (c.x - b.x) as f32 / double_area;
         Self { at_a: plane.offsets.to_float::<f32x8<S>>() * per_column + 1.0, per_column, per_row }
     }
 }
@@ -263,7 +254,6 @@ mod tests {
     use super::*;
     use crate::face_error::pixels_of_face::for_each_row;
     use crate::image::Image;
-    use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
 
     /// The change of the module's first paragraph, pixel by pixel.
@@ -321,7 +311,7 @@ mod tests {
             let wide = Pixels::<u16>::new(&image).unwrap();
             let predicted = |pixels: &dyn ModelPixels| {
                 let model = pixels.model(vertex, &link, link.len()).unwrap();
-                pixels.predicted_change(&model, to)
+                model.predicted_change(to, pixels.samples_at(to))
             };
             let found = predicted(&wide);
             let expected = change_by_definition(&image, vertex, &link, to);

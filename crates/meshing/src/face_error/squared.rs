@@ -1,18 +1,15 @@
 //! The squared error of small faces over samples of up to 8 bits, all components at once.
 //!
-//! A vector has eight lanes: eight pixels of one component, four of two, or two of three or four.
 //! [`Plane`] proves that 32-bit floating point computes the rounded interpolants exactly. Sums of
 //! squares are exact below 2^24; they leave the lanes before 257 pixels are in one.
 //!
 //! The program chooses the instructions of its machine as it runs; on all of them each lane does
 //! the same operations in the same order.
 
-use crate::face_error::interpolant::{PLANE_PRECISION, Plane};
+use crate::face_error::interpolant::Plane;
 use crate::face_error::pixels_of_face::{MAX_EXTENT, ROWS, SmallFace, for_each_row};
 use crate::image::{Image, Point};
-use fearless_simd::{
-    Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u16x8, u32x4,
-};
+use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u16x8};
 
 /// Lanes of a vector.
 pub(crate) const LANES: usize = 8;
@@ -31,50 +28,34 @@ const _: () = assert!((MAX_EXTENT as usize * MAX_COMPONENTS / LANES + 1) * ROWS 
 
 /// A sample as [`Pixels`] stores it.
 pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
-    /// Bits of a sample.
-    const PRECISION: u8;
-
-    /// A sample of at most [`PRECISION`](Self::PRECISION) bits.
+    /// A sample that has no more bits than this type.
     fn of(sample: u16) -> Self;
 
     /// The first eight of at least [`SAMPLES_READ`] samples.
     fn first<S: Simd>(simd: S, samples: &[Self]) -> f32x8<S>;
 
     /// The samples of the first pixel, repeated.
-    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S>;
+    #[inline(always)]
+    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
+        let samples = &samples[..STRIDE];
+        f32x8::simd_from(simd, std::array::from_fn(|lane| samples[lane % STRIDE].into()))
+    }
 }
 
 impl Sample for u8 {
-    const PRECISION: u8 = PLANE_PRECISION;
-
-    #[inline(always)]
     fn of(sample: u16) -> Self {
         sample as u8
     }
 
     #[inline(always)]
     fn first<S: Simd>(simd: S, samples: &[Self]) -> f32x8<S> {
-        first_bytes(u8x16::from_slice(simd, &samples[..SAMPLES_READ]))
-    }
-
-    #[inline(always)]
-    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
-        if STRIDE == 1 {
-            return f32x8::splat(simd, samples[0].into());
-        }
-        let mut bytes = [0; 4];
-        bytes[..STRIDE].copy_from_slice(&samples[..STRIDE]);
-        let repetitions = u32::MAX / (u32::MAX >> (32 - 8 * STRIDE));
-        let samples = u32::from_le_bytes(bytes) * repetitions;
-        first_bytes(u32x4::splat(simd, samples).to_bytes())
+        let (first, second) = u8x16::from_slice(simd, &samples[..SAMPLES_READ]).widen().0.widen();
+        first.combine(second).to_float()
     }
 }
 
 /// Only the quadratic model reads 16-bit samples.
 impl Sample for u16 {
-    const PRECISION: u8 = 16;
-
-    #[inline(always)]
     fn of(sample: u16) -> Self {
         sample
     }
@@ -84,19 +65,6 @@ impl Sample for u16 {
         let (first, second) = u16x8::from_slice(simd, &samples[..LANES]).widen();
         first.combine(second).to_float()
     }
-
-    #[inline(always)]
-    fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
-        let samples = &samples[..STRIDE];
-        f32x8::simd_from(simd, std::array::from_fn(|lane| f32::from(samples[lane % STRIDE])))
-    }
-}
-
-/// The first eight bytes as numbers.
-#[inline(always)]
-fn first_bytes<S: Simd>(bytes: u8x16<S>) -> f32x8<S> {
-    let (first, second) = bytes.widen().0.widen();
-    first.combine(second).to_float()
 }
 
 /// An image of up to [`MAX_COMPONENTS`] components, the samples of each pixel side by side.
@@ -112,7 +80,8 @@ pub(crate) struct Pixels<T = u8> {
 impl<T: Sample> Pixels<T> {
     /// The pixels of an image; `None` when it has more components or bits.
     pub(crate) fn new(image: &Image) -> Option<Self> {
-        if image.precision() > T::PRECISION || image.component_count() > MAX_COMPONENTS {
+        let bits = 8 * size_of::<T>();
+        if usize::from(image.precision()) > bits || image.component_count() > MAX_COMPONENTS {
             return None;
         }
         let stride = image.component_count().next_power_of_two();

@@ -147,8 +147,8 @@ impl RowSums {
             };
             components.push(running_sums(samples.len(), width, (0, 0), &mut poll, add)?);
         }
-        let weighted_shift = || ErrorMetric::MeanCompSe.weighted_shift(image.precision());
-        let shift = if weights.is_some() { weighted_shift() } else { 0 };
+        let metric = ErrorMetric::MeanCompSe;
+        let shift = weights.map_or(0, |_| metric.weighted_shift(image.precision()));
         Ok(Self { stride: width + 1, weights: of_weights, components, shift })
     }
 

@@ -194,10 +194,8 @@ impl Mesh {
         for &v in self.faces.iter().flatten() {
             is_used[v as usize] = true;
         }
-        match is_used.iter().position(|&is_used| !is_used) {
-            Some(vertex) => Err(MeshError::VertexUnused { vertex }),
-            None => Ok(()),
-        }
+        let unused = is_used.iter().position(|&is_used| !is_used);
+        unused.map_or(Ok(()), |vertex| Err(MeshError::VertexUnused { vertex }))
     }
 
     /// Indices in range, faces counter-clockwise. Returns twice the sum of their areas.

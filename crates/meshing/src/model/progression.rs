@@ -5,7 +5,7 @@
 //! determine the preferred-directions Delaunay triangulation. So one order holds the meshes of all
 //! sizes, each costs one triangulation, and their squared errors are known.
 
-use crate::control::{Cancelled, Control, Stage, collect};
+use crate::control::{Cancelled, Control, Stage, Translated, collect};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::error::MeshingError;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
@@ -18,7 +18,6 @@ use crate::quality::fidelity::Fidelity;
 use crate::removal::featureless::remove_featureless;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::triangulation::Triangulation;
-use std::num::NonZeroUsize;
 use thiserror::Error;
 
 /// The vertices of a mesh, the most important first: the corners by row, then column, then the
@@ -91,7 +90,7 @@ impl Progression {
         ShapeMismatch::check(image.shape(), shape)?;
         parameters.check_components(shape.component_count)?;
         parameters.check_weights((shape.width, shape.height))?;
-        let control = &Ordering(control);
+        let control = &report_as_ordering(control);
         let vertices = sorted_points(mesh.points(), &|| control.poll(Stage::Order, 0, 1))?;
         let sorted: Vec<Point> = vertices.iter().map(|&(point, _)| point).collect();
         let (removals, squared_error) = remove_all(image, sorted.clone(), parameters, control)?;
@@ -185,11 +184,8 @@ impl Progression {
 
     fn check_size(&self, size: usize) -> Result<(), ProgressionError> {
         let most = self.points.len();
-        if (MIN_SIZE..=most).contains(&size) {
-            Ok(())
-        } else {
-            Err(ProgressionError::Size { size, most })
-        }
+        let is_in_range = (MIN_SIZE..=most).contains(&size);
+        if is_in_range { Ok(()) } else { Err(ProgressionError::Size { size, most }) }
     }
 
     /// The mesh of the `size` most important vertices, by row, then column: the one that greedy
@@ -261,21 +257,13 @@ fn measured_errors(
 }
 
 /// A control that reports all work as the stage of ordering, of which removal takes most.
-struct Ordering<'a>(&'a dyn Control);
-
-impl Control for Ordering<'_> {
-    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
-        let done = match stage {
-            Stage::Simplify => done,
-            Stage::Measure => total,
-            _ => 0,
-        };
-        self.0.poll(Stage::Order, done, total)
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        self.0.threads()
-    }
+fn report_as_ordering(control: &dyn Control) -> impl Control {
+    let translate = |stage, done, total| match stage {
+        Stage::Simplify => (Stage::Order, done, total),
+        Stage::Measure => (Stage::Order, total, total),
+        _ => (Stage::Order, 0, total),
+    };
+    Translated { control, translate }
 }
 
 #[cfg(test)]
@@ -286,6 +274,7 @@ mod tests {
     use crate::parameters::{InitialSize, Method, Target, Weights};
     use crate::pipeline::mesh_image;
     use proptest::prelude::*;
+    use std::num::NonZeroUsize;
 
     /// An image of shapes and noise.
     fn picture(side: usize, component_count: usize) -> Image {
@@ -400,11 +389,10 @@ mod tests {
     #[test]
     fn reports_all_work_as_ordering() {
         let control = OnThreads(Recorder::default(), NonZeroUsize::MAX);
-        let ordering = Ordering(&control);
         for (stage, done) in [(Stage::Triangulate, 2), (Stage::Simplify, 3), (Stage::Measure, 4)] {
-            ordering.poll(stage, done, 9).unwrap();
+            report_as_ordering(&control).poll(stage, done, 9).unwrap();
         }
-        assert_eq!(ordering.threads(), NonZeroUsize::MAX);
+        assert_eq!(report_as_ordering(&control).threads(), NonZeroUsize::MAX);
         assert_eq!(control.0.done(Stage::Order, 9), [0, 3, 9]);
     }
 }

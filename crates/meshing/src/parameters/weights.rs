@@ -18,6 +18,7 @@ use std::sync::Arc;
 /// # Ok::<(), pixmesh_meshing::ImageError>(())
 /// ```
 #[derive(Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Weights {
     width: usize,
     height: usize,

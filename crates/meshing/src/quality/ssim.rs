@@ -38,7 +38,8 @@ pub fn structural_similarity(
         return Ok(None);
     }
     let total = first.component_count() * height;
-    let index = Index::new(first.precision());
+    let c1 = (0.01 * f64::from(largest_sample(first.precision()))).powi(2);
+    let index = Index { c1, c2: variance_constant(first.precision()) };
     let mut sum = 0.0;
     for c in 0..first.component_count() {
         let mut window = GaussianWindow::new(SIDE, width);
@@ -66,11 +67,6 @@ struct Index {
 }
 
 impl Index {
-    fn new(precision: u8) -> Self {
-        let c1 = (0.01 * f64::from(largest_sample(precision))).powi(2);
-        Self { c1, c2: variance_constant(precision) }
-    }
-
     /// The index of a window from its means of [`fields`].
     fn of(&self, [a, b, aa, bb, ab]: [f64; 5]) -> f64 {
         let (variance_a, variance_b, covariance) = (aa - a * a, bb - b * b, ab - a * b);
