@@ -121,7 +121,7 @@ pub(crate) fn sort<T: Ord + Copy>(
     sort(upper, poll)
 }
 
-/// Polls a control once in [`POINTS_PER_POLL`] steps of a stage.
+/// Polls a control once in [`POINTS_PER_POLL`] steps.
 pub(crate) struct Poller<'a> {
     control: &'a dyn Control,
     stage: Stage,

@@ -35,25 +35,22 @@ impl From<&Image> for DynamicImage {
     /// are gray and alpha, three RGB, four RGBA; of more than four the first three are taken.
     fn from(image: &Image) -> Self {
         let (width, height) = (image.width() as u32, image.height() as u32);
-        let channels = match image.component_count() {
-            count @ (1 | 2 | 4) => count,
-            _ => 3,
-        };
-        macro_rules! pixels {
-            ($pixel:ident, $max:expr) => {
-                ImageBuffer::from_fn(width, height, |x, y| $pixel(samples(image, x, y, $max)))
-                    .into()
+        macro_rules! picture {
+            ($pixel:ident) => {
+                if image.precision() <= 8 {
+                    let pixel = |x, y| $pixel(samples(image, x, y, u8::MAX));
+                    ImageBuffer::from_fn(width, height, pixel).into()
+                } else {
+                    let pixel = |x, y| $pixel(samples(image, x, y, u16::MAX));
+                    ImageBuffer::from_fn(width, height, pixel).into()
+                }
             };
         }
-        match (channels, image.precision() <= 8) {
-            (1, true) => pixels!(Luma, u8::MAX),
-            (2, true) => pixels!(LumaA, u8::MAX),
-            (4, true) => pixels!(Rgba, u8::MAX),
-            (_, true) => pixels!(Rgb, u8::MAX),
-            (1, false) => pixels!(Luma, u16::MAX),
-            (2, false) => pixels!(LumaA, u16::MAX),
-            (4, false) => pixels!(Rgba, u16::MAX),
-            (_, false) => pixels!(Rgb, u16::MAX),
+        match image.component_count() {
+            1 => picture!(Luma),
+            2 => picture!(LumaA),
+            4 => picture!(Rgba),
+            _ => picture!(Rgb),
         }
     }
 }
@@ -72,15 +69,12 @@ fn of_channels<T: Copy + Into<u16>>(
 /// The first samples of a pixel whose row counts from the top, scaled to 0 to `largest`.
 fn samples<T, const N: usize>(image: &Image, x: u32, y: u32, largest: T) -> [T; N]
 where
-    T: Copy + Into<u32> + TryFrom<u32>,
+    T: Copy + Into<u64> + TryFrom<u64>,
 {
-    let row = image.height() - 1 - y as usize;
-    let of = u32::from(image.max_sample());
+    let (row, of) = (image.height() - 1 - y as usize, u64::from(image.max_sample()));
     std::array::from_fn(|c| {
-        let sample = u32::from(image.sample(c, x as usize, row));
-        let scaled =
-            (u64::from(sample) * u64::from(largest.into()) + u64::from(of / 2)) / u64::from(of);
-        T::try_from(scaled as u32).unwrap_or(largest)
+        let sample = u64::from(image.sample(c, x as usize, row));
+        T::try_from((sample * largest.into() + of / 2) / of).unwrap_or(largest)
     })
 }
 

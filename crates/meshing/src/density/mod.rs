@@ -169,14 +169,11 @@ fn is_flat(image: &Image, control: &dyn Control) -> Result<bool, Cancelled> {
 fn maximum(values: &[f64]) -> f64 {
     let (chunks, rest) = values.as_chunks::<16>();
     let mut lanes = [0.0; 16];
-    for chunk in chunks {
-        maximise(&mut lanes, chunk);
-    }
+    chunks.iter().for_each(|chunk| maximise(&mut lanes, chunk));
     lanes.iter().chain(rest).copied().fold(0.0, f64::max)
 }
 
 /// Replaces each value by the other row's if that is larger; none is NaN.
-#[inline]
 fn maximise(row: &mut [f64], values: &[f64]) {
     row.iter_mut().zip(values).for_each(|(a, &b)| *a = if b > *a { b } else { *a });
 }

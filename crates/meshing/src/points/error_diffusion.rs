@@ -181,7 +181,7 @@ impl<'a> Diffusion<'a> {
         }
     }
 
-    /// One pass over every field for each threshold; returns how many points each one chose.
+    /// The passes of all thresholds, in groups; returns how many points each one chose.
     fn run(&mut self, thresholds: &[f64]) -> Result<Vec<usize>, Cancelled> {
         let mut chosen = std::mem::take(&mut self.chosen);
         let this = &*self;
@@ -196,7 +196,8 @@ impl<'a> Diffusion<'a> {
         result.map(|()| counts.concat())
     }
 
-    /// One pass over every field for each threshold of a group, fifteen at most.
+    /// One pass over every field for each threshold of a group, fifteen at most; returns how many
+    /// points each one chose.
     fn run_group(
         &self,
         thresholds: &[f64],
@@ -219,7 +220,15 @@ impl<'a> Diffusion<'a> {
                 })?;
             }
         }
-        self.counts_of_lanes(chosen, thresholds.len(), control)
+        let (mut poller, mut counts) = (self.poller(control), vec![0; thresholds.len()]);
+        // In 16 bits a lane counts up to 2^16 - 1 points.
+        for chunk in chosen.chunks(usize::from(u16::MAX)) {
+            poller.step(chunk.len())?;
+            for (lane, count) in counts.iter_mut().enumerate() {
+                *count += usize::from(chunk.iter().map(|bits| bits >> lane & 1).sum::<u16>());
+            }
+        }
+        Ok(counts)
     }
 
     /// One pass over one field, adding its points to those chosen.
@@ -248,24 +257,6 @@ impl<'a> Diffusion<'a> {
             std::mem::swap(&mut row, &mut above);
         }
         Ok(())
-    }
-
-    /// How many points each of the first `lanes` thresholds chose.
-    fn counts_of_lanes(
-        &self,
-        chosen: &[u16],
-        lanes: usize,
-        control: &dyn Control,
-    ) -> Result<Vec<usize>, Cancelled> {
-        let (mut poller, mut counts) = (self.poller(control), vec![0; lanes]);
-        // In 16 bits a lane counts up to 2^16 - 1 points.
-        for chunk in chosen.chunks(usize::from(u16::MAX)) {
-            poller.step(chunk.len())?;
-            for (lane, count) in counts.iter_mut().enumerate() {
-                *count += usize::from(chunk.iter().map(|bits| bits >> lane & 1).sum::<u16>());
-            }
-        }
-        Ok(counts)
     }
 
     /// 1 for each lattice point that a threshold of the last pass chose, 0 for the others.

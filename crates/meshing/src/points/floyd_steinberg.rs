@@ -2,11 +2,10 @@
 //!
 //! Robert W. Floyd and Louis Steinberg, "An adaptive algorithm for spatial greyscale", 1976.
 //!
-//! Each point depends on the point before it, which takes some nanoseconds whatever the width of
-//! vectors. So a row is diffused for several thresholds at once, side by side in the lanes of
-//! vectors: fifteen take little longer than one. All lanes do the same operations in the same
-//! order, so the results are the same to the last bit for any number of thresholds. Both outcomes
-//! of a decision are computed before it is taken, which shortens the dependence.
+//! Each point depends on the point before it, whatever the width of vectors. So a row is diffused
+//! for several thresholds at once, in the lanes of vectors: fifteen take little longer than one. All
+//! lanes do the same operations in the same order, so the results do not depend on their number.
+//! Both outcomes of a decision are computed before it is taken, which shortens the dependence.
 
 use crate::control::{Cancelled, Poller};
 use fearless_simd::{Simd, prelude::*};

@@ -17,7 +17,11 @@ pub(super) fn triangulate(points: &[Point], control: &dyn Control) -> Result<Hal
     if points.len() < 3 {
         return Ok((Vec::new(), Vec::new()));
     }
-    let mut subdivision = Subdivision::new(points, control);
+    // There are fewer than three edges a point.
+    let [origins, following, preceding] = [0; 3].map(|_| Vec::with_capacity(6 * points.len()));
+    let poller = Poller::new(control, Stage::Triangulate, 0, points.len());
+    let mut subdivision =
+        Subdivision { points, poller, origins, following, preceding, free: Vec::new() };
     let (hull, _) = subdivision.triangulate(0, points.len() as u32)?;
     subdivision.into_triangles(hull)
 }
@@ -40,15 +44,7 @@ struct Subdivision<'a> {
     free: Vec<u32>,
 }
 
-impl<'a> Subdivision<'a> {
-    fn new(points: &'a [Point], control: &'a dyn Control) -> Self {
-        // There are fewer than three edges a point.
-        let most = 6 * points.len();
-        let [origins, following, preceding] = [0; 3].map(|_| Vec::with_capacity(most));
-        let poller = Poller::new(control, Stage::Triangulate, 0, points.len());
-        Self { points, poller, origins, following, preceding, free: Vec::new() }
-    }
-
+impl Subdivision<'_> {
     /// Triangulates the points of a range.
     fn triangulate(&mut self, from: u32, to: u32) -> Result<Extremes, Cancelled> {
         self.poller.done = to.min(from + 3) as usize;
@@ -158,49 +154,40 @@ impl<'a> Subdivision<'a> {
         }
     }
 
-    #[inline]
     fn point(&self, vertex: u32) -> Point {
         self.points[vertex as usize]
     }
 
-    #[inline]
     fn origin(&self, e: u32) -> u32 {
         self.origins[e as usize]
     }
 
-    #[inline]
     fn destination(&self, e: u32) -> u32 {
         self.origins[e as usize ^ 1]
     }
 
-    #[inline]
     fn following(&self, e: u32) -> u32 {
         self.following[e as usize]
     }
 
-    #[inline]
     fn preceding(&self, e: u32) -> u32 {
         self.preceding[e as usize]
     }
 
     /// The half-edge after `e` around the face at its left.
-    #[inline]
     fn following_at_left(&self, e: u32) -> u32 {
         self.preceding(e ^ 1)
     }
 
-    #[inline]
     fn is_left_of(&self, vertex: u32, e: u32) -> bool {
         let [p, q, r] = [vertex, self.origin(e), self.destination(e)].map(|v| self.point(v));
         orientation(p, q, r) > 0
     }
 
-    #[inline]
     fn is_right_of(&self, vertex: u32, e: u32) -> bool {
         self.is_left_of(vertex, e ^ 1)
     }
 
-    #[inline]
     fn in_circle(&self, a: u32, b: u32, c: u32, d: u32) -> bool {
         in_circle(self.point(a), self.point(b), self.point(c), self.point(d))
     }
@@ -223,7 +210,6 @@ impl<'a> Subdivision<'a> {
     }
 
     /// Joins the rings of two half-edges; splits their ring if they share one.
-    #[inline]
     fn splice(&mut self, a: u32, b: u32) {
         let (after_a, after_b) = (self.following(a), self.following(b));
         self.following[a as usize] = after_b;

@@ -6,9 +6,8 @@
 //! next to the point are filled, which saves flips later. After the last row the other pockets are
 //! filled.
 //!
-//! In pictures a point takes less than one flip on average. Other points make almost every
-//! insertion flip the edges to almost all points, so the number of flips is bounded: above the
-//! bound the sweep ends without a result.
+//! In pictures a point takes less than one flip on average, but some points make almost every
+//! insertion flip almost all edges. Above a number of flips the sweep ends without a result.
 
 use crate::control::{Cancelled, Control};
 use crate::image::Point;
@@ -79,13 +78,11 @@ impl<'a> Sweep<'a> {
     }
 
     /// The vertex of the front in a column.
-    #[inline]
     fn vertex(&self, column: u32) -> u32 {
         self.front.node(column).vertex
     }
 
     /// The triangle's half-edge at the front's edge from a column to the next vertex.
-    #[inline]
     fn below(&self, column: u32) -> u32 {
         self.triangles.twin(self.triangles.outer(column))
     }
@@ -144,7 +141,6 @@ impl<'a> Sweep<'a> {
     }
 
     /// The pocket that begins with the vertex of a column and extends to one side.
-    #[inline]
     fn pocket(&self, column: u32, side: usize) -> Option<Pocket> {
         let bottom = self.front.node(column).neighbours[side];
         if bottom == NONE {
@@ -157,7 +153,6 @@ impl<'a> Sweep<'a> {
 
     /// Whether the angle of a pocket, measured above its middle vertex, is below 108 degrees. The
     /// result depends on no such angle, only the number of flips does.
-    #[inline]
     fn is_narrow(&self, pocket: Pocket) -> bool {
         let [left, bottom, right] = self.points(pocket);
         let (lx, ly) = (i64::from(left.x - bottom.x), i64::from(left.y - bottom.y));
@@ -166,7 +161,6 @@ impl<'a> Sweep<'a> {
         sine > 0 && 3 * cosine + sine > 0
     }
 
-    #[inline]
     fn points(&self, pocket: Pocket) -> [Point; 3] {
         pocket.map(|column| self.triangles.point(self.vertex(column)))
     }
