@@ -146,7 +146,7 @@ fn reduce(
     let (errors, sides) = (FaceErrors::new(&evaluator), guided.image.sides());
     let mut mesh = MeasuredMesh::new(reduced.points, sides, errors, Stage::Refine, control)?;
     let SortedMesh { points, faces, .. } = refine(&mut mesh, effort, control)?;
-    let squared_error = guided.has_squared_errors().then_some(mesh.total_error());
+    let squared_error = guided.has_squared_errors().then_some(mesh.triangulation.total_error);
     Ok(Reduced { points, faces, removals: reduced.removals, squared_error })
 }
 

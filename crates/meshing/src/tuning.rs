@@ -26,7 +26,7 @@ mod refinement {
             .map(|effort| {
                 let mut mesh = measured(&measure, &image, scattered());
                 refine(&mut mesh, effort, &()).unwrap();
-                mesh.total_error()
+                mesh.triangulation.total_error
             })
             .collect();
         assert_eq!(
@@ -48,7 +48,7 @@ mod refinement {
             let measure = if has_model { evaluator.with_model() } else { evaluator };
             let mut mesh = measured(&measure, &image, scattered());
             refine(&mut mesh, 1, &()).unwrap();
-            mesh.total_error()
+            mesh.triangulation.total_error
         });
         assert_eq!(errors, [209_397_316, 200_138_860]);
     }

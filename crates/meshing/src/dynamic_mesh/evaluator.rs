@@ -19,15 +19,6 @@ pub(crate) struct Evaluator<M> {
     pub(super) errors: Vec<u64>,
 }
 
-/// A vertex whose star is filled while positions for it are tried.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Detached {
-    /// Number of triangles of the fill, which have the first slots of the star.
-    pub(super) fill_count: usize,
-    /// Sum of the errors of the faces that the vertex had.
-    pub(super) error: u64,
-}
-
 /// A change would reach beyond the boundary of the patch.
 pub(super) struct LeavesPatch;
 
@@ -76,18 +67,17 @@ impl<M: FaceMeasure> Evaluator<M> {
         hint: u32,
         limit: i64,
     ) -> Option<i64> {
-        let change = self.fan_change(triangulation, at, hint, Detached::default(), limit);
-        change.ok().flatten()
+        self.fan_change(triangulation, at, hint, None, limit).ok().flatten()
     }
 
-    /// The same for a detached vertex, against the error before it was detached. Errors of its fill
-    /// do not count.
+    /// The same for a detached vertex whose faces had the error `detached`, against the error
+    /// before it was detached. Errors of its fill do not count.
     pub(super) fn fan_change(
         &mut self,
         triangulation: &DynamicTriangulation,
         at: Point,
         hint: u32,
-        detached: Detached,
+        detached: Option<u64>,
         limit: i64,
     ) -> Result<Option<i64>, LeavesPatch> {
         let Self { measure, star, cavity, faces, errors, .. } = self;
@@ -99,10 +89,10 @@ impl<M: FaceMeasure> Evaluator<M> {
         if cavity.touches_patch_boundary() {
             return Err(LeavesPatch);
         }
-        let fill = &star.triangles[..detached.fill_count];
+        let fill = detached.map_or(&[][..], |_| star.fill());
         let replaced = cavity.triangles.iter().filter(|slot| !fill.contains(slot));
         let replaced_error: u64 = replaced.map(|&slot| triangulation.face_error(slot)).sum();
-        let before = detached.error + replaced_error;
+        let before = detached.unwrap_or(0) + replaced_error;
         faces.clear();
         let point = |v: u32| triangulation.points[v as usize];
         faces.extend(cavity.edges().map(|(from, to)| [point(from), point(to), at]));

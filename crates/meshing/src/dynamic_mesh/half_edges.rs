@@ -82,6 +82,11 @@ impl Link {
         found.map_or(NONE, |i| self.last_sides[i].2)
     }
 
+    /// The slots that the triangles of a fill of the link of a vertex take.
+    pub(super) fn fill(&self) -> &[u32] {
+        &self.triangles[..self.vertices.len() - 2]
+    }
+
     /// Whether an edge is on the boundary of a patch.
     pub(crate) fn touches_patch_boundary(&self) -> bool {
         self.outer.contains(&PATCH_BOUNDARY)
@@ -421,16 +426,10 @@ impl DynamicTriangulation {
         for (rank, &(_, v)) in (0..).zip(&vertices) {
             ranks[v as usize] = rank;
         }
-        let (mut faces, mut star) = (Vec::new(), Link::default());
-        for (rank, &(_, v)) in (0..).zip(&vertices) {
-            poll_at(rank as usize, control)?;
-            self.star(v, &mut star);
-            let ranked = |&slot: &u32| self.vertices_of(slot).map(|v| ranks[v as usize]);
-            let around = star.triangles.iter().map(|slot| smallest_first(ranked(slot)));
-            let first = faces.len();
-            faces.extend(around.filter(|face| face[0] == rank));
-            faces[first..].sort_unstable();
-        }
+        let used = (0..self.slot_count() as u32).filter(|&slot| self.is_used(slot));
+        let ranked = used.map(|slot| self.vertices_of(slot).map(|v| ranks[v as usize]));
+        let mut faces: Vec<Face> = ranked.map(smallest_first).collect();
+        sort(&mut faces, &|| control.poll(Stage::Refine, 0, 1))?;
         let (points, order) = vertices.into_iter().unzip();
         Ok(SortedMesh { points, faces, order })
     }

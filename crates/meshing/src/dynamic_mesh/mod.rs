@@ -9,14 +9,13 @@ pub(crate) mod half_edges;
 pub(crate) mod moves;
 pub(crate) mod patches;
 
-use crate::control::{Cancelled, Control, Stage};
-use crate::dynamic_mesh::evaluator::{Detached, Evaluator};
+use crate::control::{Cancelled, Control, Stage, Translated};
+use crate::dynamic_mesh::evaluator::Evaluator;
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::parallel::share_out;
 use crate::triangulation::{NONE, Triangulation};
-use std::num::NonZeroUsize;
 
 /// Changes that a thread evaluates at a time: some 0.3 ms.
 const CHANGES_PER_SHARE: usize = 64;
@@ -35,8 +34,7 @@ pub(crate) struct MeasuredMesh<M> {
 #[derive(Default)]
 struct TentativeMove {
     vertex: u32,
-    detached: Detached,
-    /// Errors of the faces that the vertex had.
+    /// Errors of the faces that the vertex had before it was detached.
     errors_before: Vec<u64>,
     /// The cavity of the best position so far, and the errors of its fan.
     best_cavity: Link,
@@ -53,7 +51,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         stage: Stage,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let control = BeginningOf { control, stage };
+        let control = Translated { control, translate: |_, _, _| (stage, 0, 1) };
         let triangulation = Triangulation::new(points, &control)?;
         let triangulation = DynamicTriangulation::new(triangulation, size, &control)?;
         let slots: Vec<u32> = (0..triangulation.slot_count() as u32).collect();
@@ -71,11 +69,6 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     fn of_parts(triangulation: DynamicTriangulation, measure: M) -> Self {
         let (evaluator, tentative) = (Evaluator::new(measure), TentativeMove::default());
         Self { triangulation, evaluator, fan: Vec::new(), tentative }
-    }
-
-    /// The sum of the errors of all faces.
-    pub(crate) fn total_error(&self) -> u64 {
-        self.triangulation.total_error
     }
 
     /// Whether a model predicts the change of the error when a vertex moves.
@@ -140,21 +133,5 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     /// The neighbours of the last vertex inserted or moved.
     pub(crate) fn new_link(&self) -> &[u32] {
         &self.evaluator.cavity.vertices
-    }
-}
-
-/// A control that reports each poll as the beginning of one stage.
-struct BeginningOf<'a> {
-    control: &'a dyn Control,
-    stage: Stage,
-}
-
-impl Control for BeginningOf<'_> {
-    fn poll(&self, _: Stage, _: usize, _: usize) -> Result<(), Cancelled> {
-        self.control.poll(self.stage, 0, 1)
-    }
-
-    fn threads(&self) -> NonZeroUsize {
-        self.control.threads()
     }
 }

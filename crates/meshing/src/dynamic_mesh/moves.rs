@@ -4,7 +4,7 @@
 //! face of the fill is measured only where it would stay, and at most once. The move is then
 //! committed at the best position, where the errors of the faces are known, or rolled back.
 
-use crate::dynamic_mesh::evaluator::{Detached, Evaluator, LeavesPatch};
+use crate::dynamic_mesh::evaluator::{Evaluator, LeavesPatch};
 use crate::dynamic_mesh::{MeasuredMesh, TentativeMove};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
@@ -123,8 +123,7 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         tentative.errors_before.clear();
         let errors = star.triangles.iter().map(|&slot| triangulation.face_error(slot));
         tentative.errors_before.extend(errors);
-        let (fill, error) = (filler.fill(boundary), tentative.errors_before.iter().sum());
-        tentative.detached = Detached { fill_count: fill.len(), error };
+        let fill = filler.fill(boundary);
         tentative.best_errors.clear();
         tentative.best_errors.resize(fill.len(), UNMEASURED);
         triangulation.remove(tentative.vertex, star, fill, &tentative.best_errors);
@@ -133,13 +132,13 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     /// By how much the error will have changed when the detached vertex is inserted at a position,
     /// if by less than `limit`; `None` too where another vertex is.
     fn change_at(&mut self, at: Point, limit: i64) -> Result<Option<i64>, LeavesPatch> {
-        let Self { triangulation, evaluator, tentative: TentativeMove { detached, .. }, .. } = self;
+        let Self { triangulation, evaluator, tentative, .. } = self;
         let hint = evaluator.star.triangles[0];
-        let change = evaluator.fan_change(triangulation, at, hint, *detached, limit)?;
+        let detached = Some(tentative.errors_before.iter().sum());
+        let change = evaluator.fan_change(triangulation, at, hint, detached, limit)?;
         let Some(mut change) = change else { return Ok(None) };
         let Evaluator { measure, star, cavity, .. } = evaluator;
-        let fill = &star.triangles[..detached.fill_count];
-        for &slot in fill.iter().filter(|slot| !cavity.triangles.contains(slot)) {
+        for &slot in star.fill().iter().filter(|slot| !cavity.triangles.contains(slot)) {
             if triangulation.face_error(slot) == UNMEASURED {
                 let error = measure.error(triangulation.corners(slot));
                 triangulation.set_face_error(slot, error);
@@ -160,8 +159,8 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
     /// Gives the detached vertex its old faces again.
     fn roll_back(&mut self) {
         let Self { triangulation, evaluator: Evaluator { star, .. }, fan, tentative } = self;
-        let TentativeMove { vertex, detached, errors_before, .. } = tentative;
-        let freed = star.triangles.len() - detached.fill_count;
+        let TentativeMove { vertex, errors_before, .. } = tentative;
+        let freed = star.triangles.len() - star.fill().len();
         triangulation.free.truncate(triangulation.free.len() - freed);
         let from = triangulation.points[*vertex as usize];
         triangulation.insert(*vertex, from, star, errors_before, fan);

@@ -253,7 +253,7 @@ fn measured_errors(
         control.poll(Stage::Measure, done, ranks.len())?;
         changes.push(mesh.remove(vertex as u32));
     }
-    Ok(squared_errors(mesh.total_error(), changes.into_iter()))
+    Ok(squared_errors(mesh.triangulation.total_error, changes.into_iter()))
 }
 
 /// A control that reports all work as the stage of ordering, of which removal takes most.

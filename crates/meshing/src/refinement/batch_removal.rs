@@ -128,8 +128,8 @@ mod tests {
             prop_assert_eq!(&faces, &triangulate(&expected));
             let before = sum_of_errors(&image, &points, &triangulate(&points)) as i64;
             let change: i64 = removals.iter().map(|removal| removal.change).sum();
-            prop_assert_eq!(mesh.total_error() as i64, before + change);
-            prop_assert_eq!(mesh.total_error(), sum_of_errors(&image, &expected, &faces));
+            prop_assert_eq!(mesh.triangulation.total_error as i64, before + change);
+            prop_assert_eq!(mesh.triangulation.total_error, sum_of_errors(&image, &expected, &faces));
         }
     }
 

@@ -36,7 +36,7 @@ pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     for _ in 0..last_passes {
         relocation.pass(mesh, search, &Cuts::BOTH, control)?;
     }
-    if mesh.total_error() >= before.total_error {
+    if mesh.triangulation.total_error >= before.total_error {
         mesh.triangulation = before;
         *relocation = relocation_before;
     }

@@ -130,7 +130,7 @@ mod tests {
                 prop_assert_eq!(candidate.gain, gain(candidate.position));
                 let mut mesh = measured(&evaluator, &image, points.clone());
                 prop_assert!(candidate.insert(&mut mesh).is_some());
-                prop_assert_eq!(mesh.total_error() as i64, before as i64 - candidate.gain);
+                prop_assert_eq!(mesh.triangulation.total_error as i64, before as i64 - candidate.gain);
             }
             let gains: Vec<i64> = found.iter().map(|candidate| candidate.gain).collect();
             prop_assert_eq!(gains, expected);

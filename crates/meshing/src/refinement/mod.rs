@@ -20,7 +20,7 @@ use crate::dynamic_mesh::half_edges::SortedMesh;
 use crate::dynamic_mesh::patches::Cuts;
 use crate::face_error::FaceMeasure;
 use growth::grow_and_shrink;
-use progress::StepProgress;
+use progress::begin_step;
 use relocation::Relocation;
 use schedule::{Step, steps};
 
@@ -31,10 +31,10 @@ pub(crate) fn refine<M: FaceMeasure>(
     control: &dyn Control,
 ) -> Result<SortedMesh, Cancelled> {
     let count = steps(effort).count();
-    let start = StepProgress::begin(control, 0, count + 1)?;
+    let start = begin_step(control, 0, count + 1)?;
     let mut relocation = Relocation::new(mesh, &start)?;
     for (done, step) in steps(effort).enumerate() {
-        let progress = StepProgress::begin(control, done, count + 1)?;
+        let progress = begin_step(control, done, count + 1)?;
         match step {
             Step::Relocate(search) => relocation.pass(mesh, search, &Cuts::BOTH, &progress)?,
             Step::RelocateAll(search) => {
@@ -46,7 +46,7 @@ pub(crate) fn refine<M: FaceMeasure>(
             }
         }
     }
-    mesh.triangulation.sorted(&StepProgress::begin(control, count, count + 1)?)
+    mesh.triangulation.sorted(&begin_step(control, count, count + 1)?)
 }
 
 #[cfg(test)]
@@ -122,10 +122,10 @@ pub(crate) mod tests {
             let mut mesh = measured(&evaluator, &image, points);
             let mut relocation = Relocation::new(&mesh, &()).unwrap();
             for _ in 0..4 {
-                let (error, before) = (mesh.total_error(), mesh.triangulation.sorted(&()));
+                let (error, before) = (mesh.triangulation.total_error, mesh.triangulation.sorted(&()));
                 grow_and_shrink(&mut mesh, 30, Search::Exhaustive, &mut relocation, &()).unwrap();
-                prop_assert!(mesh.total_error() <= error);
-                if mesh.total_error() == error {
+                prop_assert!(mesh.triangulation.total_error <= error);
+                if mesh.triangulation.total_error == error {
                     prop_assert_eq!(mesh.triangulation.sorted(&()), before);
                 }
             }

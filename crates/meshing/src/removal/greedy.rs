@@ -66,7 +66,8 @@ impl<'t, 'm> Group<'t, 'm> {
         while let Some(first) = self.queues[tile].first()
             && accepts(first)
         {
-            if self.holds_all_neighbours(first.vertex) {
+            let (stars, tiles) = (&self.stars, self.queues.len());
+            if stars.neighbours(first.vertex).iter().all(|&v| stars.tile_of(v) < tiles) {
                 self.remove_first(tile, first.vertex);
                 return Some(first);
             }
@@ -74,12 +75,6 @@ impl<'t, 'm> Group<'t, 'm> {
             self.waiting.push(first);
         }
         None
-    }
-
-    #[inline]
-    fn holds_all_neighbours(&self, vertex: u32) -> bool {
-        let is_in = |&v: &u32| self.stars.tile_of(v) < self.queues.len();
-        self.stars.neighbours(vertex).iter().fold(true, |all, v| all & is_in(v))
     }
 
     /// Removes the first vertex of a tile, fills its hole and gives its neighbours their new keys.

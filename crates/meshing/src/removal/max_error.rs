@@ -30,7 +30,7 @@ pub(crate) fn removals_within(
     let mut mesh = MeasuredMesh::new(points, image.sides(), violations, Stage::Measure, control)?;
     for (made, &vertex) in numbers.iter().enumerate() {
         control.poll(Stage::Measure, made, numbers.len())?;
-        if mesh.total_error() > 0 || mesh.remove(vertex as u32) > 0 {
+        if mesh.triangulation.total_error > 0 || mesh.remove(vertex as u32) > 0 {
             return Ok(made);
         }
     }

@@ -215,7 +215,7 @@ mod tests {
             let number = removal.point.y as usize * width + removal.point.x as usize;
             assert_eq!(mesh.remove(number as u32), removal.change);
         }
-        assert_eq!(mesh.total_error(), made.error);
+        assert_eq!(mesh.triangulation.total_error, made.error);
     }
 
     proptest! {

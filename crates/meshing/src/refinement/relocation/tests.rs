@@ -229,5 +229,5 @@ fn assert_measured(mesh: &MeasuredMesh<FaceErrors<'_>>, evaluator: &ErrorEvaluat
         assert_eq!(mesh.triangulation.face_error(slot), error);
     }
     let slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();
-    assert_eq!(mesh.total_error(), mesh.triangulation.error_of(&slots));
+    assert_eq!(mesh.triangulation.total_error, mesh.triangulation.error_of(&slots));
 }

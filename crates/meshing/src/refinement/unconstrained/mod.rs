@@ -10,7 +10,7 @@ pub(crate) mod valued_mesh;
 
 use crate::control::{Cancelled, Control};
 use crate::dynamic_mesh::half_edges::SortedMesh;
-use crate::refinement::progress::StepProgress;
+use crate::refinement::progress::begin_step;
 use crate::refinement::unconstrained::least_squares::fit_values;
 use crate::refinement::unconstrained::moves::{Freedom, VertexMoves};
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
@@ -41,7 +41,7 @@ pub(crate) fn refine_unconstrained(
     };
     let mut moves = VertexMoves::new(mesh.triangulation.points.len(), freedom);
     for done in 0..rounds {
-        let progress = StepProgress::begin(control, done, rounds + 1)?;
+        let progress = begin_step(control, done, rounds + 1)?;
         let before = mesh.triangulation.total_error;
         if freedom.connectivity {
             mesh.flip_edges(&progress)?;
@@ -59,7 +59,7 @@ pub(crate) fn refine_unconstrained(
             break;
         }
     }
-    mesh.triangulation.sorted(&StepProgress::begin(control, rounds, rounds + 1)?)
+    mesh.triangulation.sorted(&begin_step(control, rounds, rounds + 1)?)
 }
 
 #[cfg(test)]

@@ -182,24 +182,23 @@ fn add_face(
 ) {
     let [a, b, apex] = corners;
     let reciprocal = 1.0 / orientation(a, b, apex) as f64;
-    let per_column = |from: Point, to: Point| f64::from(from.y - to.y) * reciprocal;
-    let (weight_step, first_step) = (per_column(a, b), per_column(b, apex));
-    let second_step = per_column(apex, a);
+    // The weights of the third vertex, the first and the second, and their changes per column.
+    let sides = [(a, b), (b, apex), (apex, a)];
+    let steps = sides.map(|(from, to)| f64::from(from.y - to.y) * reciprocal);
     for_each_row(corners, |y, left, end| {
         let start = Point::new(left, y);
-        let weight = orientation(a, b, start) as f64 * reciprocal;
-        let first_weight = orientation(b, apex, start) as f64 * reciprocal;
-        let second_weight = orientation(apex, a, start) as f64 * reciprocal;
+        let weights = sides.map(|(from, to)| orientation(from, to, start) as f64 * reciprocal);
         let pixel_weights = mesh.weights_of_row(y, left, end);
         for (c, parabola) in parabolas.iter_mut().enumerate() {
             let samples = &mesh.image.row(c, y as usize)[left as usize..end as usize];
             let (za, zb) = (f64::from(first[c]), f64::from(second[c]));
-            let rest = za * first_weight + zb * second_weight;
-            let rest_step = za * first_step + zb * second_step;
+            let rest = za * weights[1] + zb * weights[2];
+            let rest_step = za * steps[1] + zb * steps[2];
             for (i, &sample) in samples.iter().enumerate() {
                 let count = pixel_weights.map_or(1.0, |weights| f64::from(weights[i]));
                 let i = i as f64;
-                let (w, r) = (weight + weight_step * i, f64::from(sample) - (rest + rest_step * i));
+                let (w, r) =
+                    (weights[0] + steps[0] * i, f64::from(sample) - (rest + rest_step * i));
                 parabola.constant += count * r * r;
                 parabola.linear += count * w * r;
                 parabola.square += count * w * w;
