@@ -243,7 +243,6 @@ impl Image {
         self.shape.height
     }
 
-    /// Columns and rows.
     pub(crate) fn sides(&self) -> (usize, usize) {
         (self.shape.width, self.shape.height)
     }
@@ -316,7 +315,6 @@ pub(crate) fn check_shape(width: usize, height: usize, precision: u8) -> Result<
     Ok(())
 }
 
-/// Reverses the order of whole rows in place.
 pub(crate) fn flip_rows<T>(samples: &mut [T], width: usize) {
     let mut rows = samples.chunks_exact_mut(width);
     while let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {

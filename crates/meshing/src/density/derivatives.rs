@@ -105,7 +105,6 @@ impl<'a> Derivatives<'a> {
         Self { filter, component, width, smoothed, sums: Vec::new() }
     }
 
-    /// The derivatives of row `y`.
     pub(crate) fn row(
         &mut self,
         y: usize,
@@ -239,7 +238,6 @@ fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
     product
 }
 
-/// Radius of the stencil of the fast path.
 const RADIUS: usize = 2;
 
 /// The fast path: MMSODD or the Laplacian of one row.

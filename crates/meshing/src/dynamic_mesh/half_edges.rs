@@ -87,7 +87,6 @@ impl Link {
         &self.triangles[..self.vertices.len() - 2]
     }
 
-    /// Whether an edge is on the boundary of a patch.
     pub(crate) fn touches_patch_boundary(&self) -> bool {
         self.outer.contains(&PATCH_BOUNDARY)
     }
@@ -124,7 +123,6 @@ impl DynamicTriangulation {
         Ok(made)
     }
 
-    /// A copy.
     pub(crate) fn copy(&self, control: &dyn Control) -> Result<Self, Cancelled> {
         let poll = || control.poll(Stage::Refine, 0, 1);
         Ok(Self {
@@ -138,7 +136,6 @@ impl DynamicTriangulation {
         })
     }
 
-    /// Columns and rows of the image.
     pub(crate) fn size(&self) -> (usize, usize) {
         (self.right as usize + 1, self.top as usize + 1)
     }
@@ -148,7 +145,6 @@ impl DynamicTriangulation {
         self.origins.len() / 3
     }
 
-    /// Number of vertices in the mesh.
     pub(crate) fn vertex_count(&self) -> usize {
         self.outgoing.iter().filter(|&&h| h != NONE).count()
     }
@@ -164,7 +160,6 @@ impl DynamicTriangulation {
         self.face_errors[slot as usize]
     }
 
-    /// Sum of the errors of some slots' faces.
     pub(crate) fn error_of(&self, slots: &[u32]) -> u64 {
         slots.iter().map(|&slot| self.face_error(slot)).sum()
     }
@@ -180,32 +175,27 @@ impl DynamicTriangulation {
         self.origins[3 * slot as usize] != NONE
     }
 
-    /// The positions of a triangle's vertices.
     #[inline]
     pub(crate) fn corners(&self, slot: u32) -> [Point; 3] {
         self.vertices_of(slot).map(|v| self.points[v as usize])
     }
 
-    /// A triangle's vertices.
     #[inline]
     pub(crate) fn vertices_of(&self, slot: u32) -> Face {
         let first = 3 * slot as usize;
         [self.origins[first], self.origins[first + 1], self.origins[first + 2]]
     }
 
-    /// Whether a point lies on the border of the image.
     #[inline]
     pub(crate) fn is_on_border(&self, Point { x, y }: Point) -> bool {
         x == 0 || y == 0 || x == self.right || y == self.top
     }
 
-    /// Whether a point is a corner of the image.
     #[inline]
     pub(crate) fn is_corner(&self, Point { x, y }: Point) -> bool {
         (x == 0 || x == self.right) && (y == 0 || y == self.top)
     }
 
-    /// Whether a point lies in the image.
     #[inline]
     pub(crate) fn holds(&self, Point { x, y }: Point) -> bool {
         (0..=self.right).contains(&x) && (0..=self.top).contains(&y)
@@ -376,7 +366,6 @@ impl DynamicTriangulation {
         })
     }
 
-    /// Frees a slot.
     pub(super) fn free(&mut self, slot: u32) {
         self.origins[3 * slot as usize..][..3].fill(NONE);
         self.set_face_error(slot, 0);

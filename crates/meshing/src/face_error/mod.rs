@@ -69,7 +69,6 @@ impl<'a> ErrorEvaluator<'a> {
         self.weights.is_none() && self.metric.is_squared_difference()
     }
 
-    /// Pixels of the image.
     pub(crate) fn pixel_count(&self) -> usize {
         self.image.pixel_count()
     }
@@ -165,7 +164,6 @@ impl<'e> FaceErrors<'e> {
         }
     }
 
-    /// The errors of faces.
     pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
         self.errors_below(faces, u64::MAX, errors);
     }

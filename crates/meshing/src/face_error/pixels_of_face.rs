@@ -115,7 +115,6 @@ impl EdgeWalk {
         }
     }
 
-    /// Advances to the next row.
     #[inline]
     fn step(&mut self) {
         self.x += self.columns_per_row;

@@ -187,7 +187,6 @@ impl<S: Simd> Weight<S> {
 }
 
 impl<S: Simd> Sums<S> {
-    /// Adds a face.
     #[inline(always)]
     fn add(&mut self, plane: &Plane<S>, moment: f32x8<S>, weight: f32) {
         let one = f32x8::splat(plane.simd, 1.0);

@@ -235,7 +235,6 @@ impl<S: Simd> Sum<S> {
         }
     }
 
-    /// Adds the lanes to the total.
     #[inline(always)]
     fn empty_lanes(&mut self) {
         let lanes: [i32; LANES] = self.lanes.to_int::<i32x8<S>>().into();

@@ -63,7 +63,6 @@ struct Canvas<'a> {
 }
 
 impl Canvas<'_> {
-    /// Fills a face of any size.
     fn fill_face(&mut self, face: Face) -> Result<(), Cancelled> {
         let corners = self.mesh.corners(face);
         for (c, samples) in self.components.iter_mut().enumerate() {

@@ -303,7 +303,6 @@ impl Parameters {
         Ok(Plan { size, initial_size })
     }
 
-    /// Number of initial points.
     fn initial_points(&self, size: usize, all: usize) -> usize {
         match (self.initial_size, self.target) {
             _ if self.generator == Generator::All => all,
@@ -423,7 +422,6 @@ fn check_range(
     }
 }
 
-/// Checks a part of the lattice points in percent.
 fn check_percent(parameter: &'static str, percent: f64) -> Result<(), ParameterError> {
     check_range(parameter, percent, MIN_PERCENT, MAX_PERCENT)
 }

@@ -75,7 +75,6 @@ struct Diffusion<'a> {
     size: usize,
     is_serpentine: bool,
     weights: Weights,
-    /// The sum of each field.
     sums: Vec<f64>,
     /// The errors that row 0 of each field starts with.
     initial_errors: Vec<Vec<f64>>,

@@ -27,13 +27,11 @@ struct Bracket {
 }
 
 impl ThresholdSearch {
-    /// A search that begins with a threshold.
     pub(crate) fn new(threshold: f64, size: usize) -> Self {
         let bracket = Bracket { threshold, too_low: None, too_high: None };
         Self { size, bracket, nearest: (threshold, usize::MAX), known: Vec::new() }
     }
 
-    /// The threshold of the next step.
     pub(crate) fn threshold(&self) -> f64 {
         self.bracket.threshold
     }

@@ -77,7 +77,6 @@ impl Relocation {
         })
     }
 
-    /// Adds the vertex of the next index.
     pub(crate) fn add(&mut self, vertex: u32) {
         self.is_outdated.push(true);
         self.is_pending.push(true);

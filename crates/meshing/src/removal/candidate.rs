@@ -212,7 +212,6 @@ impl Shift {
     /// Stands for an index that the cache does not hold, as that of a new neighbour.
     const NEW: u8 = u8::MAX;
 
-    /// No neighbour was replaced.
     const NONE: Self = Self { at: Self::NEW, end: Self::NEW, growth: 0 };
 
     #[inline]

@@ -161,12 +161,10 @@ impl Progress {
         Self { rule, surplus, remaining: count, error, removals }
     }
 
-    /// Vertices still to remove.
     pub(crate) fn surplus_left(&self) -> usize {
         self.remaining.saturating_sub(self.rule.size)
     }
 
-    /// Reports progress to the control.
     pub(crate) fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
         control.poll(Stage::Simplify, self.surplus - self.surplus_left(), self.surplus)
     }

@@ -105,7 +105,6 @@ impl RemovalQueue {
         Some(*a.min(b).min(c.min(d))).filter(|&key| key != NO_KEY).map(Entry::from_key)
     }
 
-    /// Number of vertices in the queue.
     pub(crate) fn len(&self) -> usize {
         self.len
     }
@@ -116,12 +115,10 @@ impl RemovalQueue {
         keys.filter(|&&key| key != NO_KEY).map(|&key| Entry::from_key(key))
     }
 
-    /// The change of a vertex of the queue.
     pub(crate) fn change_of(&self, vertex: u32) -> i64 {
         Entry::from_key(self.at(self.indices[self.offset(vertex)] as usize)).change
     }
 
-    /// Takes out the first vertex.
     pub(crate) fn remove_first(&mut self) {
         if self.len == 0 {
             return;
@@ -180,7 +177,6 @@ impl RemovalQueue {
         vertex.wrapping_sub(self.first_vertex) as usize
     }
 
-    /// The entry at an index.
     #[inline]
     fn at(&self, index: usize) -> u128 {
         self.siblings[index / ARITY].0[index % ARITY]
@@ -191,7 +187,6 @@ impl RemovalQueue {
         &mut self.siblings[index / ARITY].0[index % ARITY]
     }
 
-    /// Writes an entry to an index.
     #[inline]
     fn put(&mut self, index: usize, key: u128) {
         *self.at_mut(index) = key;

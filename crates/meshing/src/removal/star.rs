@@ -235,7 +235,6 @@ pub(crate) struct Packed {
 }
 
 impl Packed {
-    /// The number of neighbours.
     #[inline(always)]
     pub(crate) fn degree(&self) -> usize {
         self.spilled.as_ref().map_or(self.record.degree as usize, |star| star.neighbours.len())
@@ -292,7 +291,6 @@ impl AllStars {
         Stars { vertices, first: 0, records, spilled }
     }
 
-    /// Makes one tile of all.
     pub(crate) fn merge_tiles(&mut self) {
         let spilled = self.spilled.drain(..).flatten().collect();
         self.spilled.push(spilled);
@@ -328,13 +326,11 @@ impl Stars<'_> {
         vertex.wrapping_sub(self.first) as usize
     }
 
-    /// The position of a vertex.
     #[inline(always)]
     pub(crate) fn point(&self, vertex: u32) -> Point {
         self.vertices.points[vertex as usize]
     }
 
-    /// Whether a vertex is a corner of the image.
     pub(crate) fn is_corner(&self, vertex: u32) -> bool {
         let (Point { x, y }, Vertices { right, top, .. }) = (self.point(vertex), self.vertices);
         (x == 0 || x == *right) && (y == 0 || y == *top)
@@ -346,13 +342,11 @@ impl Stars<'_> {
         x == 0 || x == *right || y == 0 || y == *top
     }
 
-    /// The record of a vertex.
     #[inline(always)]
     pub(crate) fn record(&self, vertex: u32) -> &Record {
         &self.records[self.index(vertex)]
     }
 
-    /// Whether a vertex is removed.
     pub(crate) fn is_removed(&self, vertex: u32) -> bool {
         self.record(vertex).degree == 0
     }
@@ -405,7 +399,6 @@ impl Stars<'_> {
         self.records[index].fill = fill;
     }
 
-    /// Replaces the star of a vertex.
     #[inline]
     pub(crate) fn write(&mut self, vertex: u32, Packed { record, spilled }: Packed) {
         let (index, tile) = (self.index(vertex), self.tile_of(vertex));
@@ -417,7 +410,6 @@ impl Stars<'_> {
         }
     }
 
-    /// Marks a vertex as removed.
     pub(crate) fn remove(&mut self, vertex: u32) {
         self.write(vertex, Packed { record: Record::REMOVED, spilled: None });
     }

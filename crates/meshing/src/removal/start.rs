@@ -96,7 +96,6 @@ fn evaluate_tile(
 }
 
 impl Start {
-    /// Makes one tile of all.
     pub(crate) fn merge_tiles(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
         let poller = &mut self.progress.poller(control);
         self.stars.merge_tiles();

@@ -45,7 +45,6 @@ struct Subdivision<'a> {
 }
 
 impl Subdivision<'_> {
-    /// Triangulates the points of a range.
     fn triangulate(&mut self, from: u32, to: u32) -> Result<Extremes, Cancelled> {
         self.poller.done = to.min(from + 3) as usize;
         match to - from {
@@ -63,7 +62,6 @@ impl Subdivision<'_> {
         }
     }
 
-    /// Connects three points.
     fn triangle(&mut self, first: u32) -> Extremes {
         let (a, b) = (self.make(first, first + 1), self.make(first + 1, first + 2));
         self.splice(a ^ 1, b);
@@ -227,7 +225,6 @@ impl Subdivision<'_> {
         e
     }
 
-    /// Deletes an edge.
     fn delete(&mut self, e: u32) {
         for e in [e, e ^ 1] {
             self.splice(e, self.preceding(e));

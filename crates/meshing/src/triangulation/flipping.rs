@@ -50,13 +50,11 @@ impl<'a> Flipping<'a> {
         self.outer + number
     }
 
-    /// The position of a vertex.
     #[inline]
     pub(super) fn point(&self, vertex: u32) -> Point {
         self.points[vertex as usize]
     }
 
-    /// The half-edge opposite to another one.
     #[inline]
     pub(super) fn twin(&self, h: u32) -> u32 {
         self.twins[h as usize]
@@ -70,13 +68,11 @@ impl<'a> Flipping<'a> {
         h
     }
 
-    /// Polls the control.
     pub(super) fn poll(&self) -> Result<(), Cancelled> {
         // There are almost two triangles a point.
         self.control.poll(Stage::Triangulate, self.origins.len() / 6, self.points.len())
     }
 
-    /// Makes two half-edges opposite to each other.
     #[inline]
     pub(super) fn link(&mut self, h: u32, twin: u32) {
         self.twins[h as usize] = twin;

@@ -7,7 +7,6 @@ use crate::triangulation::NONE;
 pub(super) const LEFT: usize = 0;
 pub(super) const RIGHT: usize = 1;
 
-/// A vertex of the front.
 #[derive(Clone, Copy)]
 pub(super) struct Node {
     /// Its number.
@@ -24,7 +23,6 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// A front without vertices.
     pub(super) fn new(width: usize) -> Self {
         let node = Node { vertex: NONE, neighbours: [NONE; 2] };
         Self { nodes: vec![node; width], columns: vec![0; width.div_ceil(64)] }

@@ -87,7 +87,6 @@ impl<'a> Sweep<'a> {
         self.triangles.twin(self.triangles.outer(column))
     }
 
-    /// Connects the next point to the front.
     fn insert(&mut self, vertex: u32) -> Result<(), Cancelled> {
         let column = self.column(vertex);
         let left = self.front.at_or_before(column);
@@ -165,7 +164,6 @@ impl<'a> Sweep<'a> {
         pocket.map(|column| self.triangles.point(self.vertex(column)))
     }
 
-    /// Fills a pocket with a triangle.
     fn fill(&mut self, pocket: Pocket) -> Result<(), Cancelled> {
         let [left, bottom, _] = pocket;
         let base = self.triangles.add(pocket.map(|column| self.vertex(column)));

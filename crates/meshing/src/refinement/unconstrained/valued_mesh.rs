@@ -40,7 +40,6 @@ impl<'a> ValuedMesh<'a> {
         Ok(mesh)
     }
 
-    /// Measures every face.
     pub(crate) fn measure(&mut self, stage: Stage, control: &dyn Control) -> Result<(), Cancelled> {
         for slot in 0..self.triangulation.slot_count() as u32 {
             control.poll(stage, 0, 1)?;
@@ -50,12 +49,10 @@ impl<'a> ValuedMesh<'a> {
         Ok(())
     }
 
-    /// The values of a vertex.
     pub(crate) fn values_of(&self, vertex: u32) -> &[u16] {
         values_of(&self.values, self.image, vertex)
     }
 
-    /// The error of the face of three vertices.
     fn error_of(&mut self, face: Face) -> u64 {
         let corners = face.map(|v| self.triangulation.points[v as usize]);
         let values = face.map(|v| values_of(&self.values, self.image, v));
