@@ -69,7 +69,6 @@ pub fn mesh_image(
     }
 }
 
-/// Makes the one mesh of a plan.
 fn mesh_by_plan(
     image: &Image,
     parameters: &Parameters,

@@ -179,7 +179,6 @@ impl DynamicTriangulation {
         patch
     }
 
-    /// Puts a copy of a patch back.
     pub(crate) fn put_patch(&mut self, indices: &PatchIndices, patch: &Self) {
         let mut slots = indices.slots.clone();
         while slots.len() < patch.slot_count() {

@@ -32,41 +32,44 @@ const DOUBLE_AREA_PER_PART: i64 = 1 << 21;
 /// Evaluates errors of approximations of one image.
 pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
-    metric: ErrorMetric,
-    weights: Option<&'a [u8]>,
-    /// Pixels up to 8 bits: of squared errors without weights and of the quadratic model.
-    pixels: Option<Pixels>,
-    /// Pixels of the quadratic model above 8 bits.
-    wide_pixels: Option<Pixels<u16>>,
+    kind: Kind<'a>,
     level: Level,
+}
+
+/// How errors are evaluated.
+enum Kind<'a> {
+    /// The squared error of at most four components of at most 8 bits.
+    Squared(Pixels),
+    /// The squared error of any other image.
+    SquaredWide { model: Option<Pixels<u16>> },
+    /// Any metric, times the weights of pixels.
+    ByPixel { metric: ErrorMetric, weights: Option<&'a [u8]>, model: Option<Pixels> },
 }
 
 impl<'a> ErrorEvaluator<'a> {
     /// Evaluates errors by a metric, times the weight of each pixel where there are weights.
     pub(crate) fn new(image: &'a Image, metric: ErrorMetric, weights: Option<&'a [u8]>) -> Self {
-        let level = Level::new();
-        let new = Self { image, metric, weights, pixels: None, wide_pixels: None, level };
-        let pixels = if new.is_squared() { Pixels::new(image) } else { None };
-        Self { pixels, ..new }
+        let kind = if weights.is_some() || !metric.is_squared_difference() {
+            Kind::ByPixel { metric, weights, model: None }
+        } else {
+            Pixels::new(image).map_or(Kind::SquaredWide { model: None }, Kind::Squared)
+        };
+        Self { image, kind, level: Level::new() }
     }
 
     /// The same with pixels for the quadratic model where the errors have no such pixels: for
     /// squared errors with weights, which the model ignores, and above 8 bits.
     pub(crate) fn with_model(mut self) -> Self {
-        if self.is_squared() {
-            let has_pixels = self.pixels.is_some();
-            self.wide_pixels = if has_pixels { None } else { Pixels::new(self.image) };
-        } else if self.weights.is_some()
-            && (self.metric.is_squared_difference() || self.metric == ErrorMetric::Ssim)
-        {
-            self.pixels = Pixels::new(self.image);
+        match &mut self.kind {
+            Kind::SquaredWide { model } => *model = Pixels::new(self.image),
+            Kind::ByPixel { metric, weights: Some(_), model }
+                if metric.is_squared_difference() || *metric == ErrorMetric::Ssim =>
+            {
+                *model = Pixels::new(self.image);
+            }
+            Kind::Squared(_) | Kind::ByPixel { .. } => {}
         }
         self
-    }
-
-    /// Whether errors are squared differences without weights.
-    fn is_squared(&self) -> bool {
-        self.weights.is_none() && self.metric.is_squared_difference()
     }
 
     pub(crate) fn pixel_count(&self) -> usize {
@@ -181,8 +184,10 @@ impl<'e> FaceErrors<'e> {
     }
 
     fn error_of_interpolants(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        let is_squared = self.evaluator.is_squared();
-        if is_squared { self.squared_error(corners, limit) } else { self.error_by_pixel(corners) }
+        match self.evaluator.kind {
+            Kind::ByPixel { metric, weights, .. } => self.error_by_pixel(metric, weights, corners),
+            Kind::Squared(_) | Kind::SquaredWide { .. } => self.squared_error(corners, limit),
+        }
     }
 
     fn interpolate_image(&mut self, corners: [Point; 3]) {
@@ -226,9 +231,14 @@ impl<'e> FaceErrors<'e> {
 
     /// The error by any metric. With weights and more than 8 bits the sum over the face is exact in
     /// 128 bits and shrinks once, at the end.
-    fn error_by_pixel(&mut self, corners: [Point; 3]) -> u64 {
-        let Self { evaluator, interpolants, approximations, .. } = self;
-        let ErrorEvaluator { image, metric, weights, .. } = evaluator;
+    fn error_by_pixel(
+        &mut self,
+        metric: ErrorMetric,
+        weights: Option<&[u8]>,
+        corners: [Point; 3],
+    ) -> u64 {
+        let Self { evaluator: ErrorEvaluator { image, .. }, interpolants, approximations, .. } =
+            self;
         let mut sum = 0u128;
         for_each_row(corners, |y, first, end| {
             for (interpolant, row) in interpolants.iter().zip(approximations.iter_mut()) {
@@ -254,14 +264,12 @@ impl FaceMeasure for FaceErrors<'_> {
     }
 
     fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
-        let evaluator = self.evaluator;
-        let pixels = evaluator.pixels.as_ref().filter(|_| evaluator.is_squared());
-        let mut sum = 0;
+        let (evaluator, mut sum) = (self.evaluator, 0);
         errors.clear();
         while sum < limit
             && let Some(&face) = faces.get(errors.len())
         {
-            if let Some(pixels) = pixels {
+            if let Kind::Squared(pixels) = &evaluator.kind {
                 let count = errors.len();
                 sum += pixels.errors(&faces[count..], limit - sum, errors);
                 if errors.len() > count {
@@ -276,13 +284,15 @@ impl FaceMeasure for FaceErrors<'_> {
     }
 
     fn model_pixels(&self) -> Option<&dyn ModelPixels> {
-        let ErrorEvaluator { pixels, wide_pixels, .. } = self.evaluator;
-        let wide = || wide_pixels.as_ref().map(|pixels| pixels as _);
-        pixels.as_ref().map(|pixels| pixels as _).or_else(wide)
+        match &self.evaluator.kind {
+            Kind::Squared(pixels) => Some(pixels),
+            Kind::SquaredWide { model } => model.as_ref().map(|pixels| pixels as _),
+            Kind::ByPixel { model, .. } => model.as_ref().map(|pixels| pixels as _),
+        }
     }
 
     fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
-        if self.evaluator.weights.is_none() || self.evaluator.pixels.is_none() {
+        if !matches!(self.evaluator.kind, Kind::ByPixel { model: Some(_), .. }) {
             return error;
         }
         self.interpolate_image(corners);

@@ -66,7 +66,6 @@ pub(crate) struct RemovalQueue {
 }
 
 impl RemovalQueue {
-    /// An empty queue for some of these vertices.
     pub(crate) fn with_capacity(vertices: Range<u32>) -> Self {
         let mut siblings = Vec::with_capacity(1 + vertices.len().div_ceil(ARITY));
         siblings.push(Siblings([NO_KEY; ARITY]));

@@ -314,7 +314,6 @@ impl Stars<'_> {
         (vertex.wrapping_sub(self.first) >> self.vertices.digits) as usize
     }
 
-    /// The numbers of a tile's vertices.
     pub(crate) fn numbers(&self, tile: usize) -> Range<u32> {
         let first = self.first + (tile << self.vertices.digits) as u32;
         let end = self.first + self.records.len() as u32;
@@ -373,7 +372,6 @@ impl Stars<'_> {
         }
     }
 
-    /// The star of a vertex as it is stored.
     pub(crate) fn packed(&self, vertex: u32) -> Packed {
         let spilled = self.spilled[self.tile_of(vertex)].get(&vertex);
         Packed { record: *self.record(vertex), spilled: spilled.cloned().map(Box::new) }

@@ -77,7 +77,6 @@ impl<'a> Sweep<'a> {
         (self.triangles.point(vertex).x - self.left) as u32
     }
 
-    /// The vertex of the front in a column.
     fn vertex(&self, column: u32) -> u32 {
         self.front.node(column).vertex
     }

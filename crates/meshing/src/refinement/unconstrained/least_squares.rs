@@ -113,7 +113,6 @@ impl NormalEquations {
         products
     }
 
-    /// The product of the matrix with a vector.
     fn multiply(&self, vector: &[f64], control: &dyn Control) -> Result<Vec<f64>, Cancelled> {
         let mut product: Vec<f64> = self.diagonal.iter().zip(vector).map(|(d, v)| d * v).collect();
         for (i, &(a, b, entry)) in self.edges.iter().enumerate() {
