@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Tries the mutants that `cargo gamma` has built into one program, each in processes of its own.
 
-    mutants/sweep.py CACHE RESULTS [--survivors-of RESULTS] [--also "PROGRAM ARGUMENTS"]
+    tools/mutants/sweep.py CACHE RESULTS [--survivors-of RESULTS] [--also "PROGRAM ARGUMENTS"]
 
 CACHE is the folder given to `cargo gamma run --cache-dir`. One line is written to RESULTS for each
 mutant as soon as it is decided, and a mutant that has a line there is not tried again, so that a sweep
