@@ -198,7 +198,11 @@ async fn serve(
     if let Some(keys) = &keys {
         tokio::spawn(Arc::clone(keys).keep_up());
     }
-    let workers = Workers::start(settings.worker_count())?;
+    let workers = Workers::start(settings.worker_count()).map_err(|error| {
+        format!(
+            "the worker threads cannot be started: {error}; lower --workers or allow more threads"
+        )
+    })?;
     let service = Arc::new(Service::new(settings, jobs, keys, workers));
     let stop = stop_on_signal(lifecycle.clone(), service.stop.clone())?;
     let work = start_jobs(&service, settings);

@@ -14,7 +14,7 @@ const OWN: usize = 32;
 /// What the public connections leave, with what both listeners are refusing at a time.
 const RESERVE: usize = OPERATIONS_CONNECTIONS + 2 * REFUSED_AT_A_TIME + OWN;
 
-/// So many of the public connections asked for that there are descriptors for all else.
+/// The number of public connections: as many as asked for, or as the limit on descriptors allows.
 pub(super) fn public_connections(asked: usize) -> usize {
     let connections = asked.min(left_by_reserve(raise_limit(asked.saturating_add(RESERVE))));
     if connections < asked {

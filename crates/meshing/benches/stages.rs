@@ -108,7 +108,7 @@ impl fmt::Display for Order {
     }
 }
 
-/// The methods in gray and colour, on pictures of all sizes, on so many threads.
+/// The methods in gray and colour, on pictures of all sizes, by number of threads.
 fn cases(methods: &[Method], threads: &[usize]) -> Vec<Case> {
     let mut cases = Vec::new();
     for &method in methods {

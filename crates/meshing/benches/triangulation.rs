@@ -55,7 +55,7 @@ fn delaunator_far_rows(bencher: Bencher<'_, '_>, count: i32) {
     bencher.bench_local(|| delaunator::triangulate(&sites));
 }
 
-/// So many distinct points of a square, its corners among them, by row, then column.
+/// `count` distinct points of a square, its corners among them, by row, then column.
 fn random(count: usize, side: i32) -> Vec<Point> {
     let mut state = 1u64;
     let mut below = |bound: i32| {

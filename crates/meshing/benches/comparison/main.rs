@@ -25,7 +25,7 @@ type Outcome = Result<(), Box<dyn Error>>;
 
 /// Rounds, unless told.
 const ROUNDS: usize = 15;
-/// The full grid is slow: it runs once in so many rounds.
+/// The number of rounds in which the slow full grid runs once.
 const ROUNDS_PER_GRID: usize = 5;
 /// The side of the picture made up.
 const MADE_UP_SIDE: u32 = 512;

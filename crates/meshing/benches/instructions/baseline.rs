@@ -6,10 +6,10 @@ use crate::part::Part;
 use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 
-/// A part may take so many per cent more than in the baseline.
+/// The largest growth over the baseline that passes, in per cent.
 pub(crate) const MOST_RISE_PERCENT: u64 = 5;
 
-/// Functions with less than one of so many instructions of a part are left out.
+/// A function is listed from one in this many instructions of its part.
 const PARTS_OF_LEAST: u64 = 2000;
 
 /// Functions named where a part fails.
