@@ -9,6 +9,13 @@ use thiserror::Error;
 
 named_values! {
     /// The stages of a method, in the order in which they run.
+    ///
+    /// ```
+    /// use pixmesh_meshing::Stage;
+    ///
+    /// assert!(Stage::Density < Stage::Triangulate);
+    /// assert_eq!(Stage::Simplify.name(), "simplify");
+    /// ```
     #[derive(PartialOrd, Ord)]
     "stage" Stage {
         /// The search for the smallest mesh of a quality, by meshes of several sizes.
@@ -37,6 +44,12 @@ named_values! {
 }
 
 /// The work was cancelled through its [`Control`].
+///
+/// ```
+/// use pixmesh_meshing::{Cancelled, MeshingError};
+///
+/// assert_eq!(MeshingError::from(Cancelled).to_string(), "cancelled");
+/// ```
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("cancelled")]
 pub struct Cancelled;
@@ -169,6 +182,14 @@ impl<F: Fn(Stage, usize, usize) -> (Stage, usize, usize) + Sync> Control for Tra
 }
 
 /// A control with this number of threads.
+///
+/// ```
+/// use pixmesh_meshing::{Control, OnThreads};
+///
+/// let all = std::thread::available_parallelism()?;
+/// assert_eq!(OnThreads((), all).threads(), all);
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct OnThreads<C>(pub C, pub NonZeroUsize);
 

@@ -55,7 +55,6 @@ impl From<&Image> for DynamicImage {
     }
 }
 
-/// An image of interleaved channels, its rows from the top.
 fn of_channels<T: Copy + Into<u16>>(
     (width, height): (usize, usize),
     precision: u8,

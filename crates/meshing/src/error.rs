@@ -6,6 +6,15 @@ use crate::parameters::ParameterError;
 use thiserror::Error;
 
 /// Why an image was not meshed, or an image and a mesh were not compared.
+///
+/// ```
+/// use pixmesh_meshing::{Image, MeshingError, Method, Target, mesh_image};
+///
+/// let four_points = Image::from_top_down(2, 2, 8, vec![vec![0; 4]])?;
+/// let refused = mesh_image(&four_points, &Method::Med.parameters(Target::Size(9)), &());
+/// assert!(matches!(refused, Err(MeshingError::Parameter(_))));
+/// # Ok::<(), pixmesh_meshing::ImageError>(())
+/// ```
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MeshingError {

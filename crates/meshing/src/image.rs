@@ -16,6 +16,13 @@ pub const MAX_SIDE: usize = 1 << 20;
 pub const MAX_POINTS: usize = u32::MAX as usize / 6;
 
 /// A point of the image's lattice; `y` grows upwards.
+///
+/// ```
+/// use pixmesh_meshing::Point;
+///
+/// let [first, second, third] = [(0, 3), (7, 3), (0, 4)].map(|(x, y)| Point::new(x, y));
+/// assert!(first < second && second < third); // by row, then column
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Point {
@@ -34,6 +41,14 @@ impl Point {
 }
 
 /// Width, height, components and precision of the image that a mesh models.
+///
+/// ```
+/// use pixmesh_meshing::{Image, Shape};
+///
+/// let image = Image::from_top_down(3, 2, 8, vec![vec![0; 6]])?;
+/// assert_eq!(image.shape(), Shape { width: 3, height: 2, component_count: 1, precision: 8 });
+/// # Ok::<(), pixmesh_meshing::ImageError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Shape {
@@ -55,6 +70,15 @@ impl fmt::Display for Shape {
 }
 
 /// Two images, or an image and a mesh, that cannot be compared.
+///
+/// ```
+/// use pixmesh_meshing::{Fidelity, Image, MeshingError};
+///
+/// let image = |width| Image::from_top_down(width, 2, 8, vec![vec![0; 2 * width]]);
+/// let refused = Fidelity::between(&image(2)?, &image(3)?, &());
+/// assert!(matches!(refused, Err(MeshingError::Shape(_))));
+/// # Ok::<(), pixmesh_meshing::ImageError>(())
+/// ```
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("images of different shape cannot be compared: {first} and {second}")]
 pub struct ShapeMismatch {
@@ -63,7 +87,6 @@ pub struct ShapeMismatch {
 }
 
 impl ShapeMismatch {
-    /// Checks that two shapes are the same.
     pub(crate) fn check(first: Shape, second: Shape) -> Result<(), Self> {
         if first == second { Ok(()) } else { Err(Self { first, second }) }
     }
@@ -72,6 +95,14 @@ impl ShapeMismatch {
 /// An image of any number of components, each sample an integer of 1 to 16 bits.
 ///
 /// Components are stored one after the other, each row by row from the bottom.
+///
+/// ```
+/// use pixmesh_meshing::Image;
+///
+/// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 20, 30, 40]])?;
+/// assert_eq!(image.row(0, 0), [30, 40]); // row 0 is the bottom row
+/// # Ok::<(), pixmesh_meshing::ImageError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     shape: Shape,
@@ -79,69 +110,46 @@ pub struct Image {
 }
 
 /// Why samples do not make an image.
+///
+/// ```
+/// use pixmesh_meshing::{Image, ImageError};
+///
+/// let short = Image::from_top_down(3, 2, 8, vec![vec![0; 5]]);
+/// assert_eq!(short, Err(ImageError::SampleCount { component: 0, actual: 5, expected: 6 }));
+/// ```
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each variant and its message explain the fields")]
 pub enum ImageError {
     /// One row or one column cannot be triangulated.
     #[error(
         "an image of {width}x{height} cannot be meshed: two columns and two rows are the least"
     )]
-    TooSmall {
-        /// Columns given.
-        width: usize,
-        /// Rows given.
-        height: usize,
-    },
+    TooSmall { width: usize, height: usize },
     /// A side is longer than [`MAX_SIDE`], or there are more than [`MAX_POINTS`] lattice points.
     #[error(
         "an image of {width}x{height} is too large: {MAX_SIDE} columns and rows and {MAX_POINTS} \
          points are the most"
     )]
-    TooLarge {
-        /// Columns given.
-        width: usize,
-        /// Rows given.
-        height: usize,
-    },
+    TooLarge { width: usize, height: usize },
     /// The precision lies outside 1..=16.
     #[error("a precision of {0} bits is not supported: 1 to 16 are")]
     Precision(u8),
     /// There is no component.
     #[error("an image needs at least one component")]
     NoComponents,
-    /// A component does not hold `width * height` samples.
+    /// A component, counted from 0, does not hold `width * height` samples.
     #[error("component {component} holds {actual} samples where {expected} are needed")]
-    SampleCount {
-        /// Index of the component.
-        component: usize,
-        /// Samples found.
-        actual: usize,
-        /// Samples needed.
-        expected: usize,
-    },
+    SampleCount { component: usize, actual: usize, expected: usize },
     /// There is not one weight for each lattice point.
     #[error("{actual} weights where {expected} are needed")]
-    WeightCount {
-        /// Weights found.
-        actual: usize,
-        /// Weights needed.
-        expected: usize,
-    },
+    WeightCount { actual: usize, expected: usize },
     /// A sample does not fit the precision.
     #[error(
         "component {component} holds the sample {sample}, more than the {maximum} that \
          {precision} bits allow"
     )]
-    SampleRange {
-        /// Index of the component.
-        component: usize,
-        /// The sample found.
-        sample: u16,
-        /// The largest sample allowed, `2^precision - 1`.
-        maximum: u16,
-        /// Bits per sample.
-        precision: u8,
-    },
+    SampleRange { component: usize, sample: u16, maximum: u16, precision: u8 },
 }
 
 impl Image {
@@ -160,14 +168,6 @@ impl Image {
     /// When a side is under 2 or over [`MAX_SIDE`], there are more than [`MAX_POINTS`] points, the
     /// precision is not 1..=16, there is no component, or a component has the wrong length or a
     /// sample out of range.
-    ///
-    /// ```
-    /// use pixmesh_meshing::Image;
-    ///
-    /// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 20, 30, 40]])?;
-    /// assert_eq!(image.row(0, 0), [30, 40]); // row 0 is the bottom row
-    /// # Ok::<(), pixmesh_meshing::ImageError>(())
-    /// ```
     pub fn from_top_down(
         width: usize,
         height: usize,
@@ -296,12 +296,10 @@ impl Image {
     }
 }
 
-/// The largest sample of `precision` bits (1..=16).
 pub(crate) fn largest_sample(precision: u8) -> u16 {
     u16::MAX >> (16 - precision)
 }
 
-/// Checks the size and the precision of an image.
 pub(crate) fn check_shape(width: usize, height: usize, precision: u8) -> Result<(), ImageError> {
     if width < 2 || height < 2 {
         return Err(ImageError::TooSmall { width, height });

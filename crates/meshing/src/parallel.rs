@@ -8,10 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Builder};
 
-/// The least number of elements for which a thread is started.
 const LEAST_SHARE: usize = 512;
 
-/// The least number of rows for which a thread is started.
 const LEAST_ROWS: usize = 128;
 
 /// The control of a helper thread: it cancels once the calling thread's work is cancelled.

@@ -31,6 +31,16 @@ use std::collections::HashSet;
 const REFINED_SEARCH_PRECISION: usize = 200;
 
 /// A mesh that approximates an image, and how close it is.
+///
+/// ```
+/// use pixmesh_meshing::{Approximation, Image, Method, Target, mesh_image};
+///
+/// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
+/// let parameters = Method::Mgpr.parameters(Target::Size(40)).lists_removals(true);
+/// let Approximation { mesh, plan, removals, .. } = mesh_image(&image, &parameters, &())?;
+/// assert_eq!(mesh.points().len(), plan.initial_size - removals.len());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Approximation {
@@ -55,6 +65,15 @@ pub struct Approximation {
 ///
 /// # Errors
 /// When a parameter is out of its bounds or not defined for such an image, or the control cancels.
+///
+/// ```
+/// use pixmesh_meshing::{Image, Method, Target, mesh_image};
+///
+/// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
+/// let made = mesh_image(&image, &Method::Mgprfs.parameters(Target::Psnr(40.0)), &())?;
+/// assert!(made.fidelity.psnr_db() >= 40.0 && made.mesh.points().len() < 256);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn mesh_image(
     image: &Image,
     parameters: &Parameters,
@@ -103,11 +122,8 @@ fn mesh_by_plan(
     Ok(Approximation { mesh, fidelity, plan, removals, flat })
 }
 
-/// A triangulation made of an image.
 struct Reduced {
-    /// The vertices, by row, then column.
     points: Vec<Point>,
-    /// The faces, each beginning with its smallest vertex, in ascending order.
     faces: Vec<Face>,
     removals: Vec<Removal>,
     /// The squared error of the image's approximation, where it is known already.
@@ -283,7 +299,6 @@ fn smallest_within(
     }
 }
 
-/// Whether a mesh has the target's quality.
 pub(crate) fn is_within(
     image: &Image,
     made: &Approximation,

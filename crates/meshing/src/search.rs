@@ -18,9 +18,6 @@ const MOST_MESHES: usize = 64;
 ///
 /// `keeps` makes a mesh of a size and returns whether it keeps the bound. The mesh of `all` points
 /// counts as keeping it.
-///
-/// # Errors
-/// The first error of `keeps`.
 pub(crate) fn bisect_size<E>(
     all: usize,
     precision: usize,

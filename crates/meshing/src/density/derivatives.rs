@@ -34,7 +34,6 @@ struct Steps {
 #[derive(Clone, Debug)]
 pub(crate) struct Filter {
     steps: Vec<Steps>,
-    /// What the filtered values must be divided by.
     pub(crate) divisor: f64,
     smoothing_boundary: Boundary,
     boundary: Boundary,
@@ -44,7 +43,6 @@ pub(crate) struct Filter {
 const IDENTITY: &[f64] = &[1.0];
 /// Twice the first derivative.
 const FIRST_DIFFERENCE: &[f64] = &[-1.0, 0.0, 1.0];
-/// The second derivative.
 const SECOND_DIFFERENCE: &[f64] = &[1.0, -2.0, 1.0];
 
 impl Filter {
@@ -184,7 +182,6 @@ impl Correlation<'_> {
     }
 }
 
-/// The weights of a kernel that are not 0, with their indices.
 fn weights(kernel: &[f64]) -> impl Iterator<Item = (usize, &f64)> {
     kernel.iter().enumerate().filter(|(_, weight)| **weight != 0.0)
 }
@@ -219,7 +216,6 @@ fn extend_sideways<T: Copy + Default>(
     }
 }
 
-/// The smoothing kernel of an odd order, in whole numbers.
 fn smoothing_kernel(smoothing: Smoothing, order: usize) -> Vec<f64> {
     match smoothing {
         Smoothing::Mean => vec![1.0; order],
@@ -227,7 +223,6 @@ fn smoothing_kernel(smoothing: Smoothing, order: usize) -> Vec<f64> {
     }
 }
 
-/// The full convolution of two kernels.
 fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
     let mut product = vec![0.0; a.len() + b.len() - 1];
     for (i, &x) in a.iter().enumerate() {

@@ -41,12 +41,9 @@ pub struct Density {
     pub(crate) fields: Vec<Vec<f64>>,
 }
 
-/// How one field is computed from the components of an image.
 #[derive(Clone, Copy)]
 enum Operator {
-    /// The largest of the components' significances.
     Maximum(Significance),
-    /// The mean of the components' significances.
     Mean(Significance),
     VectorGradient(PscTie),
 }
@@ -129,7 +126,6 @@ impl Density {
         &self.fields
     }
 
-    /// Divides all fields by their common maximum.
     fn normalise(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
         let rows = self.fields.len() * self.height;
         let mut largest: f64 = 0.0;
@@ -178,7 +174,6 @@ fn maximise(row: &mut [f64], values: &[f64]) {
     row.iter_mut().zip(values).for_each(|(a, &b)| *a = if b > *a { b } else { *a });
 }
 
-/// Computes a field of one or more components, one row after the other.
 struct FieldRows<'a> {
     operator: Operator,
     components: &'a [Vec<u16>],
@@ -191,7 +186,6 @@ struct FieldRows<'a> {
 }
 
 impl FieldRows<'_> {
-    /// Row `y` of the field.
     fn evaluate(
         &mut self,
         y: usize,

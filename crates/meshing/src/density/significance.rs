@@ -13,7 +13,6 @@ pub(crate) struct DerivativeRow {
     pub(crate) xy: Vec<f64>,
 }
 
-/// A second-order operator on one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Significance {
     /// Maximum-magnitude second-order directional derivative.

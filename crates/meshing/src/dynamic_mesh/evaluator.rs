@@ -35,7 +35,6 @@ impl<M: FaceMeasure> Evaluator<M> {
         }
     }
 
-    /// Gathers the star of a vertex and the positions of its neighbours.
     pub(super) fn gather_star(&mut self, triangulation: &DynamicTriangulation, vertex: u32) {
         triangulation.star(vertex, &mut self.star);
         self.boundary.clear();
@@ -43,7 +42,6 @@ impl<M: FaceMeasure> Evaluator<M> {
         self.boundary.extend(neighbours.map(|&v| triangulation.points[v as usize]));
     }
 
-    /// By how much the error changes when a movable vertex is removed.
     pub(crate) fn removal_change(
         &mut self,
         triangulation: &DynamicTriangulation,

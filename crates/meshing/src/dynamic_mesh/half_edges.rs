@@ -22,7 +22,6 @@ pub(crate) const PATCH_BOUNDARY: u32 = NONE - 1;
 /// triangle is free and has [`NONE`] as origins. Vertices keep their indices; one that is not in
 /// the mesh has no outgoing half-edge.
 pub(crate) struct DynamicTriangulation {
-    /// Position of each vertex.
     pub(crate) points: Vec<Point>,
     /// Vertex at which each half-edge begins.
     pub(crate) origins: Vec<u32>,
@@ -31,13 +30,10 @@ pub(crate) struct DynamicTriangulation {
     pub(crate) twins: Vec<u32>,
     /// A half-edge that begins at each vertex; on the border of the image the one without twin.
     pub(crate) outgoing: Vec<u32>,
-    /// Free slots.
     pub(super) free: Vec<u32>,
     /// Error of each slot's face, 0 of a free slot.
     pub(super) face_errors: Vec<u64>,
-    /// Sum of these.
     pub(crate) total_error: u64,
-    /// The last column and the last row of the image.
     pub(super) right: i32,
     pub(super) top: i32,
 }
@@ -46,7 +42,6 @@ pub(crate) struct DynamicTriangulation {
 /// triangles inside.
 #[derive(Default)]
 pub(crate) struct Link {
-    /// The slots of the triangles inside.
     pub(crate) triangles: Vec<u32>,
     /// The vertices. An open link, that of a vertex on the border of the image, has one vertex more
     /// than edges.
@@ -76,7 +71,6 @@ impl Link {
         self.last_sides.sort_unstable();
     }
 
-    /// The last side that joins two vertices of the link.
     fn last_side(&self, from: u32, to: u32) -> u32 {
         let found = self.last_sides.binary_search_by_key(&(from, to), |side| (side.0, side.1));
         found.map_or(NONE, |i| self.last_sides[i].2)
@@ -91,12 +85,10 @@ impl Link {
         self.outer.contains(&PATCH_BOUNDARY)
     }
 
-    /// Whether the polygon has as many edges as vertices.
     pub(crate) fn is_closed(&self) -> bool {
         self.vertices.len() == self.outer.len()
     }
 
-    /// The ends of each edge.
     pub(crate) fn edges(&self) -> impl Iterator<Item = (u32, u32)> {
         let ends = self.vertices.iter().skip(1).chain(&self.vertices[..1]);
         self.vertices.iter().copied().zip(ends.copied()).take(self.outer.len())
@@ -170,7 +162,6 @@ impl DynamicTriangulation {
         self.total_error = self.total_error.wrapping_sub(before).wrapping_add(error);
     }
 
-    /// Whether a slot has a triangle.
     pub(crate) fn is_used(&self, slot: u32) -> bool {
         self.origins[3 * slot as usize] != NONE
     }
@@ -201,7 +192,6 @@ impl DynamicTriangulation {
         (0..=self.right).contains(&x) && (0..=self.top).contains(&y)
     }
 
-    /// Gathers the star of a vertex of the mesh: its triangles and its link.
     pub(crate) fn star(&self, vertex: u32, star: &mut Link) {
         star.clear();
         let first = self.outgoing[vertex as usize];
@@ -356,7 +346,6 @@ impl DynamicTriangulation {
         self.outgoing[vertex as usize] = 3 * fan[0] + 2;
     }
 
-    /// A slot for one more triangle.
     pub(super) fn free_slot(&mut self) -> u32 {
         self.free.pop().unwrap_or_else(|| {
             self.origins.extend([NONE; 3]);
@@ -406,7 +395,6 @@ impl DynamicTriangulation {
         }
     }
 
-    /// The vertices, by row, then column, and the faces.
     pub(crate) fn sorted(&self, control: &dyn Control) -> Result<SortedMesh, Cancelled> {
         let in_mesh = (0..).zip(&self.points).zip(&self.outgoing).filter(|(_, h)| **h != NONE);
         let mut vertices: Vec<(Point, u32)> = in_mesh.map(|((v, &p), _)| (p, v)).collect();
@@ -427,7 +415,6 @@ impl DynamicTriangulation {
 /// The vertices of a mesh by row, then column, and its faces.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct SortedMesh {
-    /// Position of each vertex.
     pub(crate) points: Vec<Point>,
     /// The faces, each beginning with its smallest vertex, in ascending order.
     pub(crate) faces: Vec<Face>,

@@ -25,12 +25,10 @@ const CHANGES_PER_SHARE: usize = 64;
 pub(crate) struct MeasuredMesh<M> {
     pub(crate) triangulation: DynamicTriangulation,
     evaluator: Evaluator<M>,
-    /// Slots of the faces of the last insertion.
     pub(crate) fan: Vec<u32>,
     tentative: TentativeMove,
 }
 
-/// The state of a move by [`moves`].
 #[derive(Default)]
 struct TentativeMove {
     vertex: u32,
@@ -65,13 +63,11 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         Ok(mesh)
     }
 
-    /// A mesh whose faces are measured already.
     fn of_parts(triangulation: DynamicTriangulation, measure: M) -> Self {
         let (evaluator, tentative) = (Evaluator::new(measure), TentativeMove::default());
         Self { triangulation, evaluator, fan: Vec::new(), tentative }
     }
 
-    /// Whether a model predicts the change of the error when a vertex moves.
     pub(crate) fn has_model(&self) -> bool {
         self.evaluator.measure.model_pixels().is_some()
     }

@@ -9,23 +9,19 @@ use crate::dynamic_mesh::{MeasuredMesh, TentativeMove};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 
-/// The error of a face of a fill that has not been measured.
 const UNMEASURED: u64 = u64::MAX;
 
 /// Which of the positions that lower the error a vertex moves to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Acceptance {
-    /// The first one.
     First,
     /// The best one; of equally good ones the first.
     Best,
 }
 
-/// The result of an attempt to move a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Moved,
-    /// No position is better.
     Stayed,
     /// The vertex stays because a position would change faces outside of its patch.
     LeavesPatch,
@@ -116,7 +112,6 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         Outcome::Moved
     }
 
-    /// Removes the selected vertex from the triangulation for a while.
     fn detach(&mut self) {
         let Self { triangulation, evaluator, tentative, .. } = self;
         let Evaluator { star, boundary, filler, .. } = evaluator;
@@ -148,7 +143,6 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         Ok((change < limit).then_some(change))
     }
 
-    /// Inserts the detached vertex at the best position.
     fn commit(&mut self, at: Point) {
         let Self { triangulation, evaluator, fan, tentative } = self;
         std::mem::swap(&mut evaluator.cavity, &mut tentative.best_cavity);
@@ -156,7 +150,6 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         triangulation.insert(tentative.vertex, at, &evaluator.cavity, errors, fan);
     }
 
-    /// Gives the detached vertex its old faces again.
     fn roll_back(&mut self) {
         let Self { triangulation, evaluator: Evaluator { star, .. }, fan, tentative } = self;
         let TentativeMove { vertex, errors_before, .. } = tentative;

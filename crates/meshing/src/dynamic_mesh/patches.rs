@@ -12,7 +12,6 @@ use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::triangulation::{NONE, next};
 
-/// Which vertices and triangles make up each patch.
 pub(crate) struct Partition {
     pub(crate) patches: Vec<PatchIndices>,
     /// The patch of each vertex and slot, and its index there; [`NONE`] where it is in none.
@@ -27,7 +26,6 @@ pub(crate) struct PatchIndices {
     pub(crate) slots: Vec<u32>,
 }
 
-/// Where in a partition a vertex or a slot is.
 #[derive(Clone, Copy)]
 pub(super) struct Location {
     pub(super) patch: u32,
@@ -36,10 +34,8 @@ pub(super) struct Location {
 
 const NOWHERE: Location = Location { patch: NONE, index: NONE };
 
-/// The direction of the cuts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cuts {
-    /// Along rows and columns.
     Straight,
     /// Along diagonals, which share few points with the straight cuts.
     Diagonal,
@@ -58,7 +54,6 @@ impl Cuts {
 }
 
 impl Partition {
-    /// Halves a triangulation `halvings` times.
     pub(crate) fn new(
         triangulation: &DynamicTriangulation,
         cuts: Cuts,

@@ -22,20 +22,15 @@ const ROUND_TO_NEAREST: f64 = 6_755_399_441_055_744.0;
 /// 1.5 * 2^23.
 const ROUND_TO_NEAREST_F32: f32 = 12_582_912.0;
 
-/// Faces of at most this double area use floating point.
 const FLOATING_POINT_LIMIT: i64 = 1 << 33;
 
-/// Largest number of bits of the samples of a [`Plane`].
 pub(crate) const PLANE_PRECISION: u8 = 8;
 
-/// One component's interpolant over one face.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interpolant {
-    /// Twice the area of the face, the denominator.
     double_area: i64,
     /// `1 / (4 double_area)`.
     quarter_reciprocal: f64,
-    /// The numerator at pixel `(0, 0)`.
     at_origin: i64,
     /// Change of the numerator from one column to the next.
     per_column: i64,
@@ -117,7 +112,6 @@ impl Interpolant {
 #[derive(Clone, Copy)]
 pub(crate) struct Plane<S: Simd> {
     pub(crate) simd: S,
-    /// The first vertex.
     pub(crate) a: Point,
     /// Numerators at the first vertex and at the pixels after it.
     at_a: f32x8<S>,
@@ -153,7 +147,6 @@ impl<S: Simd> Plane<S> {
         self.at_a + self.per_row * (y - self.a.y) as f32
     }
 
-    /// The interpolants with these numerators, rounded.
     #[inline(always)]
     pub(crate) fn rounded(&self, numerators: f32x8<S>) -> f32x8<S> {
         numerators * self.quarter_reciprocal + ROUND_TO_NEAREST_F32 - ROUND_TO_NEAREST_F32

@@ -19,7 +19,6 @@ const STEPS: u64 = 256;
 const BLUE_DIFFERENCE: [i64; 3] = [-168_736, -331_264, 500_000];
 const RED_DIFFERENCE: [i64; 3] = [500_000, -418_688, -81_312];
 
-/// Pixels of an image one after the other.
 pub(crate) struct Run<'a> {
     pub(crate) image: &'a Image,
     /// Indices `y * width + x`.
@@ -55,7 +54,6 @@ impl ErrorMetric {
         }
     }
 
-    /// The mean error per pixel for a sum over an image.
     pub(crate) fn mean(self, sum: u64, image: &Image) -> f64 {
         sum as f64 / (self.per_unit(image.component_count()) * image.pixel_count() as f64)
     }
@@ -80,7 +78,6 @@ impl ErrorMetric {
     }
 }
 
-/// The mean error per pixel of an approximation of an image.
 pub(crate) fn mean_error(
     image: &Image,
     approximation: &Image,
@@ -99,7 +96,6 @@ pub(crate) fn mean_error(
 }
 
 impl Run<'_> {
-    /// Sums a function of the differences of all components.
     fn sum_components(&self, after: &[Vec<u16>], of_difference: impl Fn(u64) -> u64) -> u64 {
         let components = self.image.components().iter().zip(after);
         let of_component = |(before, after): (&Vec<u16>, &Vec<u16>)| {
@@ -121,7 +117,6 @@ impl Run<'_> {
         self.sum((0..self.pixels.len()).map(|i| of_colors(at(before, i), at(after, i))))
     }
 
-    /// Sums errors times weights.
     fn sum(&self, errors: impl Iterator<Item = u64>) -> u64 {
         match self.weights {
             None => errors.sum(),
@@ -135,13 +130,11 @@ fn luma_difference(before: [u16; 3], after: [u16; 3]) -> u64 {
     luma_of(before).abs_diff(luma_of(after)).into()
 }
 
-/// The squared length of the difference in YCbCr.
 fn squared_length(before: [u16; 3], after: [u16; 3]) -> u64 {
     let (before, after) = (ycbcr(before), ycbcr(after));
     before.iter().zip(after).map(|(&a, b)| a.abs_diff(b).pow(2)).sum()
 }
 
-/// Luma and chroma differences of a color.
 fn ycbcr(color: [u16; 3]) -> [i64; 3] {
     let chroma = |factors: [i64; 3]| {
         let products = factors.iter().zip(color).map(|(f, sample)| f * i64::from(sample));

@@ -29,14 +29,12 @@ use std::num::NonZeroUsize;
 const FACES_PER_PART: usize = 8192;
 const DOUBLE_AREA_PER_PART: i64 = 1 << 21;
 
-/// Evaluates errors of approximations of one image.
 pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
     kind: Kind<'a>,
     level: Level,
 }
 
-/// How errors are evaluated.
 enum Kind<'a> {
     /// The squared error of at most four components of at most 8 bits.
     Squared(Pixels),
@@ -152,7 +150,6 @@ pub(crate) struct FaceErrors<'e> {
     interpolants: Vec<Interpolant>,
     /// One row of approximations for each component.
     approximations: Vec<Vec<u16>>,
-    /// The error of a single face.
     single: Vec<u64>,
 }
 
@@ -196,7 +193,6 @@ impl<'e> FaceErrors<'e> {
         self.interpolate(corners, |c| pixels.map(|pixel| image.components()[c][pixel]));
     }
 
-    /// Interpolates the values of each component at the corners.
     fn interpolate(&mut self, corners: [Point; 3], values: impl Fn(usize) -> [u16; 3]) {
         let components = 0..self.evaluator.image.component_count();
         self.interpolants.clear();

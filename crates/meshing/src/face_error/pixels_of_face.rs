@@ -23,10 +23,8 @@ use std::convert::Infallible;
 /// Largest number of columns and of rows between two vertices of a small face; `2^k - 1`.
 pub(crate) const MAX_EXTENT: i32 = 63;
 
-/// Rows in the lanes of a vector.
 pub(crate) const ROWS: usize = 8;
 
-/// Fractional bits of a crossing in fixed point.
 const FRACTION_BITS: u32 = 19;
 
 /// `ceil(2^FRACTION_BITS / rows)` by number of rows.
@@ -93,7 +91,6 @@ struct EdgeWalk {
     x: i32,
     /// Distance from `x` to the crossing, in units of `1 / rows`.
     rest: i32,
-    /// Whole columns from one row to the next.
     columns_per_row: i32,
     /// The remaining part of a column, in units of `1 / rows`.
     rest_per_row: i32,
@@ -131,17 +128,13 @@ impl EdgeWalk {
 pub(crate) struct SmallFace {
     /// From the lowest vertex to the highest.
     long: Slope,
-    /// From the lowest vertex to the middle one.
     lower: Slope,
-    /// From the middle vertex to the highest.
     upper: Slope,
     /// Rows from the lowest vertex to the middle one.
     middle: i32,
     /// The row of the lowest vertex; the face owns pixels from the next row on.
     pub(crate) bottom: i32,
-    /// Rows from the lowest vertex to the highest.
     pub(crate) rows: i32,
-    /// The least column of a vertex.
     left: i32,
     /// Columns from there to the greatest one.
     pub(crate) columns: i32,
@@ -161,9 +154,7 @@ struct Slope {
     origin: i32,
 }
 
-/// The pixels of eight rows.
 pub(crate) struct Rows {
-    /// The first column of each row.
     pub(crate) firsts: [i32; ROWS],
     /// Number of pixels from there on; none when it is not positive.
     pub(crate) counts: [i32; ROWS],

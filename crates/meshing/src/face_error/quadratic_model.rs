@@ -23,7 +23,6 @@ use crate::image::Point;
 use crate::triangulation::predicates::orientation;
 use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 
-/// The pixels of an image that the model reads.
 pub(crate) trait ModelPixels {
     /// The model of the error around a vertex whose link is `link`, counter-clockwise, with one
     /// face between each of the first `face_count` neighbours and the next. `None` when one of
@@ -54,7 +53,6 @@ impl<T: Sample> ModelPixels for Pixels<T> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct QuadraticModel {
     vertex: Point,
-    /// The samples at the vertex.
     before: [f32; MAX_COMPONENTS],
     /// Of the changes of the samples.
     samples: [f32; MAX_COMPONENTS],
@@ -84,7 +82,6 @@ impl QuadraticModel {
     }
 }
 
-/// Sums over faces, in lanes.
 struct Sums<S: Simd> {
     /// First moments of the residuals; the same times the slope per column, and per row.
     moments: [f32x8<S>; 3],
@@ -230,7 +227,6 @@ impl<S: Simd> Sums<S> {
     }
 }
 
-/// The sum of the lanes of each component.
 #[inline(always)]
 fn sums<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
     let mut sums = [0.0; MAX_COMPONENTS];
@@ -240,7 +236,6 @@ fn sums<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
     sums
 }
 
-/// The first lane of each component.
 #[inline(always)]
 fn firsts<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
     let mut firsts = [0.0; MAX_COMPONENTS];

@@ -11,10 +11,8 @@ use crate::face_error::pixels_of_face::{MAX_EXTENT, ROWS, SmallFace, for_each_ro
 use crate::image::{Image, Point};
 use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*, u8x16, u16x8};
 
-/// Lanes of a vector.
 pub(crate) const LANES: usize = 8;
 
-/// Components of a pixel at most.
 pub(crate) const MAX_COMPONENTS: usize = 4;
 
 /// Samples that a vector of 8-bit samples reads from a pixel on.
@@ -34,7 +32,6 @@ pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
     /// The first eight of at least [`SAMPLES_READ`] samples.
     fn first<S: Simd>(simd: S, samples: &[Self]) -> f32x8<S>;
 
-    /// The samples of the first pixel, repeated.
     #[inline(always)]
     fn repeated<S: Simd, const STRIDE: usize>(simd: S, samples: &[Self]) -> f32x8<S> {
         let samples = &samples[..STRIDE];
@@ -93,7 +90,6 @@ impl<T: Sample> Pixels<T> {
         Some(Self { level: Level::new(), width: image.width(), stride, samples })
     }
 
-    /// The interpolants of a face's components in lanes.
     #[inline(always)]
     pub(crate) fn plane<S: Simd, const STRIDE: usize>(
         &self,
@@ -184,7 +180,6 @@ impl Pixels {
     }
 }
 
-/// A sum of squared differences over the rows of a face.
 struct Sum<S: Simd> {
     plane: Plane<S>,
     lanes: f32x8<S>,

@@ -103,7 +103,6 @@ impl Sum {
         u16::try_from(mean).ok()
     }
 
-    /// The squared error of one value for all pixels.
     fn squared_error(self, value: u16) -> u128 {
         let value = u128::from(value);
         // Not below 0, being a sum of squares.
@@ -113,9 +112,7 @@ impl Sum {
 
 /// Running sums along each row: index `x` has the sums over the pixels left of column `x`.
 pub(crate) struct RowSums {
-    /// Columns of the image and one more.
     stride: usize,
-    /// The sums of weights, where there are any.
     weights: Option<Vec<u64>>,
     /// For each component the sums of samples and of their squares, times the weights.
     components: Vec<Vec<(u64, u64)>>,
@@ -189,7 +186,6 @@ fn running_sums<T: Copy>(
     Ok(sums)
 }
 
-/// Measures faces by the squared error of their best colours.
 impl FaceMeasure for &RowSums {
     fn error(&mut self, corners: [Point; 3]) -> u64 {
         let error = |c| {

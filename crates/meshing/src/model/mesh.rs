@@ -11,17 +11,36 @@ use thiserror::Error;
 /// Every value of this type is valid: the points are distinct lattice points and hold the four
 /// corners, each belongs to a face, and the faces are counter-clockwise, do not overlap and cover
 /// `[0, width - 1] x [0, height - 1]` without a gap.
+///
+/// ```
+/// use pixmesh_meshing::{Mesh, Point, Shape};
+///
+/// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
+/// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
+/// let faces = vec![[0, 1, 3], [0, 3, 2]];
+/// let mesh = Mesh::new(shape, corners.to_vec(), vec![0, 9, 0, 9], faces, &())?;
+/// assert_eq!((mesh.edge_count(), mesh.vertex_samples(1)), (5, &[9][..]));
+/// # Ok::<(), pixmesh_meshing::MeshError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Mesh {
     shape: Shape,
     points: Vec<Point>,
-    /// Vertex by vertex: `samples[v * component_count + c]`.
     samples: Vec<u16>,
     faces: Vec<Face>,
 }
 
 /// The first defect found in what should be a mesh. Indices count from 0.
+///
+/// ```
+/// use pixmesh_meshing::{Mesh, MeshError, Point, Shape};
+///
+/// let shape = Shape { width: 2, height: 2, component_count: 1, precision: 8 };
+/// let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
+/// let turned = Mesh::new(shape, corners, vec![0; 4], vec![[0, 3, 1], [0, 3, 2]], &());
+/// assert_eq!(turned, Err(MeshError::FaceClockwise { face: 0 }));
+/// ```
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "each variant and its message explain the fields")]
@@ -81,15 +100,6 @@ impl Mesh {
     ///
     /// # Errors
     /// The first defect found, see [`MeshError`], or [`MeshError::Cancelled`].
-    ///
-    /// ```
-    /// use pixmesh_meshing::{Mesh, Point, Shape};
-    ///
-    /// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
-    /// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
-    /// let faces = vec![[0, 1, 3], [0, 3, 2]];
-    /// assert!(Mesh::new(shape, corners.to_vec(), vec![0, 9, 0, 9], faces, &()).is_ok());
-    /// ```
     pub fn new(
         shape: Shape,
         points: Vec<Point>,
@@ -254,7 +264,6 @@ impl Mesh {
         Ok(edges)
     }
 
-    /// Whether both ends lie on one side of the image's rectangle.
     fn is_on_border(&self, from: u32, to: u32) -> bool {
         let (a, b) = (self.points[from as usize], self.points[to as usize]);
         let is_border = |at: i32, side: usize| at == 0 || at == side as i32 - 1;
@@ -325,7 +334,6 @@ pub(crate) fn check_vertices(
     Ok(())
 }
 
-/// Points by row, then column, each with its index.
 pub(crate) fn sorted_points(
     points: &[Point],
     poll: &dyn Fn() -> Result<(), Cancelled>,

@@ -40,13 +40,22 @@ use thiserror::Error;
 pub struct Progression {
     shape: Shape,
     points: Vec<Point>,
-    /// Vertex by vertex.
     samples: Vec<u16>,
     /// The squared errors of the meshes of 4 points, of 5, and so on to all.
     squared_errors: Vec<u64>,
 }
 
 /// Why parts make no progression, or a progression has no mesh of a size.
+///
+/// ```
+/// use pixmesh_meshing::{Point, Progression, ProgressionError, Shape};
+///
+/// let shape = Shape { width: 2, height: 2, component_count: 1, precision: 8 };
+/// let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
+/// let smallest = Progression::from_parts(shape, corners, vec![0; 4], vec![0], &())?;
+/// assert_eq!(smallest.mesh(3, &()), Err(ProgressionError::Size { size: 3, most: 4 }));
+/// # Ok::<(), ProgressionError>(())
+/// ```
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "each variant and its message explain the fields")]

@@ -11,7 +11,6 @@ use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask16x8, prelude::*, u
 /// Faces between two polls of the control; rows of large faces poll too.
 const FACES_PER_POLL: usize = 64;
 
-/// Samples side by side in a vector.
 const LANES: usize = 8;
 
 /// Rebuilds the image that a mesh models: in each face each component is the linear interpolant
@@ -53,7 +52,6 @@ pub fn rasterize(mesh: &Mesh, control: &dyn Control) -> Result<Image, Cancelled>
     Ok(Image::from_kernel(width, height, precision, components))
 }
 
-/// An image whose faces are filled one by one.
 struct Canvas<'a> {
     mesh: &'a Mesh,
     width: usize,

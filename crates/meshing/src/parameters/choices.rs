@@ -64,6 +64,12 @@ macro_rules! named_values {
 named_values! {
     /// How an image becomes the density of its initial points: D stands for the maximum-magnitude
     /// second-order directional derivative (MMSODD), L for the magnitude of the Laplacian (MoL).
+    ///
+    /// ```
+    /// use pixmesh_meshing::parameters::Policy;
+    /// assert_eq!("psd_avg_l".parse(), Ok(Policy::PsdAvgL));
+    /// assert_eq!(Policy::Psc.component_count(), Some(3));
+    /// ```
     "policy" Policy {
         /// MMSODD of the only component.
         PsaD = "psa_d",
@@ -92,6 +98,11 @@ named_values! {
 
 named_values! {
     /// How the initial points are chosen.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Method, Target, parameters::Generator};
+    /// assert_eq!(Method::Mgpr.parameters(Target::Size(4)).generator, Generator::All);
+    /// ```
     "initial" Generator {
         /// Error diffusion of the density.
         ErrorDiffusion = "ed",
@@ -108,6 +119,11 @@ named_values! {
 
 named_values! {
     /// The errors that error diffusion starts row 0 with.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Method, Target, parameters::Startup};
+    /// assert_eq!(Method::Ed.parameters(Target::Size(4)).startup, Startup::Classic);
+    /// ```
     "startup" Startup {
         /// No errors.
         Classic = "classic",
@@ -120,6 +136,11 @@ named_values! {
 
 named_values! {
     /// The direction in which error diffusion visits each row.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Parameters, parameters::Scan};
+    /// assert_eq!(Parameters::default().scan, Scan::Serpentine);
+    /// ```
     "scan" Scan {
         /// Always left to right.
         Raster = "raster",
@@ -130,6 +151,11 @@ named_values! {
 
 named_values! {
     /// The smoothing filter.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Parameters, parameters::Smoothing};
+    /// assert!(Parameters::default().smoothing(Smoothing::Mean).smoothing_order(5).check().is_ok());
+    /// ```
     "smoothing" Smoothing {
         /// Binomial weights; order 3 is 1/4, 1/2, 1/4.
         Binomial = "binomial",
@@ -140,6 +166,11 @@ named_values! {
 
 named_values! {
     /// The directions in which the image is smoothed before it is differentiated.
+    ///
+    /// ```
+    /// use pixmesh_meshing::parameters::SmoothingDirection;
+    /// assert_eq!("orthogonal".parse(), Ok(SmoothingDirection::Orthogonal));
+    /// ```
     "smoothing_direction" SmoothingDirection {
         /// Rows and columns.
         Both = "both",
@@ -151,6 +182,11 @@ named_values! {
 
 named_values! {
     /// The vector gradient where its rates of change in x and y are equal.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Parameters, parameters::{Policy, PscTie}};
+    /// assert!(Parameters::default().policy(Policy::Psc).psc_tie(PscTie::Exact).check().is_ok());
+    /// ```
     "psc_tie" PscTie {
         /// As if the mixed term were 0, as in the published results.
         Published = "published",
@@ -161,6 +197,12 @@ named_values! {
 
 named_values! {
     /// The error that greedy removal raises least.
+    ///
+    /// ```
+    /// use pixmesh_meshing::parameters::ErrorMetric;
+    /// assert!(ErrorMetric::VecSe.check_component_count(2).is_ok());
+    /// assert!(ErrorMetric::LumaSe.check_component_count(2).is_err());
+    /// ```
     "error_metric" ErrorMetric {
         /// Squared error, mean over the components.
         MeanCompSe = "mean_comp_se",
@@ -183,6 +225,11 @@ named_values! {
 
 named_values! {
     /// The samples that filters read beyond the border of the image.
+    ///
+    /// ```
+    /// use pixmesh_meshing::parameters::Boundary;
+    /// assert_eq!(Boundary::NAMES, ["zero", "constant", "symmetric"]);
+    /// ```
     "boundary" Boundary {
         /// Zero.
         Zero = "zero",
@@ -195,6 +242,11 @@ named_values! {
 
 named_values! {
     /// The image that guides the choice and the removal of points.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Method, Target, parameters::Guide};
+    /// assert_eq!(Method::Cgpr.parameters(Target::Size(4)).guide, Guide::Gray);
+    /// ```
     "meshed" Guide {
         /// The image itself.
         Components = "components",
@@ -208,6 +260,11 @@ named_values! {
 
 named_values! {
     /// How the vertices are connected to faces.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Parameters, parameters::Connectivity};
+    /// assert!(Parameters::default().connectivity(Connectivity::Free).refines());
+    /// ```
     "connectivity" Connectivity {
         /// The preferred-directions Delaunay triangulation.
         Delaunay = "delaunay",
@@ -218,6 +275,11 @@ named_values! {
 
 named_values! {
     /// What the vertices carry.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Parameters, parameters::Values};
+    /// assert!(!Parameters::default().values(Values::Fitted).is_of_points_alone());
+    /// ```
     "values" Values {
         /// The image's samples.
         Sampled = "sampled",
@@ -228,6 +290,11 @@ named_values! {
 
 named_values! {
     /// How an image is rebuilt from a mesh.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Parameters, parameters::Reconstruction};
+    /// assert!(Parameters::default().reconstruction(Reconstruction::Flat).is_flat());
+    /// ```
     "reconstruction" Reconstruction {
         /// The linear interpolant of the vertices' values.
         Linear = "linear",
@@ -238,6 +305,11 @@ named_values! {
 
 named_values! {
     /// How greedy point removal shares its work among threads.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Method, Target, parameters::Parallel};
+    /// assert_eq!(Method::Optimal.parameters(Target::Size(4)).parallel, Parallel::Tiles);
+    /// ```
     "parallel" Parallel {
         /// In the exact order.
         Exact = "exact",

@@ -12,6 +12,14 @@ use crate::parameters::{InitialSize, ParameterError, Parameters, Target};
 
 named_values! {
     /// The named methods.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Method, Parameters, Target};
+    ///
+    /// let method: Method = "mgprfs".parse()?;
+    /// assert_eq!(method.parameters(Target::Percent(2.0)), Parameters::default());
+    /// # Ok::<(), pixmesh_meshing::ParameterError>(())
+    /// ```
     "method" Method {
         /// Error diffusion of one component with classic start-up; no simplification.
         Ed = "ed",

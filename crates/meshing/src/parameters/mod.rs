@@ -39,6 +39,13 @@ pub const MAX_GAMMA: f64 = 1000.0;
 pub const MAX_SMOOTHING_ORDER: usize = 21;
 
 /// A value that a parameter does not allow.
+///
+/// ```
+/// use pixmesh_meshing::{Parameters, Target};
+///
+/// let refused = Parameters::default().target(Target::Psnr(-3.0)).check().unwrap_err();
+/// assert_eq!(refused.to_string(), "target_psnr is -3, but must lie in 0 to 200");
+/// ```
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "each variant and its message explain the fields")]
@@ -86,6 +93,15 @@ pub enum ParameterError {
 }
 
 /// How large or how good the mesh is to be.
+///
+/// ```
+/// use pixmesh_meshing::{Parameters, Shape, Target};
+///
+/// let shape = Shape { width: 100, height: 50, component_count: 1, precision: 8 };
+/// let plan = |target| Parameters::default().target(target).plan(shape);
+/// assert_eq!(plan(Target::Percent(1.0)), plan(Target::Size(50)));
+/// assert!(Target::Psnr(30.0).is_quality());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Target {
@@ -114,6 +130,15 @@ impl Target {
 }
 
 /// How many initial points there are.
+///
+/// ```
+/// use pixmesh_meshing::{Parameters, Shape, Target, parameters::InitialSize};
+///
+/// let shape = Shape { width: 100, height: 50, component_count: 1, precision: 8 };
+/// let own = Parameters::default().target(Target::Size(30)).initial_size(InitialSize::Gamma(5.0));
+/// assert_eq!(own.plan(shape)?.initial_size, 150);
+/// # Ok::<(), pixmesh_meshing::ParameterError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum InitialSize {
@@ -319,7 +344,6 @@ impl Parameters {
         }
     }
 
-    /// Checks that the mesh has at least as many initial points as vertices.
     fn check_initial_size(
         &self,
         initial_size: usize,
@@ -384,7 +408,6 @@ impl Parameters {
         }
     }
 
-    /// Checks that there is a weight for each pixel of the image.
     pub(crate) fn check_weights(&self, expected: (usize, usize)) -> Result<(), ParameterError> {
         match self.weights.as_ref().map(Weights::size) {
             Some(actual) if actual != expected => {
@@ -394,7 +417,6 @@ impl Parameters {
         }
     }
 
-    /// Checks that the policy, the metric and the guide are defined for this many components.
     pub(crate) fn check_components(&self, actual: usize) -> Result<(), ParameterError> {
         if self.generator == Generator::ErrorDiffusion {
             self.policy.check_component_count(actual)?;
@@ -406,7 +428,6 @@ impl Parameters {
     }
 }
 
-/// Checks that a number is finite and within bounds.
 fn check_range(
     parameter: &'static str,
     value: f64,
@@ -426,7 +447,6 @@ fn check_percent(parameter: &'static str, percent: f64) -> Result<(), ParameterE
     check_range(parameter, percent, MIN_PERCENT, MAX_PERCENT)
 }
 
-/// Checks a number of points against the number of lattice points.
 pub(crate) fn check_size(
     parameter: &'static str,
     size: usize,

@@ -86,7 +86,6 @@ struct Diffusion<'a> {
     group_size: usize,
     level: Level,
     control: &'a dyn Control,
-    /// Thresholds tried so far.
     tries: usize,
 }
 
@@ -271,7 +270,6 @@ impl<'a> Diffusion<'a> {
     }
 }
 
-/// How many numbers a vector of the machine holds.
 #[inline(always)]
 fn lanes_of_vectors<S: Simd>(_: S) -> usize {
     S::f64s::LEN
@@ -287,7 +285,6 @@ fn random_errors(width: usize, reach: f64, seed: u64, field: u64) -> Vec<f64> {
 }
 
 impl Density {
-    /// Row `y` of a field.
     fn row(&self, field: usize, y: usize) -> &[f64] {
         &self.fields[field][y * self.width..][..self.width]
     }

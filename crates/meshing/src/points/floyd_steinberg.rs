@@ -21,13 +21,11 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> Lanes<S, V, N> {
         Self(vectors, PhantomData)
     }
 
-    /// The same number for every threshold.
     #[inline(always)]
     pub(crate) fn splat(simd: S, number: f64) -> Self {
         Self::new([V::splat(simd, number); N])
     }
 
-    /// The number for the first threshold.
     pub(crate) fn first(&self) -> f64 {
         self.0[0].as_slice()[0]
     }
@@ -107,9 +105,7 @@ impl Weights {
 pub(crate) struct RowDiffusion<'a, L> {
     pub(crate) weights: &'a Weights,
     pub(crate) thresholds: L,
-    /// Whether every second row is scanned leftwards.
     pub(crate) is_serpentine: bool,
-    /// Whether the next row is scanned leftwards.
     pub(crate) is_leftwards: bool,
     pub(crate) poller: Poller<'a>,
 }

@@ -56,7 +56,6 @@ pub(crate) fn inserted_points(
     Ok(points)
 }
 
-/// A mesh that receives vertices one by one.
 struct Insertion<'a> {
     image: &'a Image,
     weights: Option<&'a [u8]>,
@@ -67,7 +66,6 @@ struct Insertion<'a> {
 }
 
 impl Insertion<'_> {
-    /// Queues a face if it has an error.
     fn demand(&mut self, slot: u32) {
         let error = self.mesh.triangulation.face_error(slot);
         if error > 0 {

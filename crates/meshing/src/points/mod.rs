@@ -26,6 +26,15 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// # Errors
 /// When `size` is not between 4, the corners, and the number of lattice points, a parameter is out
 /// of its bounds or not defined for such an image, or the control cancels.
+///
+/// ```
+/// use pixmesh_meshing::{Image, Parameters, parameters::Generator, sample_points};
+///
+/// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
+/// let grid = Parameters::default().generator(Generator::Uniform);
+/// assert_eq!(sample_points(&image, &grid, 9, &())?.len(), 9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn sample_points(
     image: &Image,
     parameters: &Parameters,

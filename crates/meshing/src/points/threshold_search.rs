@@ -5,7 +5,6 @@
 //! thresholds they use is estimated: the number of points is almost inversely proportional to the
 //! threshold, and the counts so far refine the estimate. A wrong estimate costs time alone.
 
-/// The state of the search, and the counts known so far.
 pub(crate) struct ThresholdSearch {
     size: usize,
     bracket: Bracket,

@@ -24,9 +24,7 @@ const COLUMNS_PER_POLL: usize = 1024;
 pub(crate) struct GaussianWindow<const N: usize> {
     /// Weights of the window's columns, and of its rows; their sum is 1.
     weights: Vec<f64>,
-    /// Rows added.
     row_count: usize,
-    /// The last row added.
     row: Vec<[f64; N]>,
     /// Means along the last rows; those of row `y` have the index `y % weights.len()`.
     along_rows: Vec<Vec<[f64; N]>>,
@@ -50,9 +48,6 @@ impl<const N: usize> GaussianWindow<N> {
 
     /// Adds the next row. Returns the means under the windows whose last row it is: none as long as
     /// there are fewer rows than the window has.
-    ///
-    /// # Errors
-    /// When `poll` does, which is called every 1024 columns.
     pub(crate) fn add_row(
         &mut self,
         row: impl Iterator<Item = [f64; N]>,
@@ -79,7 +74,6 @@ impl<const N: usize> GaussianWindow<N> {
     }
 }
 
-/// Writes the weighted means of rows.
 fn average<'a, const N: usize>(
     weights: &[f64],
     rows: impl Iterator<Item = &'a [[f64; N]]>,

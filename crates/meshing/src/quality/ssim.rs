@@ -54,20 +54,17 @@ pub fn structural_similarity(
     Ok(Some(sum / (windows * first.component_count()) as f64))
 }
 
-/// The fields that the window averages: both samples, their squares, and their product.
 fn fields((&a, &b): (&u16, &u16)) -> [f64; 5] {
     let (a, b) = (f64::from(a), f64::from(b));
     [a, b, a * a, b * b, a * b]
 }
 
-/// The paper's constants C1 and C2 for a precision.
 struct Index {
     c1: f64,
     c2: f64,
 }
 
 impl Index {
-    /// The index of a window from its means of [`fields`].
     fn of(&self, [a, b, aa, bb, ab]: [f64; 5]) -> f64 {
         let (variance_a, variance_b, covariance) = (aa - a * a, bb - b * b, ab - a * b);
         let similarity = (2.0 * a * b + self.c1) * (2.0 * covariance + self.c2);

@@ -16,11 +16,9 @@ const WEIGHTS: [[i32; 3]; 7] =
 /// A position in a face where a vertex would lower the error.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Candidate {
-    /// By how much the error would fall.
     pub(crate) gain: i64,
     pub(crate) position: Point,
     pub(crate) slot: u32,
-    /// The corners of the face.
     corners: [Point; 3],
 }
 
@@ -47,7 +45,6 @@ pub(crate) fn find_candidates<M: FaceMeasure>(
     Ok(candidates)
 }
 
-/// The best position of a face that lowers the error.
 fn best_in_face<M: FaceMeasure>(
     evaluator: &mut Evaluator<M>,
     triangulation: &DynamicTriangulation,

@@ -3,7 +3,6 @@
 use crate::control::{Cancelled, Control, Stage, Translated};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Resolution of the progress within a step.
 const UNITS: usize = 1000;
 
 /// Reports the beginning of a step after `steps_done` of `count` steps. Returns a control that

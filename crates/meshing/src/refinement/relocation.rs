@@ -35,7 +35,6 @@ const LEAST_PATCH: usize = 2048;
 /// are large there because the picture has no detail.
 const DENSE: usize = 1024;
 
-/// How a vertex finds a better position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Search {
     /// Tries the best-predicted positions of a 5 x 5 window and takes the first that lowers the
@@ -45,7 +44,6 @@ pub(crate) enum Search {
     Exhaustive,
 }
 
-/// The state of passes over the vertices of a mesh.
 #[derive(Clone)]
 pub(crate) struct Relocation {
     /// Whether the faces of each vertex have changed since its last visit.
@@ -55,7 +53,6 @@ pub(crate) struct Relocation {
     /// The vertices tile by tile, by their first positions.
     order: Vec<u32>,
     skips_unpredicted: bool,
-    /// The best-predicted positions of a vertex.
     candidates: Vec<(f32, Point)>,
 }
 
@@ -83,7 +80,6 @@ impl Relocation {
         self.order.push(vertex);
     }
 
-    /// Visits these vertices again, as their faces have changed.
     pub(crate) fn mark_outdated(&mut self, vertices: &[u32]) {
         for &v in vertices {
             self.is_outdated[v as usize] = true;

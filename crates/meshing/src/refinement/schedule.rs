@@ -7,7 +7,6 @@ use crate::refinement::relocation::Search;
 pub(crate) enum Step {
     /// One pass over the vertices whose surroundings have changed.
     Relocate(Search),
-    /// One pass over all vertices.
     RelocateAll(Search),
     /// Growth by this percentage of the vertices, and removal of as many.
     Grow(Search, usize),
@@ -40,7 +39,6 @@ const STEPS: &[(u8, Step)] = {
     ]
 };
 
-/// The steps of an effort from 0 (none) to 9.
 pub(crate) fn steps(effort: u8) -> impl Iterator<Item = Step> {
     STEPS.iter().take_while(move |(least, _)| *least <= effort).map(|(_, step)| *step)
 }

@@ -15,7 +15,6 @@ use crate::triangulation::hole::{CAPACITY, HoleFiller, fill_small};
 /// The most neighbours of a vertex whose whole fill is cached, a power of two.
 const MOST_CACHED: usize = CACHED_TRIANGLES + 2;
 
-/// The state of a neighbour after a removal.
 pub(crate) struct Neighbour {
     pub(crate) vertex: u32,
     pub(crate) star: Packed,
@@ -24,7 +23,6 @@ pub(crate) struct Neighbour {
     pub(crate) change: Option<i64>,
 }
 
-/// Evaluates removals; keeps its memory from one to the next.
 pub(crate) struct Evaluator<'m> {
     errors: FaceErrors<'m>,
     batch: Batch,
@@ -59,7 +57,6 @@ impl<'m> Evaluator<'m> {
         (Batch::finish(&mut star, &mut self.batch.errors.iter()), star.record.fill)
     }
 
-    /// The states of all neighbours after the removal of a vertex.
     pub(crate) fn prepare(
         &mut self,
         vertex: u32,
@@ -146,7 +143,6 @@ impl<'m> Evaluator<'m> {
         }
     }
 
-    /// Fills the hole of a vertex and lists the edges of the triangles.
     fn list_edges(&mut self, vertex: u32, stars: &Stars<'_>) {
         let boundary: Vec<Point> =
             stars.neighbours(vertex).iter().map(|&v| stars.point(v)).collect();
@@ -220,7 +216,6 @@ impl Shift {
         Self { at: byte(at), end: byte(at + count), growth: (count as u8).wrapping_sub(1) }
     }
 
-    /// The index that a neighbour had.
     #[inline(always)]
     fn former(self, index: u8) -> u8 {
         let moved = index.wrapping_sub(self.growth);
@@ -242,7 +237,6 @@ fn cached_error(cache: &FillCache, shift: Shift, triangle: [usize; 3]) -> (bool,
     if is_followed { cache.error(triangle.map(|at| shift.former(at as u8))) } else { (false, 0) }
 }
 
-/// Holes whose triangles are measured together.
 #[derive(Default)]
 struct Batch {
     /// The error of each triangle, hole after hole; 0 until it is measured.
@@ -298,7 +292,6 @@ impl Batch {
         star.record.fill = fill;
     }
 
-    /// Adds a triangle and its cached error, if there is one.
     #[inline(always)]
     fn push(&mut self, face: [Point; 3], (is_cached, error): (bool, u32)) {
         // Written in any case, kept if it is to be measured: without a branch.
@@ -310,7 +303,6 @@ impl Batch {
         self.errors.push(error.into());
     }
 
-    /// Measures the triangles whose errors are not cached.
     fn measure(&mut self, errors: &mut FaceErrors<'_>) {
         errors.errors(&self.faces, &mut self.face_errors);
         for (&index, &error) in self.indices.iter().zip(&self.face_errors) {

@@ -115,7 +115,6 @@ fn add_faces(stars: &Stars<'_>, vertex: u32, numbers: &[u32], faces: &mut Vec<Fa
     faces[start..].sort_unstable();
 }
 
-/// For each rank the vertex that has it.
 fn inverse(ranks: &[u32], poller: &mut Poller<'_>) -> Result<Vec<u32>, Cancelled> {
     let mut vertices = vec![0; ranks.len()];
     for (vertex, &rank) in (0..).zip(ranks) {

@@ -25,7 +25,6 @@ use crate::triangulation::Triangulation;
 /// vertices are 1 edge or more away from a feature, 0.01 % are 5 away, and none is 6 away.
 const LEAST_DISTANCE: usize = 6;
 
-/// Faces examined between two polls of the control.
 const FACES_PER_POLL: usize = 8192;
 
 /// Removes at most `surplus` featureless vertices of a triangulation of `image`, and lists them

@@ -33,7 +33,6 @@ pub(crate) fn remove_in_order(
     }
 }
 
-/// Consecutive tiles: their stars and queues.
 pub(crate) struct Group<'t, 'm> {
     stars: Stars<'t>,
     queues: &'t mut [RemovalQueue],
@@ -45,7 +44,6 @@ pub(crate) struct Group<'t, 'm> {
 }
 
 impl<'t, 'm> Group<'t, 'm> {
-    /// The group of these tiles.
     pub(crate) fn new(
         stars: Stars<'t>,
         queues: &'t mut [RemovalQueue],
@@ -121,17 +119,26 @@ impl<'t, 'm> Group<'t, 'm> {
 /// When removal ends, and what it reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StopRule {
-    /// Vertices to keep.
     pub(crate) size: usize,
     /// The largest sum of errors that a removal may leave, in the metric's whole numbers.
     pub(crate) bound: Option<u64>,
     /// Whether to go on below `size` while a removal lowers the error.
     pub(crate) bad_point_removal: bool,
-    /// Whether the removals are listed.
     pub(crate) lists_removals: bool,
 }
 
 /// A vertex that greedy removal took out.
+///
+/// ```
+/// use pixmesh_meshing::{Image, Method, Target, mesh_image};
+///
+/// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
+/// let parameters = Method::Mgpr.parameters(Target::Size(40)).lists_removals(true);
+/// let made = mesh_image(&image, &parameters, &())?;
+/// let rise: i64 = made.removals.iter().map(|removal| removal.change).sum();
+/// assert_eq!(rise as u64, made.fidelity.squared_error); // the mesh of all points has no error
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Removal {
     /// Its position.
@@ -140,12 +147,10 @@ pub struct Removal {
     pub change: i64,
 }
 
-/// How far removal has come, and when it ends.
 pub(crate) struct Progress {
     rule: StopRule,
     /// Vertices to remove, unless a bound ends removal before.
     surplus: usize,
-    /// Vertices not removed.
     remaining: usize,
     /// Sum of the errors of all faces.
     pub(crate) error: u64,
@@ -169,13 +174,11 @@ impl Progress {
         control.poll(Stage::Simplify, self.surplus - self.surplus_left(), self.surplus)
     }
 
-    /// Polls the control during work between removals.
     pub(crate) fn poller<'c>(&self, control: &'c dyn Control) -> Poller<'c> {
         let done = self.surplus - self.surplus_left();
         Poller::new(control, Stage::Simplify, done, self.surplus)
     }
 
-    /// Whether a removal with this change must not be made.
     pub(crate) fn must_stop(&self, change: i64) -> bool {
         let rule = self.rule;
         if self.remaining <= rule.size {

@@ -14,9 +14,6 @@ use crate::removal::Removal;
 
 /// How many of `removals`, in order, can be made on the mesh of an image before a sample of the
 /// approximation differs from the image's by more than `most`.
-///
-/// # Errors
-/// When the control cancels.
 pub(crate) fn removals_within(
     image: &Image,
     points: Vec<Point>,

@@ -35,7 +35,6 @@ use crate::removal::star::ONE_TILE;
 use crate::removal::start::{Start, prepare};
 use crate::triangulation::{Face, Triangulation};
 
-/// What greedy removal leaves.
 pub(crate) struct Simplified {
     /// The vertices left, by row, then column.
     pub(crate) points: Vec<Point>,
@@ -69,7 +68,6 @@ pub(crate) fn simplify_by(
     finish(start, measure, control)
 }
 
-/// Removes the rest in the exact order.
 fn finish(
     start: Start,
     measure: &ErrorEvaluator<'_>,

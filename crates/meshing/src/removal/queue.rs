@@ -13,7 +13,6 @@
 use crate::control::{Cancelled, Poller};
 use std::ops::Range;
 
-/// Children of each node.
 const ARITY: usize = 4;
 
 /// The index of the least entry, the last of the first four siblings.
@@ -25,7 +24,6 @@ const NO_KEY: u128 = u128::MAX;
 /// A candidate for removal. Entries compare in the order of removal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Entry {
-    /// By how much its removal changes the error.
     pub(crate) change: i64,
     /// Its rank among all vertices by row, then column: the lower of equal changes goes first.
     pub(crate) rank: u32,
@@ -47,7 +45,6 @@ impl Entry {
     }
 }
 
-/// The entries of the four children of a node.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Siblings([u128; ARITY]);
@@ -83,7 +80,6 @@ impl RemovalQueue {
         self.len += 1;
     }
 
-    /// Orders the heap.
     pub(crate) fn order(&mut self, poller: &mut Poller<'_>) -> Result<(), Cancelled> {
         for parent in (FIRST..FIRST + self.siblings.len() - 1).rev() {
             poller.step(ARITY)?;
@@ -97,7 +93,6 @@ impl RemovalQueue {
         Some(self.at(FIRST)).filter(|&key| key != NO_KEY).map(Entry::from_key)
     }
 
-    /// The vertex after that.
     #[inline]
     pub(crate) fn second(&self) -> Option<Entry> {
         let Siblings([a, b, c, d]) = self.siblings.get(1)?;
@@ -108,7 +103,6 @@ impl RemovalQueue {
         self.len
     }
 
-    /// All entries, in any order.
     pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
         let keys = self.siblings.iter().flat_map(|Siblings(keys)| keys);
         keys.filter(|&&key| key != NO_KEY).map(|&key| Entry::from_key(key))
@@ -129,7 +123,6 @@ impl RemovalQueue {
         }
     }
 
-    /// Gives a vertex of the queue another key.
     pub(crate) fn change(&mut self, vertex: u32, change: i64) {
         let index = self.indices[self.offset(vertex)] as usize;
         let old = self.at(index);
@@ -170,7 +163,6 @@ impl RemovalQueue {
         self.put(index, key);
     }
 
-    /// The offset of a vertex in the list of indices.
     #[inline(always)]
     fn offset(&self, vertex: u32) -> usize {
         vertex.wrapping_sub(self.first_vertex) as usize

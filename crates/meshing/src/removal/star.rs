@@ -12,7 +12,6 @@ use std::collections::HashMap;
 use std::hint::black_box;
 use std::ops::Range;
 
-/// Neighbours of an inline star at most.
 pub(crate) const INLINE_CAPACITY: usize = 9;
 
 /// Triangles cached for each vertex; a hole has four on average.
@@ -21,10 +20,8 @@ pub(crate) const CACHED_TRIANGLES: usize = 6;
 /// The binary digits of a vertex's index in its tile where all vertices are one tile.
 pub(crate) const ONE_TILE: u32 = u32::BITS - 1;
 
-/// Degree of a vertex whose star is spilled.
 const SPILLED: u32 = u32::MAX;
 
-/// Stands for a triangle that is not cached.
 const NOT_CACHED: u32 = u32::MAX;
 
 // The points of an inline star's neighbours fit the arrays that holes are filled in.
@@ -42,7 +39,6 @@ pub(crate) struct FillCache {
 }
 
 impl FillCache {
-    /// No triangles.
     pub(crate) const EMPTY: Self =
         Self { triangles: [NOT_CACHED; CACHED_TRIANGLES], errors: [0; CACHED_TRIANGLES] };
 
@@ -91,7 +87,6 @@ impl FillCache {
     }
 }
 
-/// The star of one vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(64))]
 pub(crate) struct Record {
@@ -158,7 +153,6 @@ impl Record {
 /// What replaces a removed vertex in the star of a neighbour, where that star stays inline.
 #[derive(Default)]
 pub(crate) struct InlineReplacement {
-    /// The new neighbours, counter-clockwise.
     successors: [u32; INLINE_CAPACITY - 1],
     pub(crate) count: usize,
     /// The errors of the faces before each of them and after the last; 0 beyond the border.
@@ -189,7 +183,6 @@ impl InlineReplacement {
 /// the first and the last neighbour are those along the border, and there is no such face.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Star {
-    /// The neighbours, counter-clockwise.
     pub(crate) neighbours: Vec<u32>,
     /// The error of the face between each neighbour and the next one; 0 where there is none.
     pub(crate) errors: Vec<u64>,
@@ -227,10 +220,8 @@ impl Star {
     }
 }
 
-/// A star as it is stored.
 pub(crate) struct Packed {
     pub(crate) record: Record,
-    /// The star itself, where it is not inline.
     pub(crate) spilled: Option<Box<Star>>,
 }
 
@@ -240,7 +231,6 @@ impl Packed {
         self.spilled.as_ref().map_or(self.record.degree as usize, |star| star.neighbours.len())
     }
 
-    /// The sum of the errors of all faces.
     #[inline(always)]
     pub(crate) fn error(&self) -> u64 {
         match &self.spilled {
@@ -258,16 +248,13 @@ pub(crate) struct Vertices {
     pub(crate) ranks: Vec<u32>,
     /// The binary digits of a vertex's index within its tile.
     pub(crate) digits: u32,
-    /// The last column and row of the image.
     pub(crate) right: i32,
     pub(crate) top: i32,
 }
 
-/// The stars of all vertices.
 pub(crate) struct AllStars {
     pub(crate) vertices: Vertices,
     pub(crate) records: Vec<Record>,
-    /// The spilled stars of each tile.
     pub(crate) spilled: Vec<HashMap<u32, Star>>,
 }
 
@@ -285,7 +272,6 @@ impl AllStars {
         })
     }
 
-    /// The stars of all tiles.
     pub(crate) fn whole(&mut self) -> Stars<'_> {
         let Self { vertices, records, spilled } = self;
         Stars { vertices, first: 0, records, spilled }
@@ -301,7 +287,6 @@ impl AllStars {
 /// The stars of the vertices of consecutive tiles.
 pub(crate) struct Stars<'t> {
     pub(crate) vertices: &'t Vertices,
-    /// The number of the first vertex.
     first: u32,
     records: &'t mut [Record],
     spilled: &'t mut [HashMap<u32, Star>],
@@ -335,7 +320,6 @@ impl Stars<'_> {
         (x == 0 || x == *right) && (y == 0 || y == *top)
     }
 
-    /// Whether a vertex lies on the border of the image.
     pub(crate) fn is_on_border(&self, vertex: u32) -> bool {
         let (Point { x, y }, Vertices { right, top, .. }) = (self.point(vertex), self.vertices);
         x == 0 || x == *right || y == 0 || y == *top
@@ -350,7 +334,6 @@ impl Stars<'_> {
         self.record(vertex).degree == 0
     }
 
-    /// The neighbours of a vertex, counter-clockwise.
     #[inline]
     pub(crate) fn neighbours(&self, vertex: u32) -> &[u32] {
         let record = self.record(vertex);
@@ -391,7 +374,6 @@ impl Stars<'_> {
         black_box(lines.fold(0, |all, line| all ^ line));
     }
 
-    /// Replaces what is cached of the fill of a vertex's hole.
     pub(crate) fn set_fill(&mut self, vertex: u32, fill: FillCache) {
         let index = self.index(vertex);
         self.records[index].fill = fill;

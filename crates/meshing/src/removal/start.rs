@@ -17,7 +17,6 @@ use crate::triangulation::Triangulation;
 const STEPS_PER_POLL: usize = 8192;
 const PIXELS_PER_POLL: usize = 1 << 18;
 
-/// A mesh before removal.
 pub(crate) struct Start {
     pub(crate) stars: AllStars,
     /// For each tile an entry for each vertex that may be removed.

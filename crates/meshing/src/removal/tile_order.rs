@@ -8,7 +8,6 @@
 use crate::control::{Cancelled, Poller};
 use crate::image::Point;
 
-/// Columns and rows of a tile, as a power of two.
 const TILE: u32 = 5;
 
 /// The indices of points that lie within `width` columns and `height` rows, tile by tile, in their

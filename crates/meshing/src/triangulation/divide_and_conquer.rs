@@ -34,7 +34,6 @@ type Extremes = (u32, u32);
 struct Subdivision<'a> {
     points: &'a [Point],
     poller: Poller<'a>,
-    /// The vertex at which each half-edge begins.
     origins: Vec<u32>,
     /// The next half-edge of the same origin, counter-clockwise.
     following: Vec<u32>,

@@ -18,11 +18,8 @@ pub(super) struct Flipping<'a> {
     points: &'a [Point],
     origins: Vec<u32>,
     twins: Vec<u32>,
-    /// The first outer half-edge.
     outer: u32,
-    /// Edges to check.
     suspects: Vec<u32>,
-    /// The number of flips so far.
     pub(super) flips: usize,
     control: &'a dyn Control,
 }
@@ -44,7 +41,6 @@ impl<'a> Flipping<'a> {
         }
     }
 
-    /// The outer half-edge of a number.
     #[inline]
     pub(super) fn outer(&self, number: u32) -> u32 {
         self.outer + number

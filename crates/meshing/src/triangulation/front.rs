@@ -9,13 +9,11 @@ pub(super) const RIGHT: usize = 1;
 
 #[derive(Clone, Copy)]
 pub(super) struct Node {
-    /// Its number.
     pub(super) vertex: u32,
     /// The columns of the next vertices at the left and at the right, [`NONE`] beyond the ends.
     pub(super) neighbours: [u32; 2],
 }
 
-/// The vertices of the front by their columns.
 pub(super) struct Front {
     nodes: Vec<Node>,
     /// One bit for each column, set where the front has a vertex.
@@ -61,7 +59,6 @@ impl Front {
         self.columns[column as usize / 64] |= 1 << (column % 64);
     }
 
-    /// Replaces the vertex of a column by another one of the same column.
     #[inline]
     pub(super) fn replace(&mut self, column: u32, vertex: u32) {
         self.nodes[column as usize].vertex = vertex;

@@ -28,14 +28,12 @@ pub(crate) const MOST_TRIANGLES: usize = 8;
 /// The capacity of its boundary, a power of two: indices are masked instead of checked.
 pub(crate) const CAPACITY: usize = 16;
 
-/// Fills holes; keeps its memory from one to the next.
 #[derive(Default)]
 pub(crate) struct HoleFiller {
     /// Indices of the boundaries that remain of a large hole, one after the other.
     rings: Vec<u32>,
     /// The start of each of these.
     ring_starts: Vec<usize>,
-    /// The triangles of the last fill.
     pub(crate) triangles: Vec<HoleTriangle>,
 }
 
@@ -116,7 +114,6 @@ pub(crate) fn fill_small(points: &[Point; CAPACITY], count: usize) -> [[u8; 3]; 
     fill.triangles
 }
 
-/// The fill of a small hole in work.
 struct SmallFill<'a> {
     points: &'a [Point; CAPACITY],
     triangles: [[u8; 3]; MOST_TRIANGLES],

@@ -16,6 +16,13 @@ use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
 use crate::image::{MAX_POINTS, MAX_SIDE, Point};
 
 /// Three indices of vertices, counter-clockwise with `y` up.
+///
+/// ```
+/// use pixmesh_meshing::{Face, Point, triangulate};
+///
+/// let faces: Vec<Face> = triangulate(&[Point::new(0, 1), Point::new(1, 0), Point::new(0, 0)]);
+/// assert_eq!(faces, [[0, 2, 1]]);
+/// ```
 pub type Face = [u32; 3];
 
 /// No half-edge, vertex or column; the twin of a half-edge on the border.
@@ -24,7 +31,6 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// How many steps of a [`Poller`] a point, a triangle or a flip counts.
 const STEPS_PER_POINT: usize = 64;
 
-/// The half-edges of triangles: their origins and twins.
 type HalfEdges = (Vec<u32>, Vec<u32>);
 
 /// A triangulation of lattice points as arrays of half-edges.
@@ -33,7 +39,6 @@ type HalfEdges = (Vec<u32>, Vec<u32>);
 /// goes from vertex `origins[h]` to that of the next one, with its triangle at the left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Triangulation {
-    /// The vertices.
     pub(crate) points: Vec<Point>,
     /// Vertex at which each half-edge begins.
     pub(crate) origins: Vec<u32>,
@@ -41,13 +46,11 @@ pub(crate) struct Triangulation {
     pub(crate) twins: Vec<u32>,
 }
 
-/// The half-edge after `h` in its triangle.
 #[inline]
 pub(crate) fn next(h: u32) -> u32 {
     if h % 3 == 2 { h - 2 } else { h + 1 }
 }
 
-/// The half-edge before `h` in its triangle.
 #[inline]
 pub(crate) fn previous(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
@@ -184,7 +187,6 @@ fn faces(
     Ok(sorted)
 }
 
-/// Rotates a face so that its smallest index comes first.
 #[inline]
 pub(crate) fn smallest_first([a, b, c]: Face) -> Face {
     // The position of the smallest is random, so selections replace branches.

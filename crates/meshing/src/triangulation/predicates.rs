@@ -25,6 +25,13 @@ use crate::image::Point;
 /// the points are collinear.
 ///
 /// Exact if no two coordinates of the points differ by 2^30 or more; a debug build panics beyond.
+///
+/// ```
+/// use pixmesh_meshing::{Point, orientation};
+///
+/// let [a, b, c] = [(0, 0), (4, 0), (0, 3)].map(|(x, y)| Point::new(x, y));
+/// assert_eq!((orientation(a, b, c), orientation(a, c, b)), (12, -12));
+/// ```
 #[inline]
 #[must_use]
 pub fn orientation(a: Point, b: Point, c: Point) -> i64 {
@@ -40,6 +47,13 @@ pub fn orientation(a: Point, b: Point, c: Point) -> i64 {
 /// `bad` meet at the edge `ab`, `true` means that `cd` is the diagonal of the triangulation.
 ///
 /// Exact when no two coordinates of the points differ by 2^30 or more; a debug build panics beyond.
+///
+/// ```
+/// use pixmesh_meshing::{Point, in_circle};
+///
+/// let [a, b, c] = [(0, 0), (4, 0), (0, 3)].map(|(x, y)| Point::new(x, y));
+/// assert!(in_circle(a, b, c, Point::new(3, 2)) && !in_circle(a, b, c, Point::new(5, 5)));
+/// ```
 #[inline]
 #[must_use]
 pub fn in_circle(a: Point, b: Point, c: Point, d: Point) -> bool {
@@ -65,7 +79,6 @@ fn preferred(rows: &[(i64, i64); 3]) -> bool {
     }
 }
 
-/// `p - q` in 64 bits.
 #[inline]
 fn difference(p: Point, q: Point) -> (i64, i64) {
     let (x, y) = (i64::from(p.x) - i64::from(q.x), i64::from(p.y) - i64::from(q.y));

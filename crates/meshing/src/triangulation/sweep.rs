@@ -48,7 +48,6 @@ struct Sweep<'a> {
     triangles: Flipping<'a>,
     /// The front's edge from column `c` to the next vertex is the outer half-edge number `c`.
     front: Front,
-    /// The column of the rectangle's left side.
     left: i32,
     /// The one outer half-edge for all edges at the other sides of the rectangle.
     side: u32,

@@ -17,7 +17,6 @@ use crate::triangulation::{Face, NONE, next};
 /// The steps end when the residual has fallen to this part of the right-hand side.
 const TOLERANCE: f64 = 1e-6;
 
-/// The largest number of steps.
 const MAX_STEPS: usize = 200;
 
 /// Fits the values of all vertices at once, if that lowers the error after rounding.

@@ -18,13 +18,10 @@ use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 /// Relative improvement threshold: the rounds end when one lowers the error by less than this part.
 const LEAST_IMPROVEMENT: f64 = 2e-4;
 
-/// Rounds without moves.
 const ROUNDS_WITHOUT_MOVES: usize = 4;
 
-/// Rounds for each level of effort.
 const ROUNDS_PER_EFFORT: usize = 3;
 
-/// Passes over the vertices in a round.
 const PASSES: usize = 3;
 
 /// Flips edges, fits values and, with an effort above 0, moves vertices, in rounds. No step raises

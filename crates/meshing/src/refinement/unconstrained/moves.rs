@@ -13,7 +13,6 @@ use crate::refinement::relocation::window;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::triangulation::predicates::orientation;
 
-/// Which constraints a mesh is free of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Freedom {
     /// Whether the faces need not be Delaunay.
@@ -44,7 +43,6 @@ impl Parabola {
     }
 }
 
-/// The state of passes over the vertices.
 #[derive(Default)]
 pub(crate) struct VertexMoves {
     freedom: Freedom,
@@ -70,7 +68,6 @@ impl VertexMoves {
         }
     }
 
-    /// Visits once each vertex whose faces have changed.
     pub(crate) fn pass(
         &mut self,
         mesh: &mut ValuedMesh<'_>,

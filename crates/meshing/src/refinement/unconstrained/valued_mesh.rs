@@ -7,7 +7,6 @@ use crate::image::{Image, Point};
 use crate::triangulation::predicates::{in_circle, orientation};
 use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 
-/// A triangulation with values at its vertices and the squared errors of its faces.
 pub(crate) struct ValuedMesh<'a> {
     pub(crate) image: &'a Image,
     /// How often the squared error of each lattice point counts: once without weights.
@@ -128,7 +127,6 @@ impl<'a> ValuedMesh<'a> {
             })
     }
 
-    /// The weights of the columns from `first` to before `end` of a row.
     pub(crate) fn weights_of_row(&self, y: i32, first: i32, end: i32) -> Option<&[u8]> {
         let row = y as usize * self.image.width();
         self.weights.map(|weights| &weights[row + first as usize..row + end as usize])
