@@ -13,11 +13,9 @@ use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
-use crate::orientation::Orientation;
+use crate::raster::Raster;
 use crate::wanted::{Wanted, WantedBytes, always};
 use image::codecs::bmp::BmpDecoder;
-use image::error::ImageError as DecoderError;
-use image::{ColorType, ImageDecoder};
 
 /// Where the length of the second header stands.
 const HEADER_LENGTH_AT: usize = 14;
@@ -30,7 +28,7 @@ const CORE_HEADER_BYTES: i32 = 12;
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Bmp, &always, |wanted| Ok(open(bytes, limits, wanted)?.0))
+    guarded(PictureFormat::Bmp, &always, |wanted| Ok(open(bytes, limits, wanted)?.header))
 }
 
 /// Decodes the picture, see [`decode`](crate::decode()).
@@ -39,20 +37,10 @@ pub(crate) fn decode(
     options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    let limits = options.limits;
-    let (header, pixels) = guarded(PictureFormat::Bmp, wanted, |wanted| {
-        let (header, decoder) = open(bytes, &limits, wanted)?;
-        let mut pixels = vec![0; header.width * header.height * header.component_count];
-        decoder.read_image(&mut pixels).map_err(refusal)?;
-        Ok((header, pixels))
-    })?;
-    let mut canvas = Canvas::new(header, Orientation::default());
-    canvas.put_rows(&pixels, wanted)?;
-    Ok(canvas)
+    guarded(PictureFormat::Bmp, wanted, |wanted| {
+        open(bytes, &options.limits, wanted)?.decode(wanted)
+    })
 }
-
-/// A file that is open up to its pixels.
-type Source<'a> = (Header, BmpDecoder<WantedBytes<'a>>);
 
 /// The columns and rows that the header claims, if the file is long enough to claim any.
 fn claimed_size(bytes: &[u8]) -> Option<(u64, u64)> {
@@ -72,23 +60,9 @@ fn open<'a>(
     bytes: &'a [u8],
     limits: &Limits,
     wanted: &'a Wanted<'a>,
-) -> Result<Source<'a>, DecodeError> {
+) -> Result<Raster<BmpDecoder<WantedBytes<'a>>>, DecodeError> {
     if let Some((width, height)) = claimed_size(bytes) {
         limits.check(width, height)?;
     }
-    let decoder = BmpDecoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
-    let (width, height) = decoder.dimensions();
-    let (width, height) = limits.check(width.into(), height.into())?;
-    let component_count = if decoder.color_type() == ColorType::Rgba8 { 4 } else { 3 };
-    let format = PictureFormat::Bmp;
-    Ok((Header { format, width, height, component_count, precision: 8 }, decoder))
-}
-
-/// The decoder's error in the terms of this crate.
-fn refusal(error: DecoderError) -> DecodeError {
-    let format = PictureFormat::Bmp;
-    match error {
-        DecoderError::Unsupported(error) => format.unsupported(error.to_string()),
-        other => format.malformed(other.to_string()),
-    }
+    Raster::new(PictureFormat::Bmp, BmpDecoder::new(WantedBytes::new(bytes, wanted)), limits)
 }

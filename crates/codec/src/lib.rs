@@ -70,6 +70,7 @@ mod ply;
 mod pmesh;
 mod png;
 mod pnm;
+mod raster;
 mod stl;
 mod surface;
 mod svg;

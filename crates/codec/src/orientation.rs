@@ -3,15 +3,6 @@
 //! Literature: CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif"; the
 //! tag `Orientation` (0x0112) of the first image file directory holds 1 to 8.
 
-/// The tag of the orientation.
-const ORIENTATION_TAG: u16 = 0x0112;
-
-/// The type of a field of 16-bit integers.
-const SHORT: u16 = 3;
-
-/// Bytes of one field of a directory.
-const FIELD_SIZE: usize = 12;
-
 /// How a file's pixels are turned to make the picture upright: first mirrored, then transposed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Orientation {
@@ -39,39 +30,18 @@ impl Orientation {
         Self { mirror_columns, mirror_rows, transpose }
     }
 
-    /// The orientation that EXIF data, from their TIFF header on, hold; upright when they hold none
-    /// or are broken.
-    pub(crate) fn from_exif(tiff: &[u8]) -> Self {
-        orientation_tag(tiff).map_or_else(Self::default, Self::from_tag)
+    /// The orientation that EXIF data hold, with or without the six bytes before their TIFF header;
+    /// upright when they hold none or are broken.
+    pub(crate) fn from_exif(exif: &[u8]) -> Self {
+        let tiff = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
+        let orientation = image::metadata::Orientation::from_exif_chunk(tiff);
+        orientation.map_or_else(Self::default, |found| Self::from_tag(found.to_exif().into()))
     }
 
     /// Columns and rows of the upright picture.
     pub(crate) fn upright(self, width: usize, height: usize) -> (usize, usize) {
         if self.transpose { (height, width) } else { (width, height) }
     }
-}
-
-/// The value of the orientation tag in the first directory.
-fn orientation_tag(tiff: &[u8]) -> Option<u16> {
-    let little_endian = match tiff.get(..4)? {
-        b"II*\0" => true,
-        b"MM\0*" => false,
-        _ => return None,
-    };
-    let short = |at: usize| {
-        let pair: [u8; 2] = tiff.get(at..at.checked_add(2)?)?.try_into().ok()?;
-        Some(if little_endian { u16::from_le_bytes(pair) } else { u16::from_be_bytes(pair) })
-    };
-    let word: [u8; 4] = tiff.get(4..8)?.try_into().ok()?;
-    let directory =
-        if little_endian { u32::from_le_bytes(word) } else { u32::from_be_bytes(word) } as usize;
-    let field_count = usize::from(short(directory)?);
-    let first = directory.checked_add(2)?;
-    let field = (0..field_count)
-        .map(|i| first.saturating_add(i * FIELD_SIZE))
-        .take_while(|&field| field < tiff.len())
-        .find(|&field| short(field) == Some(ORIENTATION_TAG))?;
-    if short(field + 2)? != SHORT { None } else { short(field + 8) }
 }
 
 #[cfg(test)]

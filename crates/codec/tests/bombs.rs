@@ -86,7 +86,7 @@ fn bombs_cost_neither_time_nor_memory() {
         let lenient = DecodeOptions { lenient: true, ..DecodeOptions::default() };
         assert!(within(500, name, || decode(bytes, &limits)).is_err(), "{name}");
         assert!(within(500, name, || lenient.decode(bytes)).is_err(), "{name}");
-        if *name == "WebP of 65536 groups of codes" {
+        if name.contains("65536 groups") || name.contains("a frame of such codes") {
             let error = decode(bytes, &limits).unwrap_err();
             assert!(matches!(error, DecodeError::MetadataTooLarge { .. }), "{error}");
         }

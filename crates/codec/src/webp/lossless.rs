@@ -1,90 +1,86 @@
-//! How much memory the prefix codes of a lossless WebP would take, from its bits.
+//! How much memory the prefix codes of a lossless WebP take.
 //!
-//! A picture may have 65536 groups of five codes, and a decoder makes a table of some kilobytes for
-//! each: a file of four megabytes would become more than a gigabyte, whatever its picture's size.
-//! Hence the stream is read here up to its pixels, and the tables are counted instead of made.
+//! A picture may have 65536 groups of five codes, and the decoder makes a table of some kilobytes
+//! for each: a file of 4 MB becomes more than 1 GB. This module reads the stream up to its pixels
+//! and counts the tables. It follows the decoder in everything that moves the place in the stream;
+//! it leaves out what only changes colours, and it leaves refusals of broken streams to the decoder.
 //!
 //! Literature: RFC 9649, section 3, "Specification for WebP Lossless Bitstream".
 
-use super::container::{ends_early, malformed};
+use super::ends_early;
 use crate::error::DecodeError;
+use crate::format::PictureFormat;
 use crate::wanted::Wanted;
 
-/// Bits of a code that a table resolves at once.
-const TABLE_BITS: usize = 10;
+/// The most bytes that the tables of a picture's prefix codes may take. Encoders make some hundreds
+/// of groups at the most, which take far less.
+pub(crate) const CODE_BYTES: usize = 32 << 20;
 
-/// Bytes of a table's entry, and of a node for what is longer.
+/// Bits of a code that a table resolves at once.
+const TABLE_BITS: u8 = 10;
+
+/// Bytes of a table's entry, and of the two nodes of a symbol whose code is longer.
 const ENTRY_BYTES: usize = 4;
-const NODE_BYTES: usize = 16;
+const NODE_BYTES: usize = 32;
 
 /// The order in which the lengths of the code of lengths are stored.
 const LENGTH_ORDER: [usize; 19] =
     [17, 18, 0, 1, 2, 3, 4, 5, 16, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
-/// Symbols of green and lengths, without those of a colour cache.
-const GREEN_SYMBOLS: usize = 256 + 24;
+/// Symbols of the five codes of a group: green and lengths, without those of a colour cache; red;
+/// blue; alpha; distances.
+const SYMBOLS: [usize; 5] = [256 + 24, 256, 256, 256, 40];
 
-/// Symbols of distances.
-const DISTANCE_SYMBOLS: usize = 40;
-
-/// Symbols read from one question to the next whether the picture is wanted.
+/// Symbols read from one poll of `wanted` to the next.
 const POLL_SYMBOLS: usize = 4096;
 
-/// The bytes that the tables of a picture's codes take, counted up to `limit`.
-///
-/// The stream begins after the header of a picture, or the first byte of alpha.
-///
-/// # Errors
-/// When the stream is broken before its pixels, or no longer wanted.
-pub(super) fn table_bytes(
-    mut bits: Bits<'_>,
-    [width, height]: [u32; 2],
-    limit: usize,
-) -> Result<usize, DecodeError> {
-    let mut width = width as usize;
-    let height = height as usize;
-    let mut seen = [false; 4];
+/// A stream of a picture without loss, or of alpha compressed like one.
+pub(super) struct Stream<'a> {
+    pub(super) data: &'a [u8],
+    /// Bits before the stream.
+    pub(super) start: usize,
+    /// Columns and rows of the picture.
+    pub(super) size: [u32; 2],
+}
+
+/// Refuses a stream whose prefix codes take more than [`CODE_BYTES`].
+pub(super) fn check_codes(stream: &Stream<'_>, wanted: &Wanted<'_>) -> Result<(), DecodeError> {
+    let &Stream { data, start, size: [width, height] } = stream;
+    let mut bits = Bits { data, position: start, wanted };
+    let (mut width, height) = (width as usize, height as usize);
     while bits.read(1)? == 1 {
-        let transform = bits.read(2)?;
-        if seen.get_mut(transform).is_some_and(|seen| std::mem::replace(seen, true)) {
-            return Err(malformed("a transform is repeated"));
-        }
-        match transform {
+        match bits.read(2)? {
             0 | 1 => {
                 let shift = bits.read(3)? + 2;
-                read_image(&mut bits, scaled(width, shift), scaled(height, shift))?;
+                bits.skip_image(scaled(width, shift) * scaled(height, shift))?;
             }
             2 => {}
             _ => {
                 let colours = bits.read(8)? + 1;
-                read_image(&mut bits, colours, 1)?;
-                let packed = match colours {
-                    ..=2 => 3,
-                    3..=4 => 2,
-                    5..=16 => 1,
-                    _ => 0,
-                };
+                bits.skip_image(colours)?;
+                let packed = [2, 4, 16].iter().filter(|&&most| colours <= most).count();
                 width = scaled(width, packed);
             }
         }
     }
-    let cache = read_cache_bits(&mut bits)?;
-    let groups = if bits.read(1)? == 1 {
+    let cached = bits.read_cache_symbols()?;
+    let mut groups = 1;
+    if bits.read(1)? == 1 {
         let shift = bits.read(3)? + 2;
-        let pixels = read_image(&mut bits, scaled(width, shift), scaled(height, shift))?;
-        pixels.iter().map(|pixel| (pixel >> 8 & 0xFFFF) as usize + 1).max().unwrap_or(1)
-    } else {
-        1
-    };
+        groups = 1 + bits.skip_image(scaled(width, shift) * scaled(height, shift))?;
+    }
     let mut bytes = 0;
     for _ in 0..groups {
-        (bits.wanted)()?;
-        bytes += read_group(&mut bits, cache)?.iter().map(Code::table_bytes).sum::<usize>();
-        if bytes > limit {
-            break;
+        wanted()?;
+        for lengths in bits.read_group(cached)? {
+            bytes += table_bytes(&lengths);
+        }
+        if bytes > CODE_BYTES {
+            let (format, limit) = (PictureFormat::WebP, CODE_BYTES);
+            return Err(DecodeError::MetadataTooLarge { format, limit });
         }
     }
-    Ok(bytes)
+    Ok(())
 }
 
 /// A side of an image that has one pixel for each `2^shift`.
@@ -92,59 +88,34 @@ fn scaled(side: usize, shift: usize) -> usize {
     side.div_ceil(1 << shift)
 }
 
-/// The least significant bits first.
-pub(super) struct Bits<'a> {
-    data: &'a [u8],
-    position: usize,
-    wanted: &'a Wanted<'a>,
-}
-
-impl<'a> Bits<'a> {
-    /// The bits of `data` from that at `position` on.
-    pub(super) fn new(data: &'a [u8], position: usize, wanted: &'a Wanted<'a>) -> Self {
-        Self { data, position, wanted }
+/// The bytes of the decoder's table for a code of these lengths.
+fn table_bytes(lengths: &[u8]) -> usize {
+    if lengths.iter().filter(|&&length| length > 0).count() < 2 {
+        return 0;
     }
-
-    fn read(&mut self, count: usize) -> Result<usize, DecodeError> {
-        let mut value = 0;
-        for i in 0..count {
-            let byte = self.data.get(self.position / 8).ok_or_else(ends_early)?;
-            value |= usize::from(byte >> (self.position % 8) & 1) << i;
-            self.position += 1;
-        }
-        Ok(value)
-    }
+    let longest = lengths.iter().copied().max().unwrap_or(0);
+    let long = lengths.iter().filter(|&&length| length > TABLE_BITS).count();
+    (ENTRY_BYTES << longest.min(TABLE_BITS)) + long * NODE_BYTES
 }
 
 /// A prefix code.
-#[derive(Default)]
 struct Code {
     /// Symbols sorted by length, then by value.
     symbols: Vec<u16>,
-    /// How many symbols have each length.
-    counts: [usize; 16],
+    /// How many symbols have each length from 1 on.
+    counts: [usize; 15],
 }
 
 impl Code {
-    /// # Errors
-    /// When the lengths do not make a complete code.
-    fn new(lengths: &[u8]) -> Result<Self, DecodeError> {
-        let mut code = Self::default();
-        for length in 1..=15_u8 {
-            let of_length = lengths.iter().enumerate().filter(|&(_, &l)| l == length);
-            let before = code.symbols.len();
-            code.symbols.extend(of_length.map(|(symbol, _)| symbol as u16));
-            if let Some(count) = code.counts.get_mut(usize::from(length)) {
-                *count = code.symbols.len() - before;
-            }
-        }
-        let used: usize = code.counts.iter().enumerate().map(|(l, n)| n << (15 - l)).sum();
-        match code.symbols.len() {
-            0 => Err(malformed("a prefix code is empty")),
-            1 => Ok(code),
-            _ if used == 1 << 15 => Ok(code),
-            _ => Err(malformed("a prefix code is not complete")),
-        }
+    fn new(lengths: &[u8]) -> Self {
+        let mut symbols = Vec::new();
+        let counts = std::array::from_fn(|i| {
+            let before = symbols.len();
+            let of_length = (0_u16..).zip(lengths).filter(|&(_, &l)| usize::from(l) == i + 1);
+            symbols.extend(of_length.map(|(symbol, _)| symbol));
+            symbols.len() - before
+        });
+        Self { symbols, counts }
     }
 
     /// Reads a symbol; the only one of a code takes no bits.
@@ -153,288 +124,150 @@ impl Code {
             return Ok(symbol.into());
         }
         let (mut code, mut first, mut index) = (0, 0, 0);
-        for &count in self.counts.get(1..).unwrap_or_default() {
+        for count in self.counts {
             code = code << 1 | bits.read(1)?;
             if code < first + count {
-                let symbol = self.symbols.get(index + code - first);
-                return symbol.map(|&s| s.into()).ok_or_else(|| malformed("a code is unknown"));
+                return self
+                    .symbols
+                    .get(index + code - first)
+                    .map_or_else(broken, |&s| Ok(s.into()));
             }
             index += count;
             first = (first + count) << 1;
         }
-        Err(malformed("a code is unknown"))
-    }
-
-    /// About the bytes of a decoder's table.
-    fn table_bytes(&self) -> usize {
-        if self.symbols.len() < 2 {
-            return 0;
-        }
-        let longest = self.counts.iter().rposition(|&count| count > 0).unwrap_or(0);
-        let long = self.counts.get(TABLE_BITS + 1..).unwrap_or_default().iter().sum::<usize>();
-        (ENTRY_BYTES << longest.min(TABLE_BITS)) + 2 * long * NODE_BYTES
+        broken()
     }
 }
 
-/// Reads the bits of the colour cache's size, 0 for none.
-fn read_cache_bits(bits: &mut Bits<'_>) -> Result<usize, DecodeError> {
-    if bits.read(1)? == 0 {
-        return Ok(0);
-    }
-    match bits.read(4)? {
-        size @ 1..=11 => Ok(size),
-        size => Err(malformed(&format!("a colour cache has {size} bits"))),
-    }
+/// The bits of a stream, the least significant of each byte first.
+struct Bits<'a> {
+    data: &'a [u8],
+    position: usize,
+    wanted: &'a Wanted<'a>,
 }
 
-/// Reads the five codes of a group: green, red, blue, alpha and distances.
-fn read_group(bits: &mut Bits<'_>, cache_bits: usize) -> Result<[Code; 5], DecodeError> {
-    let cached = if cache_bits == 0 { 0 } else { 1 << cache_bits };
-    Ok([
-        read_code(bits, GREEN_SYMBOLS + cached)?,
-        read_code(bits, 256)?,
-        read_code(bits, 256)?,
-        read_code(bits, 256)?,
-        read_code(bits, DISTANCE_SYMBOLS)?,
-    ])
-}
-
-/// Reads a code of so many symbols.
-fn read_code(bits: &mut Bits<'_>, symbols: usize) -> Result<Code, DecodeError> {
-    let mut lengths = vec![0; symbols];
-    if bits.read(1)? == 1 {
-        let two = bits.read(1)? == 1;
-        let wide = bits.read(1)? == 1;
-        let first = bits.read(if wide { 8 } else { 1 })?;
-        let second = if two { Some(bits.read(8)?) } else { None };
-        let chosen: Vec<usize> = [Some(first), second].into_iter().flatten().collect();
-        if chosen.iter().any(|&symbol| symbol >= symbols) {
-            return Err(malformed("a symbol is unknown"));
-        }
-        // The two keep their order, as in the decoder.
-        let mut code = Code::default();
-        code.symbols.extend(chosen.iter().map(|&symbol| symbol as u16));
-        if let Some(count) = code.counts.get_mut(1) {
-            *count = chosen.len();
-        }
-        return Ok(code);
-    }
-    let mut of_lengths = [0; 19];
-    let count = 4 + bits.read(4)?;
-    for &place in LENGTH_ORDER.iter().take(count) {
-        if let Some(length) = of_lengths.get_mut(place) {
-            *length = bits.read(3)? as u8;
-        }
-    }
-    let of_lengths = Code::new(&of_lengths)?;
-    let mut left = if bits.read(1)? == 1 {
-        let size = 2 + 2 * bits.read(3)?;
-        2 + bits.read(size)?
-    } else {
-        symbols
-    };
-    let (mut symbol, mut previous) = (0, 8);
-    while symbol < symbols && left > 0 {
-        left -= 1;
-        let (length, repeat) = match of_lengths.read(bits)? {
-            16 => (previous, 3 + bits.read(2)?),
-            17 => (0, 3 + bits.read(3)?),
-            18 => (0, 11 + bits.read(7)?),
-            length => (length as u8, 1),
+impl Bits<'_> {
+    /// Reads a number of up to 18 bits.
+    fn read(&mut self, count: usize) -> Result<usize, DecodeError> {
+        let bytes = self.data.get(self.position / 8..).unwrap_or_default();
+        let word = match bytes {
+            [a, b, c, d, ..] => u32::from_le_bytes([*a, *b, *c, *d]),
+            _ => bytes.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte)),
         };
-        if length != 0 {
-            previous = length;
-        }
-        let places = lengths.get_mut(symbol..symbol + repeat);
-        places.ok_or_else(|| malformed("there are too many code lengths"))?.fill(length);
-        symbol += repeat;
+        let value = word >> (self.position % 8) & ((1 << count) - 1);
+        self.position += count;
+        if self.position > 8 * self.data.len() { Err(ends_early()) } else { Ok(value as usize) }
     }
-    Code::new(&lengths)
-}
 
-/// Reads an image of one group of codes: a part of the stream that says how the rest is stored.
-fn read_image(bits: &mut Bits<'_>, width: usize, height: usize) -> Result<Vec<u32>, DecodeError> {
-    let cache_bits = read_cache_bits(bits)?;
-    let mut cache = vec![0_u32; if cache_bits == 0 { 0 } else { 1 << cache_bits }];
-    let slot =
-        |pixel: u32| (0x1E35_A7BD_u32.wrapping_mul(pixel) >> (32 - cache_bits.max(1))) as usize;
-    let [green, red, blue, alpha, distance] = read_group(bits, cache_bits)?;
-    let mut pixels: Vec<u32> = Vec::with_capacity(width * height);
-    for symbol_count in 0_usize.. {
-        if pixels.len() >= width * height {
-            break;
-        }
-        if symbol_count.is_multiple_of(POLL_SYMBOLS) {
-            (bits.wanted)()?;
-        }
-        let symbol = green.read(bits)?;
-        let start = pixels.len();
-        if symbol < 256 {
-            let [r, b, a] = [red.read(bits)?, blue.read(bits)?, alpha.read(bits)?];
-            pixels.push((a << 24 | r << 16 | symbol << 8 | b) as u32);
-        } else if symbol < GREEN_SYMBOLS {
-            let length = read_extra(bits, symbol - 256)?;
-            let code = distance.read(bits)?;
-            let back = distance_of(read_extra(bits, code)?, width);
-            for _ in 0..length.min(width * height - start) {
-                let from = pixels.len().checked_sub(back);
-                let pixel = from.and_then(|from| pixels.get(from).copied());
-                pixels.push(pixel.ok_or_else(|| malformed("a copy begins before the picture"))?);
+    /// Reads how many symbols a colour cache adds to the first code.
+    fn read_cache_symbols(&mut self) -> Result<usize, DecodeError> {
+        if self.read(1)? == 0 { Ok(0) } else { Ok(1 << self.read(4)?) }
+    }
+
+    /// Reads the lengths of the five codes of a group.
+    fn read_group(&mut self, cached: usize) -> Result<[Vec<u8>; 5], DecodeError> {
+        let [green, red, blue, alpha, distance] = SYMBOLS;
+        Ok([
+            self.read_lengths(green + cached)?,
+            self.read_lengths(red)?,
+            self.read_lengths(blue)?,
+            self.read_lengths(alpha)?,
+            self.read_lengths(distance)?,
+        ])
+    }
+
+    /// Reads a code's length for each symbol, 0 for those that it does not have.
+    fn read_lengths(&mut self, symbols: usize) -> Result<Vec<u8>, DecodeError> {
+        let mut lengths = vec![0; symbols];
+        if self.read(1)? == 1 {
+            let two = self.read(1)? == 1;
+            let width = if self.read(1)? == 1 { 8 } else { 1 };
+            let first = self.read(width)?;
+            *lengths.get_mut(first).map_or_else(broken, Ok)? = 1;
+            if two {
+                // The decoder takes two symbols in the order of the stream, others in their own:
+                // those that encoders write are in both.
+                let second = self.read(8)?;
+                let length = lengths.get_mut(second).filter(|_| second > first);
+                *length.map_or_else(broken, Ok)? = 1;
             }
-        } else {
-            let pixel = cache.get(symbol - GREEN_SYMBOLS).copied();
-            pixels.push(pixel.ok_or_else(|| malformed("a colour is not in the cache"))?);
+            return Ok(lengths);
         }
-        for &pixel in pixels.get(start..).unwrap_or_default() {
-            if let Some(place) = cache.get_mut(slot(pixel)) {
-                *place = pixel;
+        let mut of_lengths = [0; LENGTH_ORDER.len()];
+        let count = 4 + self.read(4)?;
+        for &place in LENGTH_ORDER.iter().take(count) {
+            *of_lengths.get_mut(place).map_or_else(broken, Ok)? = self.read(3)? as u8;
+        }
+        let of_lengths = Code::new(&of_lengths);
+        let mut left = symbols;
+        if self.read(1)? == 1 {
+            let size = 2 + 2 * self.read(3)?;
+            left = 2 + self.read(size)?;
+        }
+        let (mut symbol, mut previous) = (0, 8);
+        while symbol < symbols && left > 0 {
+            left -= 1;
+            let (length, repeat) = match of_lengths.read(self)? {
+                16 => (previous, 3 + self.read(2)?),
+                17 => (0, 3 + self.read(3)?),
+                18 => (0, 11 + self.read(7)?),
+                length => (length as u8, 1),
+            };
+            if length != 0 {
+                previous = length;
             }
+            lengths.get_mut(symbol..symbol + repeat).map_or_else(broken, Ok)?.fill(length);
+            symbol += repeat;
         }
+        Ok(lengths)
     }
-    Ok(pixels)
-}
 
-/// The length or distance that a symbol and some bits after it stand for.
-fn read_extra(bits: &mut Bits<'_>, symbol: usize) -> Result<usize, DecodeError> {
-    if symbol < 4 {
-        return Ok(symbol + 1);
-    }
-    let extra = (symbol - 2) >> 1;
-    let offset = (2 + (symbol & 1)) << extra;
-    Ok(offset + bits.read(extra)? + 1)
-}
-
-/// How many pixels back a distance is: the first 120 are places nearby, by rows and columns.
-fn distance_of(distance: usize, width: usize) -> usize {
-    match NEARBY.get(distance.wrapping_sub(1)) {
-        Some(&(x, y)) => {
-            let back = i64::from(x) + i64::from(y) * width as i64;
-            usize::try_from(back).unwrap_or(1).max(1)
+    /// Reads past an image of one group of codes, and gives back the largest number in the red and
+    /// green of its pixels. Copies and the cache only repeat pixels, so that it is that of a literal.
+    fn skip_image(&mut self, pixels: usize) -> Result<usize, DecodeError> {
+        let cached = self.read_cache_symbols()?;
+        let [green, red, blue, alpha, distance] =
+            self.read_group(cached)?.map(|lengths| Code::new(&lengths));
+        let (mut left, mut largest) = (pixels, 0);
+        for symbol_count in 0_usize.. {
+            if left == 0 {
+                break;
+            }
+            if symbol_count.is_multiple_of(POLL_SYMBOLS) {
+                (self.wanted)()?;
+            }
+            let symbol = green.read(self)?;
+            let taken = match symbol {
+                0..256 => {
+                    largest = largest.max(red.read(self)? << 8 | symbol);
+                    blue.read(self)?;
+                    alpha.read(self)?;
+                    1
+                }
+                256..280 => {
+                    let length = self.read_extra(symbol - 256)?;
+                    let code = distance.read(self)?;
+                    self.read_extra(code)?;
+                    length
+                }
+                _ => 1,
+            };
+            left = left.saturating_sub(taken);
         }
-        None => distance.saturating_sub(NEARBY.len()).max(1),
+        Ok(largest)
+    }
+
+    /// The length or distance that a symbol and some bits after it stand for.
+    fn read_extra(&mut self, symbol: usize) -> Result<usize, DecodeError> {
+        if symbol < 4 {
+            return Ok(symbol + 1);
+        }
+        let extra = (symbol - 2) >> 1;
+        let offset = (2 + (symbol & 1)) << extra;
+        Ok(offset + self.read(extra)? + 1)
     }
 }
 
-/// Columns to the left and rows above of the distances 1 to 120.
-const NEARBY: [(i8, i8); 120] = [
-    (0, 1),
-    (1, 0),
-    (1, 1),
-    (-1, 1),
-    (0, 2),
-    (2, 0),
-    (1, 2),
-    (-1, 2),
-    (2, 1),
-    (-2, 1),
-    (2, 2),
-    (-2, 2),
-    (0, 3),
-    (3, 0),
-    (1, 3),
-    (-1, 3),
-    (3, 1),
-    (-3, 1),
-    (2, 3),
-    (-2, 3),
-    (3, 2),
-    (-3, 2),
-    (0, 4),
-    (4, 0),
-    (1, 4),
-    (-1, 4),
-    (4, 1),
-    (-4, 1),
-    (3, 3),
-    (-3, 3),
-    (2, 4),
-    (-2, 4),
-    (4, 2),
-    (-4, 2),
-    (0, 5),
-    (3, 4),
-    (-3, 4),
-    (4, 3),
-    (-4, 3),
-    (5, 0),
-    (1, 5),
-    (-1, 5),
-    (5, 1),
-    (-5, 1),
-    (2, 5),
-    (-2, 5),
-    (5, 2),
-    (-5, 2),
-    (4, 4),
-    (-4, 4),
-    (3, 5),
-    (-3, 5),
-    (5, 3),
-    (-5, 3),
-    (0, 6),
-    (6, 0),
-    (1, 6),
-    (-1, 6),
-    (6, 1),
-    (-6, 1),
-    (2, 6),
-    (-2, 6),
-    (6, 2),
-    (-6, 2),
-    (4, 5),
-    (-4, 5),
-    (5, 4),
-    (-5, 4),
-    (3, 6),
-    (-3, 6),
-    (6, 3),
-    (-6, 3),
-    (0, 7),
-    (7, 0),
-    (1, 7),
-    (-1, 7),
-    (5, 5),
-    (-5, 5),
-    (7, 1),
-    (-7, 1),
-    (4, 6),
-    (-4, 6),
-    (6, 4),
-    (-6, 4),
-    (2, 7),
-    (-2, 7),
-    (7, 2),
-    (-7, 2),
-    (3, 7),
-    (-3, 7),
-    (7, 3),
-    (-7, 3),
-    (5, 6),
-    (-5, 6),
-    (6, 5),
-    (-6, 5),
-    (8, 0),
-    (4, 7),
-    (-4, 7),
-    (7, 4),
-    (-7, 4),
-    (8, 1),
-    (8, 2),
-    (6, 6),
-    (-6, 6),
-    (8, 3),
-    (5, 7),
-    (-5, 7),
-    (7, 5),
-    (-7, 5),
-    (8, 4),
-    (6, 7),
-    (-6, 7),
-    (7, 6),
-    (-7, 6),
-    (8, 5),
-    (7, 7),
-    (-7, 7),
-    (8, 6),
-    (8, 7),
-];
+fn broken<T>() -> Result<T, DecodeError> {
+    Err(PictureFormat::WebP.malformed("its prefix codes are broken"))
+}

@@ -111,7 +111,20 @@ pub(crate) fn contradictions() -> Vec<Named> {
             chunks.extend((0..200_000).map(|_| (b"junk", vec![0; 2])));
             webp(&chunks)
         }),
-        ("WebP of 65536 groups of codes", many_codes()),
+        ("WebP of 65536 groups of codes", webp(&[(b"VP8L", many_codes(4, 4))])),
+        ("still WebP with a frame of such codes", {
+            let frame = [vec![0; 6], vec![11, 0, 0, 9, 0, 0], vec![0; 4]].concat();
+            let inner = webp(&[(b"VP8L", many_codes(12, 10))])[12..].to_vec();
+            let frame = (b"ANMF", [frame, inner].concat());
+            webp(&[(b"VP8X", vp8x(12, 10)), frame, (b"VP8 ", lossy_webp())])
+        }),
+        ("WebP with alpha of such codes after its end", {
+            let mut with_alpha = vp8x(12, 10);
+            with_alpha[0] = 0x10;
+            let file = webp(&[(b"VP8X", with_alpha), (b"VP8 ", lossy_webp())]);
+            let alpha = [vec![1], many_codes(12, 10)[5..].to_vec()].concat();
+            [file, webp(&[(b"ALPH", alpha)])[12..].to_vec()].concat()
+        }),
         ("TIFF of 2^31 strips", tiff(64, 64, 1 << 31)),
         ("TIFF of a directory that refers to itself", self_referring),
         ("TIFF of 65535 fields", [&b"II*\0\x08\0\0\0\xFF\xFF"[..], &[0; 65_535 * 12]].concat()),
@@ -147,13 +160,13 @@ impl Bits {
     }
 }
 
-/// A lossless WebP of 4x4 pixels that announces 65536 groups of codes, each of them with a table
+/// The data of a lossless picture that announces 65536 groups of codes, each of them with a table
 /// of 1024 entries: 4 MB that would become 1.3 GB.
-pub(crate) fn many_codes() -> Vec<u8> {
+fn many_codes(width: u32, height: u32) -> Vec<u8> {
     let mut bits = Bits::default();
     bits.put(0x2F, 8);
-    bits.put(3, 14);
-    bits.put(3, 14);
+    bits.put(width - 1, 14);
+    bits.put(height - 1, 14);
     bits.put(0, 4);
     // No transform, no cache; groups of codes by the pixels of an image of one pixel, all ones.
     bits.put(0, 2);
@@ -181,7 +194,14 @@ pub(crate) fn many_codes() -> Vec<u8> {
             bits.put(reversed, count);
         }
     }
-    webp(&[(b"VP8L", bits.bytes())])
+    bits.bytes()
+}
+
+/// The data of a lossy picture of 12x10 pixels.
+fn lossy_webp() -> Vec<u8> {
+    let file = include_bytes!("lossy_alpha.webp");
+    let at = file.windows(4).position(|kind| kind == b"VP8 ").unwrap();
+    file[at + 8..].to_vec()
 }
 
 /// A GIF of one small frame and 20000 more.
