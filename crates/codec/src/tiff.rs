@@ -7,11 +7,12 @@
 //! Not read, and refused as such: BigTIFF, floating-point and signed samples, YCbCr and Lab, JPEG
 //! within TIFF.
 //!
-//! The first directory is read here, so that its sizes are checked before the decoder sees them.
+//! The decoder is that of `tiff`, since `image` reads no palettes, no samples of 2 and 4 bits, and
+//! makes 8 bits of 1.
 //!
 //! Literature: Adobe, "TIFF, Revision 6.0", 1992.
 
-mod directory;
+mod page;
 mod samples;
 
 use crate::canvas::{Canvas, Row};
@@ -21,15 +22,15 @@ use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
-use crate::wanted::{Wanted, WantedBytes};
-use directory::Directory;
+use crate::wanted::{Wanted, WantedBytes, always};
+use page::Page;
 use samples::Samples;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::{TiffError, TiffUnsupportedError};
 
 /// Reads the header, see [`probe`](crate::probe).
 pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    header(&Directory::read(bytes)?, limits)
+    guarded(PictureFormat::Tiff, &always, |wanted| open(bytes, wanted)?.header(limits))
 }
 
 /// Decodes the first page, see [`decode`](crate::decode()).
@@ -38,41 +39,40 @@ pub(crate) fn decode(
     options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    let directory = Directory::read(bytes)?;
-    let header = header(&directory, &options.limits)?;
-    directory.check_chunks()?;
-    let stored =
-        guarded(PictureFormat::Tiff, wanted, |wanted| read_stored(bytes, &directory, wanted))?;
-    let mut canvas = Canvas::new(header, directory.orientation);
-    let mut samples = Samples::new(&directory, &stored)?;
-    for y in 0..directory.height as usize {
-        wanted()?;
-        canvas.put_row(Row::whole(y), samples.row(y)?);
-    }
-    Ok(canvas)
+    guarded(PictureFormat::Tiff, wanted, |wanted| {
+        let page = open(bytes, wanted)?;
+        let header = page.header(&options.limits)?;
+        let stored = read_stored(bytes, &page, wanted)?;
+        let mut canvas = Canvas::new(header, page.orientation);
+        let mut samples = Samples::new(&page, &stored)?;
+        for y in 0..page.height {
+            wanted()?;
+            canvas.put_row(Row::whole(y), samples.row(y)?);
+        }
+        Ok(canvas)
+    })
 }
 
-/// What the directory means for the decoded image.
-fn header(directory: &Directory<'_>, limits: &Limits) -> Result<Header, DecodeError> {
-    let (width, height) = limits.check(directory.width.into(), directory.height.into())?;
-    let (width, height) = directory.orientation.upright(width, height);
-    let (component_count, precision) = directory.shape()?;
-    Ok(Header { format: PictureFormat::Tiff, width, height, component_count, precision })
+fn open(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Page, DecodeError> {
+    if bytes.get(2..4).is_some_and(|version| version.contains(&b'+')) {
+        return Err(PictureFormat::Tiff.unsupported("BigTIFF is not supported"));
+    }
+    Page::read(&mut Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?)
 }
 
 /// The samples as stored, several to a byte where they have less than 8 bits.
 fn read_stored(
     bytes: &[u8],
-    directory: &Directory<'_>,
+    page: &Page,
     wanted: &Wanted<'_>,
 ) -> Result<DecodingResult, DecodeError> {
     let mut limits = tiff::decoder::Limits::default();
-    limits.decoding_buffer_size = directory.stored_bytes();
+    limits.decoding_buffer_size = page.stored_bytes();
     limits.ifd_value_size = METADATA_BYTES;
     limits.intermediate_buffer_size = bytes.len();
-    let source = directory.retold();
+    let file = page.without_palette(bytes);
     let mut decoder =
-        Decoder::new(WantedBytes::new(&source, wanted)).map_err(refusal)?.with_limits(limits);
+        Decoder::new(WantedBytes::new(&file, wanted)).map_err(refusal)?.with_limits(limits);
     let mut stored = DecodingResult::U8(Vec::new());
     decoder.read_image_to_buffer(&mut stored).map_err(refusal)?;
     Ok(stored)

@@ -1,44 +1,32 @@
 //! From the stored samples of a TIFF to those of the image.
 
-use super::directory::{Directory, Meaning};
+use super::page::{Meaning, Page};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use tiff::decoder::DecodingResult;
 
-/// The most samples of a pixel that the decoder keeps.
-const MAX_STORED: usize = 5;
-
 /// The rows of a decoded page.
 pub(super) struct Samples<'a> {
+    page: &'a Page,
     stored: &'a DecodingResult,
-    width: usize,
-    height: usize,
-    depth: u8,
     /// Samples of a pixel that the decoder has kept.
     stored_count: usize,
+    /// Components lie one after the other.
     planar: bool,
-    /// They are differences to those of the pixel on the left.
-    differences: bool,
-    meaning: Meaning,
-    /// All reds, all greens, all blues.
-    palette: Vec<u16>,
     row: Vec<u16>,
 }
 
 impl<'a> Samples<'a> {
     /// # Errors
     /// When there are fewer samples than the directory promised.
-    pub(super) fn new(
-        directory: &Directory<'_>,
-        stored: &'a DecodingResult,
-    ) -> Result<Self, DecodeError> {
-        let Directory { width, height, depth, planar, differences, meaning, .. } = *directory;
-        let (width, height) = (width as usize, height as usize);
+    pub(super) fn new(page: &'a Page, stored: &'a DecodingResult) -> Result<Self, DecodeError> {
+        let &Page { width, height, depth, ref meaning, .. } = page;
         let stored_count = match meaning {
-            Meaning::Plain(count) => count,
-            Meaning::Indexed => 1,
+            Meaning::Plain(count) => *count,
+            Meaning::Indexed(_) => 1,
             Meaning::Cmyk => 4,
         };
+        let planar = page.planar && stored_count > 1;
         let row = if planar { width } else { width * stored_count };
         let rows = if planar { height * stored_count } else { height };
         let (needed, actual) = match stored {
@@ -49,34 +37,20 @@ impl<'a> Samples<'a> {
         if actual < needed {
             return Err(PictureFormat::Tiff.malformed("samples are missing"));
         }
-        let palette = if meaning == Meaning::Indexed { directory.palette()? } else { Vec::new() };
-        let row = Vec::with_capacity(width * stored_count);
-        Ok(Self {
-            stored,
-            width,
-            height,
-            depth,
-            stored_count,
-            planar,
-            differences,
-            meaning,
-            palette,
-            row,
-        })
+        Ok(Self { page, stored, stored_count, planar, row: Vec::new() })
     }
 
     /// The samples of row `y` from the top, the components side by side.
     pub(super) fn row(&mut self, y: usize) -> Result<&[u16], DecodeError> {
         self.row.clear();
-        if self.planar && self.stored_count > 1 {
+        if self.planar {
             self.read_planes(y);
         } else {
-            self.read_row(y, self.width * self.stored_count);
-            self.add_up(0, self.stored_count);
+            self.read_row(y, self.page.width * self.stored_count);
         }
-        match self.meaning {
+        match &self.page.meaning {
             Meaning::Plain(_) => {}
-            Meaning::Indexed => self.expand_palette()?,
+            Meaning::Indexed(palette) => self.expand(palette)?,
             Meaning::Cmyk => self.convert_cmyk(),
         }
         Ok(&self.row)
@@ -88,11 +62,11 @@ impl<'a> Samples<'a> {
             DecodingResult::U16(words) => {
                 self.row.extend(words.iter().skip(y * count).take(count));
             }
-            DecodingResult::U8(bytes) if self.depth == 8 => {
+            DecodingResult::U8(bytes) if self.page.depth == 8 => {
                 self.row.extend(bytes.iter().skip(y * count).take(count).map(|&b| u16::from(b)));
             }
             DecodingResult::U8(bytes) => {
-                let depth = self.depth;
+                let depth = self.page.depth;
                 let mask = u16::MAX >> (16 - depth);
                 let length = packed(count, depth);
                 let shifts = move || (0..8).step_by(depth.into()).rev();
@@ -105,28 +79,11 @@ impl<'a> Samples<'a> {
         }
     }
 
-    /// Adds up the differences from the sample at `start` on, pixels being `step` samples apart.
-    fn add_up(&mut self, start: usize, step: usize) {
-        if !self.differences {
-            return;
-        }
-        let largest = u16::MAX >> (16 - self.depth);
-        let samples = self.row.get_mut(start..).unwrap_or_default();
-        let mut left = [0; MAX_STORED];
-        for pixel in samples.chunks_exact_mut(step) {
-            for (sample, left) in pixel.iter_mut().zip(&mut left) {
-                *left = sample.wrapping_add(*left) & largest;
-                *sample = *left;
-            }
-        }
-    }
-
     /// Puts the rows of all components side by side.
     fn read_planes(&mut self, y: usize) {
-        let (width, count) = (self.width, self.stored_count);
+        let (width, count) = (self.page.width, self.stored_count);
         for component in 0..count {
-            self.read_row(component * self.height + y, width);
-            self.add_up(component * width, 1);
+            self.read_row(component * self.page.height + y, width);
         }
         let planes = self.row.clone();
         for (x, pixel) in self.row.chunks_exact_mut(count).enumerate() {
@@ -137,13 +94,13 @@ impl<'a> Samples<'a> {
     }
 
     /// Replaces indices by their colours.
-    fn expand_palette(&mut self) -> Result<(), DecodeError> {
-        let count = self.palette.len() / 3;
+    fn expand(&mut self, palette: &[u16]) -> Result<(), DecodeError> {
+        let count = palette.len() / 3;
         let indices = std::mem::take(&mut self.row);
         self.row.reserve(3 * indices.len());
         for index in indices {
             for component in 0..3 {
-                let sample = self.palette.get(component * count + usize::from(index));
+                let sample = palette.get(component * count + usize::from(index));
                 let missing = || PictureFormat::Tiff.malformed("a pixel has no colour");
                 self.row.push(*sample.ok_or_else(missing)?);
             }
@@ -153,7 +110,7 @@ impl<'a> Samples<'a> {
 
     /// Replaces inks by red, green and blue: the product of what each ink and black let through.
     fn convert_cmyk(&mut self) {
-        let largest = u64::from(u16::MAX >> (16 - self.depth));
+        let largest = u64::from(u16::MAX >> (16 - self.page.depth));
         let inks = std::mem::take(&mut self.row);
         self.row.reserve(inks.len());
         for pixel in inks.chunks_exact(4) {
