@@ -17,7 +17,7 @@ pub use key::{Digest, Key};
 pub use quota::{Quota, Standing};
 
 use crate::config::AccessSettings;
-use crate::extract::owner::Owner;
+use pixmesh_engine::Owner;
 use std::error::Error;
 use std::fs;
 use std::num::NonZeroU32;

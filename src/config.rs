@@ -18,8 +18,8 @@ pub use container::{BESIDE_BUDGET, memory_limit};
 pub use quantity::{ByteSize, Period};
 pub use trace::{Secret, TraceSettings};
 
-use crate::admission;
 use clap::{Args, CommandFactory, Parser, ValueEnum};
+use pixmesh_engine::scheduler;
 use std::error::Error;
 use std::ffi::OsString;
 use std::fmt;
@@ -222,9 +222,9 @@ impl Settings {
 
     /// What work may take of this machine.
     #[must_use]
-    pub fn of_admission(&self) -> admission::Limits {
+    pub fn of_scheduler(&self) -> scheduler::Limits {
         let workers = self.worker_count();
-        admission::Limits {
+        scheduler::Limits {
             workers,
             threads: workers.min(cores()),
             memory_bytes: self.work_budget().0,
@@ -342,7 +342,8 @@ pub fn check_environment(
             || SERVICE_LINKS.iter().any(|start| name.starts_with(start));
         if name.starts_with("PIXMESH_") && !is_foreign && !known.iter().any(|known| *known == name)
         {
-            let nearest = crate::extract::nearest_name(&name, known.iter().map(String::as_str));
+            let nearest =
+                pixmesh_engine::params::nearest_name(&name, known.iter().map(String::as_str));
             return Err(format!(
                 "there is no setting {name}: the nearest one is {}",
                 nearest.unwrap_or("PIXMESH_LISTEN")

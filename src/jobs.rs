@@ -14,8 +14,8 @@
 //!   in each of them is failed as such. The last attempt is made alone, so that a job that takes its
 //!   process down uses up no other's attempts. A worker that stops in peace gives its attempt back.
 //! - What a job leaves is kept as MODEL, from which every format is made when it is asked for.
-//! - Jobs pass the same [gate](crate::admission) as requests, and both the same
-//!   [pipeline](crate::pipeline): together they never take more than the budget.
+//! - Jobs pass the same [scheduler](pixmesh_engine::scheduler) as requests, and both the same
+//!   [pipeline](pixmesh_engine::pipeline): together they never take more than the budget.
 //!
 //! | module | what |
 //! |---|---|
@@ -146,16 +146,6 @@ fn terms(settings: &Settings) -> Terms {
         gone_ttl: GONE_TTL,
         look_again: LOOK_AGAIN,
     }
-}
-
-/// The problem of a job whose worker ended in every attempt.
-#[must_use]
-pub fn exhausted(attempts: u32) -> Problem {
-    let detail = format!(
-        "the worker ended in each of {attempts} attempts before the job was done: the image may be \
-         one that the service cannot take"
-    );
-    Problem::new(Kind::AttemptsExhausted, detail).with("attempts", attempts)
 }
 
 impl From<QueueError> for Problem {

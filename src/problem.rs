@@ -8,7 +8,7 @@
 mod domain;
 mod render;
 
-pub(crate) use domain::internal;
+pub(crate) use domain::{internal, of_attempt};
 pub use render::render;
 
 use axum::http::StatusCode;

@@ -19,13 +19,11 @@ mod guard;
 mod observe;
 
 use crate::access::KeyRing;
-use crate::admission::Admission;
 use crate::config::Settings;
 use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::jobs::Jobs;
-use crate::pool::Workers;
 use crate::problem::{self, Kind, Problem};
 use crate::server::Lifecycle;
 use axum::Router;
@@ -33,6 +31,8 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use metrics_exporter_prometheus::PrometheusHandle;
+use pixmesh_engine::Scheduler;
+use pixmesh_engine::Workers;
 use std::any::Any;
 use std::sync::Arc;
 use std::time::Duration;
@@ -52,7 +52,7 @@ pub struct Service {
     /// The origins whose pages may use the service.
     pub origins: Vec<String>,
     /// Admits every task.
-    pub admission: Admission,
+    pub scheduler: Scheduler,
     /// The threads that tasks run on.
     pub workers: Workers,
     /// The longest time from the end of the upload to the answer.
@@ -98,7 +98,7 @@ impl Service {
                 memory: BodyMemory::new(settings.body_budget().0),
             },
             pictures: settings.limits.of_pictures(),
-            admission: Admission::new(&settings.of_admission()),
+            scheduler: Scheduler::new(&settings.of_scheduler()),
             deadline: settings.deadline(),
             jobs,
             stop: CancellationToken::new(),

@@ -15,13 +15,14 @@ use crate::config::{self, BESIDE_BUDGET, Settings};
 use crate::jobs::Jobs;
 use crate::jobs::retention;
 use crate::jobs::worker::Worker;
-use crate::pipeline;
-use crate::pool::Workers;
+use crate::problem;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
 use descriptors::OPERATIONS_CONNECTIONS;
 use listener::{Listener, Timeouts};
 use metrics_exporter_prometheus::PrometheusHandle;
+use pixmesh_engine::Workers;
+use pixmesh_engine::pipeline;
 use std::error::Error;
 use std::io::{self, Write};
 use std::net::TcpListener;
@@ -240,11 +241,12 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
     let jobs = service.jobs.clone();
     let worker = Worker {
         jobs: jobs.clone(),
-        admission: service.admission.clone(),
+        scheduler: service.scheduler.clone(),
         workers: service.workers.clone(),
         pictures: service.pictures,
         deadline: settings.jobs.job_deadline.0,
         make: pipeline::mesh_of_job,
+        describe: problem::of_attempt,
         lease: settings.jobs.job_lease.0,
     };
     let stop = service.stop.clone();

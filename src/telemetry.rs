@@ -15,6 +15,7 @@ use crate::jobs::record::State;
 use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use names::*;
+use pixmesh_engine::telemetry::{INPUT_PIXELS, Kind, MESH_VERTICES};
 use std::time::Duration;
 
 /// The route label of a request that matches none.
@@ -55,44 +56,19 @@ pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
     let commit = option_env!("PIXMESH_COMMIT").unwrap_or("unknown");
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION"), "commit" => commit).set(1.0);
     requests_in_progress(0.0);
-    jobs_in_progress(0.0);
-    queue_depth(0);
+    pixmesh_engine::telemetry::start();
     Ok(handle)
 }
 
 fn describe() {
     use metrics::{describe_counter, describe_gauge, describe_histogram};
-    for metric in METRICS {
+    for metric in all() {
         match metric.kind {
             Kind::Counter => describe_counter!(metric.name, metric.meaning),
             Kind::Gauge => describe_gauge!(metric.name, metric.meaning),
             Kind::Histogram => describe_histogram!(metric.name, metric.meaning),
         }
     }
-}
-
-/// Why a request was turned away.
-#[derive(Clone, Copy, Debug)]
-pub enum Shed {
-    /// The queue holds as many seconds of work as it may.
-    QueueFull,
-    /// Bodies take all of their memory.
-    Memory,
-    /// The work's deadline passed.
-    Deadline,
-    /// The key's quota is used up.
-    Quota,
-}
-
-/// Counts a request turned away.
-pub fn shed(reason: Shed) {
-    let reason = match reason {
-        Shed::QueueFull => "queue_full",
-        Shed::Memory => "memory",
-        Shed::Deadline => "deadline",
-        Shed::Quota => "quota",
-    };
-    counter!(REQUESTS_SHED, "reason" => reason).increment(1);
 }
 
 /// Counts an answered request.
@@ -102,35 +78,9 @@ pub fn answered(route: &str, method: &'static str, code: u16, duration: Duration
     counter!(HTTP_REQUESTS, "route" => route, "method" => method, "code" => code).increment(1);
 }
 
-/// Counts the time that a stage took.
-pub fn stage(name: &'static str, duration: Duration) {
-    histogram!(STAGE_DURATION, "stage" => name).record(duration);
-}
-
-/// Counts the time that work waited.
-pub fn queue_wait(duration: Duration) {
-    histogram!(QUEUE_WAIT).record(duration);
-}
-
-/// Counts a mesh made.
-pub fn meshed(pixels: usize, vertices: usize) {
-    histogram!(INPUT_PIXELS).record(pixels as f64);
-    histogram!(MESH_VERTICES).record(vertices as f64);
-}
-
 /// One request more (1) or less (-1).
 pub fn requests_in_progress(change: f64) {
     gauge!(REQUESTS_IN_PROGRESS).increment(change);
-}
-
-/// One piece of work more (1) or less (-1).
-pub fn jobs_in_progress(change: f64) {
-    gauge!(JOBS_IN_PROGRESS).increment(change);
-}
-
-/// So many requests wait.
-pub fn queue_depth(depth: usize) {
-    gauge!(QUEUE_DEPTH).set(depth as f64);
 }
 
 /// Counts a durable job that was submitted.
@@ -177,15 +127,4 @@ pub fn process() {
     if let Ok(open) = std::fs::read_dir("/proc/self/fd") {
         gauge!(PROCESS_FDS).set(open.count() as f64);
     }
-}
-
-/// So much memory there is for work.
-pub fn memory_total_mib(total: usize) {
-    gauge!(MEMORY_PERMITS, "state" => "total").set(total as f64);
-    memory_used_mib(0.0);
-}
-
-/// So much more memory is used for work, or less when negative.
-pub fn memory_used_mib(change: f64) {
-    gauge!(MEMORY_PERMITS, "state" => "used").increment(change);
 }

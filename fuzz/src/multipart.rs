@@ -3,9 +3,10 @@
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, header::CONTENT_TYPE};
 use futures_util::stream;
-use pixmesh::extract::owner::Owner;
-use pixmesh::extract::params::ParameterSet;
 use pixmesh::extract::upload::{BodyLimit, BodyMemory, IMAGE, Intake};
+use pixmesh::problem::Problem;
+use pixmesh_engine::Owner;
+use pixmesh_engine::params::ParameterSet;
 use std::convert::Infallible;
 use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
@@ -42,7 +43,7 @@ fn receive(body: &[u8], length: usize) -> Outcome {
     let receiving = intake.receive_image(&owner, &IMAGE, &headers, body, &mut parameters);
     let received = RUNTIME.with(|runtime| runtime.block_on(receiving));
     let source = received.map_err(|problem| problem.kind().slug())?;
-    let order = parameters.finish().map_err(|problem| problem.kind().slug())?;
+    let order = parameters.finish().map_err(|error| Problem::from(error).kind().slug())?;
     let weights = source.weights.map(|weights| weights.bytes.to_vec());
     Ok((source.image.bytes.to_vec(), weights, order.query()))
 }

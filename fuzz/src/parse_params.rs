@@ -1,6 +1,6 @@
 //! Parameters: a query, and after a zero byte JSON.
 
-use pixmesh::extract::params::ParameterSet;
+use pixmesh_engine::params::ParameterSet;
 
 /// Reads parameters both ways.
 pub fn run(bytes: &[u8]) {

@@ -9,7 +9,7 @@
 //! Two lines of the same name are two keys of the same owner, which is how one replaces another.
 
 use super::Digest;
-use crate::extract::owner::Owner;
+use pixmesh_engine::Owner;
 use std::num::NonZeroU32;
 
 /// The longest name.

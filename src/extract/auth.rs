@@ -4,15 +4,15 @@
 //! path, so that nobody without a key learns what exists. A handler finds the [`Owner`] among the
 //! request's extensions.
 
-use super::owner::Owner;
 use crate::access::{KeyRing, Quota, Standing};
 use crate::problem::{Kind, Problem};
-use crate::telemetry::{self, Shed};
 use axum::extract::{Request, State};
 use axum::http::header::{AUTHORIZATION, WWW_AUTHENTICATE};
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use pixmesh_engine::Owner;
+use pixmesh_engine::telemetry::{Shed, shed};
 use std::sync::Arc;
 
 /// What needs a key.
@@ -100,7 +100,7 @@ impl IntoResponse for Unauthorized {
 }
 
 fn exhausted(standing: Standing) -> Problem {
-    telemetry::shed(Shed::Quota);
+    shed(Shed::Quota);
     let limit = standing.per_minute;
     let detail = format!("the key's quota of {limit} requests per minute is used up");
     Problem::new(Kind::QuotaExceeded, detail)

@@ -1,8 +1,8 @@
 //! The few parameters of a resource that has only few, with the rules of all parameters.
 
-use super::nearest_name;
-use super::params::pairs_of_query;
-use crate::problem::{Kind, Problem};
+use crate::problem::Problem;
+use pixmesh_engine::InputError;
+use pixmesh_engine::params::{ParameterSet, pairs_of_query, unknown};
 
 /// What takes parameters, one by one.
 pub trait Fields: Send {
@@ -53,31 +53,23 @@ impl Fields for Few {
         let known = self.known.iter().find(|known| **known == name);
         let known = known.ok_or_else(|| unknown(name, self.known))?;
         if self.get(known).is_some() {
-            return Err(repeated(known));
+            return Err(InputError::Repeated(name.to_owned()).into());
         }
         self.given.push((known, text.to_owned()));
         Ok(())
     }
 }
 
-/// The refusal of a name that is none of those known.
-pub(super) fn unknown(name: &str, known: &[&str]) -> Problem {
-    let name: String = name.chars().take(64).collect();
-    let problem = Problem::new(Kind::UnknownParameter, format!("there is no parameter '{name}'"));
-    match nearest_name(&name, known.iter().copied()) {
-        Some(nearest) => problem.param(name).nearest(nearest),
-        None => problem.param(name),
+impl Fields for ParameterSet {
+    fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
+        Ok(Self::add(self, name, text)?)
     }
-}
-
-/// The refusal of a parameter that was given before.
-pub(super) fn repeated(name: &str) -> Problem {
-    Problem::new(Kind::DuplicateParameter, format!("{name} is given more than once")).param(name)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::problem::Kind;
 
     #[test]
     fn few_parameters_follow_the_rules_of_all() {

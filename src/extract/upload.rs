@@ -15,7 +15,6 @@ mod meter;
 pub use meter::{BodyLimit, BodyMemory, Charge};
 
 use super::fields::Fields;
-use super::owner::Owner;
 use crate::problem::{Kind, Problem, internal};
 use axum::body::Body;
 use axum::http::HeaderMap;
@@ -24,6 +23,7 @@ use bytes::Bytes;
 use http_body::Body as _;
 use http_body_util::BodyExt;
 use meter::Meter;
+use pixmesh_engine::{Owner, Weighed};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::spawn_blocking;
@@ -86,24 +86,6 @@ pub struct Upload {
     pub bytes: Bytes,
     /// Freed with the bytes.
     pub charge: Arc<Charge>,
-}
-
-/// An image, and a picture of the same size that says how much its pixels matter.
-#[derive(Clone, Copy, Debug)]
-pub struct Weighed<T> {
-    /// The image.
-    pub image: T,
-    /// The weights, if there are any.
-    pub weights: Option<T>,
-}
-
-impl<T: AsRef<[u8]>> Weighed<T> {
-    /// Both files' bytes.
-    #[must_use]
-    pub fn as_bytes(&self) -> Weighed<&[u8]> {
-        let weights = self.weights.as_ref().map(AsRef::as_ref);
-        Weighed { image: self.image.as_ref(), weights }
-    }
 }
 
 impl AsRef<[u8]> for Upload {

@@ -16,7 +16,6 @@ mod verified;
 use super::nats::{Broker, is_full};
 use super::queue::QueueError;
 use crate::config::BlobEngine;
-use crate::digest::Digest;
 use bucket::BrokerBucket;
 use bytes::Bytes;
 use futures_util::StreamExt;
@@ -30,6 +29,7 @@ use object_store::{
     BackoffConfig, ClientOptions, GetOptions, GetRange, ObjectMeta, ObjectStore, ObjectStoreExt,
     RetryConfig,
 };
+use pixmesh_engine::digest::Digest;
 use std::error::Error;
 use std::fs;
 use std::io::{self, ErrorKind};

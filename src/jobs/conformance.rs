@@ -9,9 +9,9 @@ use super::queue::{
     Renewal, Stats, Submitted, Terms,
 };
 use super::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use async_trait::async_trait;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::{Duration, Instant};

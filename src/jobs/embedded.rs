@@ -23,9 +23,9 @@ use super::queue::{
     Renewal, Stats, Submitted, Swept, Terms,
 };
 use super::record::{Event, JobId, NewJob, Progress};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use async_trait::async_trait;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use readers::Readers;
 use std::collections::HashSet;
 use std::error::Error;

@@ -4,7 +4,7 @@
 //! among those who have jobs waiting and fewer running than they may. A hundred jobs of one owner
 //! so delay another's only by those that run already.
 
-use crate::extract::owner::Owner;
+use pixmesh_engine::Owner;
 
 /// How many jobs may wait and run. Where no keys are asked for, nobody in particular owns them all,
 /// and the bounds of one owner do not hold.

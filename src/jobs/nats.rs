@@ -45,8 +45,6 @@ use super::queue::{
     Renewal, Stats, Submitted, Swept, Terms,
 };
 use super::record::{Event, JobId, NewJob, Progress};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use async_nats::Subscriber;
 use async_trait::async_trait;
 use bytes::Bytes;
@@ -54,6 +52,8 @@ use futures_util::StreamExt;
 use holdings::Holdings;
 use owners::Owners;
 use pace::Pace;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use silence::Silence;
 use std::collections::HashSet;
 use std::sync::Arc;

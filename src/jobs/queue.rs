@@ -6,9 +6,9 @@
 
 use super::fairness::Caps;
 use super::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use async_trait::async_trait;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use serde_json::Value;
 use std::collections::HashSet;
 use std::fmt;

@@ -1,10 +1,10 @@
 //! What is kept of a job, and what happens to it.
 
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use pixmesh_codec::Header;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fmt;
 use uuid::Uuid;
 
@@ -262,6 +262,28 @@ pub struct Record {
     pub expires: Option<Moment>,
     /// Counts the changes, from 1.
     pub revision: u64,
+}
+
+/// The problem document (RFC 9457) of a job whose worker ended in every attempt.
+#[must_use]
+pub fn exhausted(attempts: u32) -> Value {
+    json!({
+        "type": "/problems/attempts-exhausted",
+        "detail": format!(
+            "the worker ended in each of {attempts} attempts before the job was done: the image \
+             may be one that the service cannot take"
+        ),
+        "attempts": attempts,
+    })
+}
+
+/// The problem document of a job whose record cannot be read.
+#[must_use]
+pub fn damaged() -> Value {
+    json!({
+        "type": "/problems/storage-damaged",
+        "detail": "the record of the job is damaged: submit the job again",
+    })
 }
 
 /// One change of a job's state or progress.

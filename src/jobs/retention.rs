@@ -65,7 +65,7 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
 }
 
 /// Deletes those of the blobs that no job has.
-async fn delete(jobs: &Jobs, blobs: Vec<crate::digest::Digest>) -> Result<(), QueueError> {
+async fn delete(jobs: &Jobs, blobs: Vec<pixmesh_engine::digest::Digest>) -> Result<(), QueueError> {
     let clearing = jobs.blobs.clear().await;
     let kept: HashSet<_> = jobs.queue.referenced(blobs.clone()).await?;
     let unused: Vec<_> = blobs.into_iter().filter(|blob| !kept.contains(blob)).collect();
@@ -81,8 +81,6 @@ async fn delete(jobs: &Jobs, blobs: Vec<crate::digest::Digest>) -> Result<(), Qu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::digest::Digest;
-    use crate::extract::owner::Owner;
     use crate::jobs::blobs::Blobs;
     use crate::jobs::embedded::Embedded;
     use crate::jobs::fairness::Caps;
@@ -91,6 +89,8 @@ mod tests {
     use crate::jobs::queue::Terms;
     use crate::jobs::record::{JobId, NewJob, Picture};
     use bytes::Bytes;
+    use pixmesh_engine::Owner;
+    use pixmesh_engine::digest::Digest;
     use std::sync::Arc;
 
     /// Jobs in a folder of their own.

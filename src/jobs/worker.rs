@@ -9,20 +9,21 @@ use super::Jobs;
 use super::blobs::Hold;
 use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
-use crate::admission::{Admission, MeshTask, Slot};
-use crate::digest::Digest;
-use crate::extract::params::{Order, ParameterSet};
-use crate::extract::upload::Weighed;
-use crate::pipeline::Answer;
-use crate::pool::{Watch, Workers};
-use crate::problem::{Kind, Problem};
 use crate::telemetry;
 use bytes::Bytes;
 use pixmesh_codec::Format;
 use pixmesh_codec::Limits;
+use pixmesh_engine::Weighed;
+use pixmesh_engine::digest::Digest;
+use pixmesh_engine::params::{MeshOptions, ParameterSet};
+use pixmesh_engine::pipeline::Answer;
+use pixmesh_engine::scheduler::Slot;
+use pixmesh_engine::{Context, EngineError, MeshTask, Scheduler, Workers};
 use pixmesh_meshing::Cancelled;
+use serde_json::Value;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use thiserror::Error;
 use tokio::task::JoinSet;
 use tokio::time::{Instant as TokioInstant, MissedTickBehavior, interval_at, timeout};
 use tokio_util::sync::CancellationToken;
@@ -43,22 +44,50 @@ pub struct Worker {
     /// The jobs.
     pub jobs: Jobs,
     /// Admits each attempt.
-    pub admission: Admission,
+    pub scheduler: Scheduler,
     /// The threads that attempts run on.
     pub workers: Workers,
     /// What images may be like.
     pub pictures: Limits,
     /// The longest time of an attempt.
     pub deadline: Duration,
-    /// What makes the mesh: [`crate::pipeline::mesh_of_job`], or what a test has in its place.
+    /// What makes the mesh: [`pixmesh_engine::pipeline::mesh_of_job`], or what a test has in its place.
     pub make: Make,
+    /// Makes the problem document of an attempt that failed.
+    pub describe: fn(AttemptError) -> Value,
     /// How long a job is kept without its lease being renewed.
     pub lease: Duration,
 }
 
 /// Makes the mesh of an image by an order, with its progression or without.
-pub type Make =
-    fn(Weighed<Bytes>, &Order, bool, &Limits, &Watch) -> Result<(Answer, Option<Vec<u8>>), Problem>;
+pub type Make = fn(
+    Weighed<Bytes>,
+    &MeshOptions,
+    bool,
+    &Limits,
+    &Context,
+) -> Result<(Answer, Option<Vec<u8>>), EngineError>;
+
+/// Why an attempt failed.
+#[derive(Debug, Error)]
+pub enum AttemptError {
+    /// The task is refused, or fails.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The queue or the store of blobs fails.
+    #[error(transparent)]
+    Storage(#[from] QueueError),
+    /// The stored picture has another length than the one that was submitted.
+    #[error("the image is not stored as it was")]
+    PictureChanged,
+}
+
+impl AttemptError {
+    /// Whether the storage failed and another attempt may succeed; all else fails again.
+    fn may_succeed_later(&self) -> bool {
+        !matches!(self, Self::Engine(_) | Self::Storage(QueueError::Damaged(_)))
+    }
+}
 
 impl Worker {
     /// Does jobs until `stop`, then lets those that run end within `grace`, and hands back the rest.
@@ -66,7 +95,7 @@ impl Worker {
         let (hand_back, mut attempts) = (CancellationToken::new(), JoinSet::new());
         loop {
             let slot = tokio::select! {
-                slot = self.admission.slot() => slot,
+                slot = self.scheduler.slot() => slot,
                 () = stop.cancelled() => None,
             };
             let Some(slot) = slot else { break };
@@ -107,8 +136,8 @@ impl Worker {
         let Claim { lease, attempt, .. } = claim;
         tracing::info!(attempt, "attempt started");
         let began = Instant::now();
-        let watch = Arc::new(Watch::new(Instant::now() + self.deadline));
-        let work = self.work(slot, &claim, &watch);
+        let context = Arc::new(Context::new(Instant::now() + self.deadline));
+        let work = self.work(slot, &claim, &context);
         // Until the job has its mesh, nobody may take the mesh for one that no job has.
         let mut hold = None;
         let outcome = tokio::select! {
@@ -117,14 +146,13 @@ impl Worker {
                     hold = Some(held);
                     outcome
                 }
-                Err(problem) => {
-                    if let Some(cause) = problem.cause() {
-                        tracing::error!(cause, attempt, "attempt failed in the service");
-                    }
-                    outcome_of(&problem)
+                Err(error) if error.may_succeed_later() => {
+                    tracing::error!(%error, attempt, "the storage failed an attempt");
+                    Outcome::Retry((self.describe)(error))
                 }
+                Err(error) => Outcome::Failed((self.describe)(error)),
             },
-            interruption = self.attend(lease, &watch) => match interruption {
+            interruption = self.attend(lease, &context) => match interruption {
                 Renewal::CancelRequested => Outcome::Cancelled,
                 _ => {
                     tracing::warn!("lease lost to another worker");
@@ -133,7 +161,7 @@ impl Worker {
             },
             () = hand_back.cancelled() => Outcome::HandedBack,
         };
-        watch.cancel();
+        context.cancel();
         if matches!(outcome, Outcome::Completed(_) | Outcome::Failed(_)) {
             self.jobs.durations.add(began.elapsed());
             telemetry::job_duration(began.elapsed());
@@ -165,14 +193,14 @@ impl Worker {
 
     /// Renews the lease and writes progress down for as long as the job goes on, and returns when
     /// it must stop.
-    async fn attend(&self, lease: Lease, watch: &Watch) -> Renewal {
+    async fn attend(&self, lease: Lease, context: &Context) -> Renewal {
         let renewing = async {
             let mut ticks = interval_at(TokioInstant::now() + PROGRESS_PERIOD, PROGRESS_PERIOD);
             ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
             let (mut told, mut renewed) = (None, Instant::now());
             loop {
                 ticks.tick().await;
-                let progress = watch.progress();
+                let progress = context.progress();
                 let progress = progress.map(|(stage, fraction)| Progress {
                     stage: stage.to_owned(),
                     fraction: (fraction * 1e3).floor() / 1e3,
@@ -200,30 +228,30 @@ impl Worker {
         &self,
         slot: Slot,
         claim: &Claim,
-        watch: &Arc<Watch>,
-    ) -> Result<(Outcome, Hold), Problem> {
-        let order = stored_order(&claim.order)?;
+        context: &Arc<Context>,
+    ) -> Result<(Outcome, Hold), AttemptError> {
+        let options = ParameterSet::of_query(Some(&claim.order)).and_then(|set| set.finish())?;
         let deadline = Instant::now() + self.deadline;
         let file = self.fetch(claim.picture.digest, deadline).await?;
         let source = parted(&file, &claim.picture)?;
-        let task = MeshTask::for_job(source.as_bytes(), &order, &self.pictures)?;
+        let task = MeshTask::for_job(source.as_bytes(), &options, &self.pictures)?;
         let keeps_progression = task.format == Format::Progression;
         drop(file);
-        let ticket = self.admission.admit_to(slot, task.cost, deadline).await?;
+        let ticket = self.scheduler.admit_to(slot, task.cost, deadline).await?;
         let (limits, make) = (self.pictures, self.make);
         let answer =
-            self.workers.run_watched(ticket, Arc::clone(watch), deadline, move |watch, _| {
-                let made = make(source, &order, keeps_progression, &limits, watch)?;
-                Ok(Product::new(made, watch)?)
+            self.workers.run_watched(ticket, Arc::clone(context), deadline, move |context, _| {
+                let made = make(source, &options, keeps_progression, &limits, context)?;
+                Ok(Product::new(made, context)?)
             });
-        let product = answer.await.map_err(too_slow_for_a_job)?;
+        let product = answer.await?;
         self.store(product, deadline).await
     }
 
     /// The picture's blob. While a store that nodes share does not give it, again and again until the
     /// deadline: it is the store that fails and not the job, and all that wait would use their attempts
     /// up on it.
-    async fn fetch(&self, digest: Digest, deadline: Instant) -> Result<Bytes, Problem> {
+    async fn fetch(&self, digest: Digest, deadline: Instant) -> Result<Bytes, AttemptError> {
         loop {
             match self.jobs.blobs.get(digest).await {
                 Err(error @ QueueError::Blobs(_)) if Instant::now() < deadline => {
@@ -236,7 +264,11 @@ impl Worker {
     }
 
     /// Stores the mesh; while the storage does not take it, again and again until the deadline.
-    async fn store(&self, product: Product, deadline: Instant) -> Result<(Outcome, Hold), Problem> {
+    async fn store(
+        &self,
+        product: Product,
+        deadline: Instant,
+    ) -> Result<(Outcome, Hold), AttemptError> {
         let Product { figures, digest, bytes } = product;
         loop {
             let hold = self.jobs.blobs.hold().await;
@@ -258,14 +290,14 @@ impl Worker {
 }
 
 /// A picture and the weights behind it, if there are any.
-fn parted(file: &Bytes, picture: &Picture) -> Result<Weighed<Bytes>, Problem> {
+fn parted(file: &Bytes, picture: &Picture) -> Result<Weighed<Bytes>, AttemptError> {
     let length = usize::try_from(picture.bytes).unwrap_or(usize::MAX);
     let Some(weights) = picture.shape.weights else {
         return Ok(Weighed { image: file.clone(), weights: None });
     };
     let rest = file.len().checked_sub(length).filter(|&rest| rest as u64 == weights.bytes);
     let Some(_) = rest else {
-        return Err(Problem::new(Kind::StorageUnavailable, "the image is not stored as it was"));
+        return Err(AttemptError::PictureChanged);
     };
     Ok(Weighed { image: file.slice(..length), weights: Some(file.slice(length..)) })
 }
@@ -281,7 +313,7 @@ impl Product {
     /// The MODEL, and behind it the order of its vertices where that is kept.
     fn new(
         (mut answer, progression): (Answer, Option<Vec<u8>>),
-        watch: &Watch,
+        context: &Context,
     ) -> Result<Self, Cancelled> {
         let mut figures = figures_of(&answer);
         let mut digest = answer.digest;
@@ -290,39 +322,10 @@ impl Product {
             figures.progression =
                 Some(KeptProgression { bytes: progression.len() as u64, model_digest });
             answer.bytes.extend_from_slice(&progression);
-            digest = Digest::of_while(&answer.bytes, || watch.check())?;
+            digest = Digest::of_while(&answer.bytes, || context.check())?;
             figures.digest = digest.to_string();
         }
         Ok(Self { figures, digest, bytes: answer.bytes.into() })
-    }
-}
-
-/// The order of a job, by the parser that read it when it was submitted.
-fn stored_order(query: &str) -> Result<Order, Problem> {
-    ParameterSet::of_query(Some(query))?.finish()
-}
-
-/// How a problem ends an attempt: what the storage refused, or the machine had no room for until the
-/// deadline, may succeed another time; all else would fail the same way again.
-fn outcome_of(problem: &Problem) -> Outcome {
-    match problem.kind() {
-        Kind::StorageFull | Kind::StorageUnavailable | Kind::Overloaded => {
-            Outcome::Retry(problem.value())
-        }
-        _ => Outcome::Failed(problem.value()),
-    }
-}
-
-/// The deadline of a job is set by another flag than that of a request.
-fn too_slow_for_a_job(problem: Problem) -> Problem {
-    match problem.kind() {
-        Kind::DeadlineExceeded => Problem::new(
-            Kind::DeadlineExceeded,
-            "the job was not done by its deadline: send a smaller image, or ask for fewer vertices \
-             or a faster method such as med",
-        )
-        .setting("--job-deadline"),
-        _ => problem,
     }
 }
 

@@ -1,8 +1,117 @@
 //! From the errors of the other crates to problems: one conversion each.
 
 use super::{Kind, Problem};
-use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, WeightsError};
-use pixmesh_meshing::{Cancelled, ImageError, MeshingError, ParameterError};
+use crate::jobs::worker::AttemptError;
+use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, PmeshError, WeightsError};
+use pixmesh_engine::error::Bound;
+use pixmesh_engine::{EngineError, InputError};
+use pixmesh_meshing::{Cancelled, ImageError, MeshingError, ParameterError, ProgressionError};
+use serde_json::Value;
+
+impl From<EngineError> for Problem {
+    fn from(error: EngineError) -> Self {
+        use EngineError as E;
+        let detail = error.to_string();
+        match error {
+            E::Input(error) => error.into(),
+            E::Decode(error) => error.into(),
+            E::Weights(error) => error.into(),
+            E::Model(error) => error.into(),
+            E::Meshing(error) => error.into(),
+            E::Encode(error) => error.into(),
+            E::TooLarge { needed_mib, budget_mib } => Self::new(Kind::WorkTooLarge, detail)
+                .setting("--memory-budget")
+                .limit(budget_mib, needed_mib),
+            E::QueueFull { waiting_s: actual_s, limit_s, retry_after_s }
+            | E::WaitedTooLong { waited_s: actual_s, limit_s, retry_after_s } => {
+                Self::new(Kind::Overloaded, detail)
+                    .setting("--queue-seconds")
+                    .limit(limit_s, actual_s)
+                    .retry_after_s(retry_after_s)
+            }
+            E::KeyQueueFull { waiting, limit, retry_after_s } => {
+                Self::new(Kind::QuotaExceeded, detail)
+                    .setting("--key-queued")
+                    .limit(limit, waiting)
+                    .retry_after_s(retry_after_s)
+            }
+            E::DeadlineInQueue { retry_after_s } => Self::new(Kind::DeadlineExceeded, detail)
+                .setting("--sync-deadline")
+                .retry_after_s(retry_after_s),
+            E::DeadlineExceeded => {
+                Self::new(Kind::DeadlineExceeded, detail).setting("--sync-deadline")
+            }
+            E::Cancelled(cancelled) => cancelled.into(),
+            E::Stopping => Self::new(Kind::ShuttingDown, detail),
+            E::Pmesh(PmeshError::Cancelled(cancelled))
+            | E::Progression(ProgressionError::Cancelled(cancelled)) => cancelled.into(),
+            _ => internal("a task failed", &error),
+        }
+    }
+}
+
+/// The problem document of a job's attempt that failed. The deadline of a job is set by another
+/// flag than that of a request.
+pub(crate) fn of_attempt(error: AttemptError) -> Value {
+    let problem = match error {
+        AttemptError::Engine(
+            EngineError::DeadlineExceeded | EngineError::DeadlineInQueue { .. },
+        ) => Problem::new(
+            Kind::DeadlineExceeded,
+            "the job was not done by its deadline: send a smaller image, or ask for fewer vertices \
+             or a faster method such as med",
+        )
+        .setting("--job-deadline"),
+        AttemptError::Engine(error) => error.into(),
+        AttemptError::Storage(error) => error.into(),
+        AttemptError::PictureChanged => {
+            Problem::new(Kind::StorageUnavailable, "the image is not stored as it was")
+        }
+    };
+    problem.value()
+}
+
+impl From<InputError> for Problem {
+    fn from(error: InputError) -> Self {
+        use InputError as E;
+        let detail = error.to_string();
+        match error {
+            // A picture is no text: it comes as a part of a form.
+            E::Unknown { name, .. } if name == "weights" => {
+                let detail =
+                    "weights are a picture: send them as a part of a form, beside the part 'image'";
+                Self::new(Kind::UnknownParameter, detail).param(name)
+            }
+            E::Unknown { name, nearest } => {
+                let problem = Self::new(Kind::UnknownParameter, detail).param(name);
+                nearest.into_iter().fold(problem, Self::nearest)
+            }
+            E::Repeated(name) => Self::new(Kind::DuplicateParameter, detail).param(name),
+            E::Exclusive(_, second) => Self::new(Kind::ConflictingParameters, detail).param(second),
+            E::Malformed { name, .. } => Self::new(Kind::ParameterMalformed, detail).param(name),
+            E::NotFinite(name) => Self::new(Kind::NotFinite, detail).param(name),
+            E::OutOfRange { name, text, least, most } => Self::new(
+                Kind::ParameterOutOfRange,
+                detail,
+            )
+            .param(name)
+            .range(number(least), number(most), text),
+            E::NotAFlag(name) => {
+                Self::new(Kind::UnknownValue, detail).param(name).allowed(&["true", "false"])
+            }
+            E::Query(_) => Self::new(Kind::QueryMalformed, detail),
+            E::Json(_) => Self::new(Kind::JsonMalformed, detail).param("params"),
+        }
+    }
+}
+
+/// A bound as a number of JSON.
+fn number(bound: Bound) -> Value {
+    match bound {
+        Bound::Decimal(value) => value.into(),
+        Bound::Whole(value) => value.into(),
+    }
+}
 
 impl From<DecodeError> for Problem {
     fn from(error: DecodeError) -> Self {
@@ -152,4 +261,24 @@ impl From<EncodeError> for Problem {
 pub(crate) fn internal(what: &str, error: &dyn std::error::Error) -> Problem {
     tracing::error!(error = %error, "{what}");
     Problem::new(Kind::Internal, "the log has the reason under this request's id")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_job_names_the_deadline_of_jobs() {
+        let late = of_attempt(AttemptError::Engine(EngineError::DeadlineExceeded));
+        assert_eq!(late["type"], "/problems/deadline-exceeded");
+        assert_eq!(late["setting"], "--job-deadline");
+        assert_eq!(late["detail"].as_str().map(|detail| detail.starts_with("the job")), Some(true));
+    }
+
+    #[test]
+    fn a_panic_tells_clients_nothing() {
+        let problem = Problem::from(EngineError::Panicked);
+        assert_eq!(problem.kind(), Kind::Internal);
+        assert!(!problem.document(None).contains("panic"));
+    }
 }

@@ -1,6 +1,5 @@
 //! The answer with a mesh, or with the picture rebuilt from one: its headers and its bytes.
 
-use crate::admission::Memory;
 use crate::extract::accept::Representation;
 use crate::problem::{Kind, Problem, internal};
 use axum::body::Body;
@@ -11,6 +10,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use headers::{HeaderMapExt, IfNoneMatch, IfRange};
+use pixmesh_engine::scheduler::Memory;
 use std::ops::{Bound, Range};
 
 /// What is known of a mesh.

@@ -2,15 +2,16 @@
 //! they are out.
 
 use super::Service;
-use crate::admission::{Compared, Cost};
 use crate::extract::fields::Few;
-use crate::extract::owner::Owner;
 use crate::extract::upload::{COMPARED, Upload};
-use crate::pipeline::{self, Comparison, Pair};
 use crate::problem::{Kind, Problem};
+use axum::Extension;
 use axum::Json;
 use axum::extract::{Request, State};
 use pixmesh_codec::{DecodeError, Header, Limits};
+use pixmesh_engine::Owner;
+use pixmesh_engine::pipeline::{self, Comparison, Pair};
+use pixmesh_engine::task::{Compared, Cost};
 use pixmesh_meshing::Shape;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -22,25 +23,29 @@ use std::time::Instant;
 /// Every refusal of upload, admission and work.
 pub async fn create(
     State(service): State<Arc<Service>>,
+    Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Json<Value>, Problem> {
     let cut = service.cut.clone();
     tokio::select! {
-        answer = compare(&service, request) => answer,
+        answer = compare(&service, &owner, request) => answer,
         () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
     }
 }
 
-async fn compare(service: &Service, request: Request) -> Result<Json<Value>, Problem> {
+async fn compare(
+    service: &Service,
+    owner: &Owner,
+    request: Request,
+) -> Result<Json<Value>, Problem> {
     let (head, body) = request.into_parts();
-    let owner = Owner::of(&head.extensions);
     let mut parameters = Few::of_query(&[], head.uri.query())?;
-    let receiving = service.intake.receive(&owner, &COMPARED, &head.headers, body, &mut parameters);
+    let receiving = service.intake.receive(owner, &COMPARED, &head.headers, body, &mut parameters);
     let [picture, approximation] = receiving.await?;
     let header = pixmesh_codec::probe(&picture.bytes, &service.pictures)?;
     let other = probe(&approximation.bytes, &service.pictures).map_err(of_approximation)?;
     refuse_other_shape(header.shape(), other.shape())?;
-    let comparison = run(service, &owner, picture, approximation, &header, other).await?;
+    let comparison = run(service, owner, picture, approximation, &header, other).await?;
     Ok(Json(document(&header, comparison)))
 }
 
@@ -111,8 +116,8 @@ async fn run(
     };
     let cost = Cost::of_comparison(header, compared);
     let deadline = Instant::now() + service.deadline;
-    let ticket = service.admission.admit(owner, cost, deadline).await?;
-    service
+    let ticket = service.scheduler.admit(owner, cost, deadline).await?;
+    let done = service
         .workers
         .run(ticket, deadline, move |watch, _| {
             let compared =
@@ -120,7 +125,8 @@ async fn run(
             let _ = watch.finish();
             compared
         })
-        .await
+        .await?;
+    Ok(done)
 }
 
 /// The figures; there is no number for the PSNR of a perfect copy.

@@ -19,17 +19,18 @@ pub(super) use submit::prefer;
 
 use super::Service;
 use crate::extract::fields::Few;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{Cancellation, Lookup};
 use crate::jobs::record::{JobId, Record, State as JobState};
 use crate::problem::{Kind, Problem};
 use crate::telemetry;
+use axum::Extension;
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
 use axum::http::header::{CACHE_CONTROL, RETRY_AFTER};
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
+use pixmesh_engine::Owner;
 use std::sync::Arc;
 
 /// Seconds after which a client may look again at a job that has not ended.
@@ -41,7 +42,7 @@ const LOOK_AGAIN_S: u64 = 1;
 /// `not-found`, or `gone` when it is no longer kept.
 pub async fn show(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     path: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, Problem> {
@@ -56,7 +57,7 @@ pub async fn show(
 /// `not-found`, or `gone` when it is no longer kept.
 pub async fn cancel(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     path: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, Problem> {

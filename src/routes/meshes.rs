@@ -2,19 +2,21 @@
 
 use super::answer::{self, Figures};
 use super::{Service, jobs};
-use crate::admission::{Memory, MeshTask};
 use crate::extract::accept::{self, Representation};
-use crate::extract::owner::Owner;
-use crate::extract::params::{Order, ParameterSet};
 use crate::extract::prefer::Preference;
-use crate::extract::upload::{IMAGE, Upload, Weighed};
-use crate::pipeline::{self, Answer};
+use crate::extract::upload::{IMAGE, Upload};
 use crate::problem::{Kind, Problem};
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
+use pixmesh_engine::Owner;
+use pixmesh_engine::Weighed;
+use pixmesh_engine::params::{MeshOptions, ParameterSet};
+use pixmesh_engine::pipeline::{self, Answer};
+use pixmesh_engine::{MeshTask, scheduler::Memory};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -28,7 +30,7 @@ const LONG_BODY: u64 = 256 << 10;
 /// Every refusal of upload, parameters, admission and work.
 pub async fn create(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Response, Problem> {
     let cut = service.cut.clone();
@@ -43,7 +45,7 @@ async fn make(service: &Service, owner: Owner, request: Request) -> Result<Respo
     let mut parameters = ParameterSet::of_query(head.uri.query())?;
     let preference = Preference::of(&head.headers);
     if is_long(&head.headers) && !preference.is_for_job() {
-        service.admission.refuse_crowd(&owner)?;
+        service.scheduler.refuse_crowd(&owner)?;
     }
     let receiving =
         service.intake.receive_image(&owner, &IMAGE, &head.headers, body, &mut parameters);
@@ -70,22 +72,23 @@ async fn run(
     service: &Service,
     owner: &Owner,
     upload: Weighed<Upload>,
-    order: Order,
+    order: MeshOptions,
     representation: Representation,
 ) -> Result<(Answer, Memory), Problem> {
     let limits = service.pictures;
     let format = representation.format;
     let cost = MeshTask::for_response(upload.as_bytes(), &order, format, &limits)?.cost;
     let deadline = Instant::now() + service.deadline;
-    let ticket = service.admission.admit(owner, cost, deadline).await?;
-    service
+    let ticket = service.scheduler.admit(owner, cost, deadline).await?;
+    let done = service
         .workers
         .run(ticket, deadline, move |watch, ticket| {
             let answer = pipeline::mesh(upload, &order, format, &limits, watch)?;
             let memory = ticket.keep(answer.bytes.len());
             Ok((answer, memory))
         })
-        .await
+        .await?;
+    Ok(done)
 }
 
 /// The answer with its headers.

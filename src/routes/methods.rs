@@ -1,10 +1,10 @@
 //! `GET /v1/methods`: every method, policy, parameter and format, from the parser's own table.
 
 use crate::extract::accept::offered;
-use crate::extract::params::{
-    DEFAULT_DENSITY, DEFAULT_METHOD, Order, Output, Parameter, TABLE, Takes,
-};
 use axum::Json;
+use pixmesh_engine::params::{
+    DEFAULT_DENSITY, DEFAULT_METHOD, MeshOptions, Output, Parameter, TABLE, Takes,
+};
 use pixmesh_meshing::parameters::Policy;
 use pixmesh_meshing::{Method, Target};
 use serde_json::{Map, Value, json};
@@ -26,7 +26,7 @@ pub async fn list() -> Json<Value> {
 /// A method: the components it is for (null for any), and what it sets each parameter to.
 fn of_method(method: Method) -> Value {
     let parameters = method.parameters(Target::Percent(DEFAULT_DENSITY));
-    let order = Order { method, parameters, output: Output::default(), format: None };
+    let order = MeshOptions { method, parameters, output: Output::default(), format: None };
     let defaults: Map<String, Value> = TABLE
         .iter()
         .filter(|row| row.name != "method")

@@ -7,11 +7,11 @@ mod examples;
 mod jobs;
 
 use crate::extract::accept::offered;
-use crate::extract::params::{Parameter as Row, TABLE, Takes};
 use crate::problem::Kind;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
 use bytes::Bytes;
+use pixmesh_engine::params::{Parameter as Row, TABLE, Takes};
 use serde_json::Value;
 #[cfg(test)]
 use serde_json::json;

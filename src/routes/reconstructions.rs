@@ -1,20 +1,21 @@
 //! `POST /v1/reconstructions`: a MODEL in, the picture rebuilt from it out.
 
 use super::{Service, answer};
-use crate::admission::{Cost, Memory};
-use crate::digest::Digest;
 use crate::extract::accept::{self, Representation};
 use crate::extract::fields::Few;
-use crate::extract::owner::Owner;
-use crate::extract::params::Output;
 use crate::extract::upload::{MODEL, Upload};
-use crate::pipeline;
 use crate::problem::{Kind, Problem};
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
 use pixmesh_codec::Format;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
+use pixmesh_engine::params::Output;
+use pixmesh_engine::pipeline;
+use pixmesh_engine::{scheduler::Memory, task::Cost};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -27,24 +28,24 @@ pub(super) const PARAMETERS: &[&str] = &["format"];
 /// Every refusal of upload, parameters, admission and work.
 pub async fn create(
     State(service): State<Arc<Service>>,
+    Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Response, Problem> {
     let cut = service.cut.clone();
     tokio::select! {
-        answer = rebuild(&service, request) => answer,
+        answer = rebuild(&service, &owner, request) => answer,
         () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
     }
 }
 
-async fn rebuild(service: &Service, request: Request) -> Result<Response, Problem> {
+async fn rebuild(service: &Service, owner: &Owner, request: Request) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
-    let owner = Owner::of(&head.extensions);
     let mut parameters = Few::of_query(PARAMETERS, head.uri.query())?;
-    let receiving = service.intake.receive(&owner, &MODEL, &head.headers, body, &mut parameters);
+    let receiving = service.intake.receive(owner, &MODEL, &head.headers, body, &mut parameters);
     let [upload] = receiving.await?;
     let format = parameters.get("format").map(picture_format).transpose()?;
     let representation = accept::choose_among(accept::pictures(), format, &head.headers)?;
-    let (bytes, digest, memory) = run(service, &owner, upload, representation).await?;
+    let (bytes, digest, memory) = run(service, owner, upload, representation).await?;
     let mut headers = answer::headers_of(representation, &answer::tag(digest))?;
     headers.insert(CONTENT_LENGTH, bytes.len().into());
     Ok((headers, Body::from(answer::held(bytes, memory))).into_response())
@@ -74,16 +75,16 @@ async fn run(
     let shape = pixmesh_codec::probe_model(&upload.bytes, &limits)?;
     let cost = Cost::of_conversion(shape, 0, upload.bytes.len() as u64, format);
     let deadline = Instant::now() + service.deadline;
-    let ticket = service.admission.admit(owner, cost, deadline).await?;
-    service
+    let ticket = service.scheduler.admit(owner, cost, deadline).await?;
+    let done = service
         .workers
         .run(ticket, deadline, move |watch, ticket| {
             let bytes = pipeline::convert(upload, format, &Output::default(), &limits, watch)?;
             let digest = Digest::of_while(&bytes, || watch.check())?;
             let _ = watch.finish();
             let memory = ticket.keep(bytes.len());
-            Ok((digest, bytes, memory))
+            Ok((bytes, digest, memory))
         })
-        .await
-        .map(|(digest, bytes, memory)| (bytes, digest, memory))
+        .await?;
+    Ok(done)
 }

@@ -4,7 +4,6 @@
 //! without a step that builds them. A debug build reads them from the checkout each time.
 
 use super::index;
-use crate::digest::Digest;
 use crate::extract::accept;
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::answer;
@@ -19,6 +18,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use pixmesh_engine::digest::Digest;
 use rust_embed::{EmbeddedFile, RustEmbed};
 use std::collections::HashMap;
 use std::io::{self, Write};

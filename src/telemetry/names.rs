@@ -2,60 +2,17 @@
 //!
 //! What is written out, the dashboard and the alerts all take the names from here.
 
-/// What kind of numbers a metric has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Only grows, until the process ends.
-    Counter,
-    /// Goes up and down.
-    Gauge,
-    /// Counts values by size.
-    Histogram,
-}
+use pixmesh_engine::declare_metrics;
+use pixmesh_engine::telemetry::Metric;
 
-/// One metric.
-#[derive(Clone, Copy, Debug)]
-pub struct Metric {
-    /// Its name, with its unit.
-    pub name: &'static str,
-    /// Its kind.
-    pub kind: Kind,
-    /// The names of its labels.
-    pub labels: &'static [&'static str],
-    /// What it means.
-    pub meaning: &'static str,
-}
-
-/// Declares constants for the names of metrics, and the table of all of them.
-macro_rules! metrics {
-    ($($id:ident: $kind:ident $name:literal $labels:tt $meaning:literal;)*) => {
-        $(#[doc = $meaning] pub const $id: &str = $name;)*
-        /// All of them.
-        pub const METRICS: &[Metric] = &[$(
-            Metric { name: $name, kind: Kind::$kind, labels: &$labels, meaning: $meaning },
-        )*];
-    };
-}
-
-metrics! {
+declare_metrics! {
     HTTP_REQUESTS: Counter "pixmesh_http_requests_total" ["route", "method", "code"]
         "Requests answered, by route, method and status";
     HTTP_DURATION: Histogram "pixmesh_http_request_duration_seconds" ["route"]
         "Seconds from a request's header to its answer";
-    STAGE_DURATION: Histogram "pixmesh_stage_duration_seconds" ["stage"]
-        "Seconds that a stage of the work took";
     REQUESTS_IN_PROGRESS: Gauge "pixmesh_requests_in_progress" []
         "Requests being received, waiting or worked on";
-    JOBS_IN_PROGRESS: Gauge "pixmesh_jobs_in_progress" [] "Meshes being made";
-    QUEUE_DEPTH: Gauge "pixmesh_queue_depth" [] "Requests that wait for a worker or memory";
-    QUEUE_WAIT: Histogram "pixmesh_queue_wait_seconds" [] "Seconds that work waited";
-    REQUESTS_SHED: Counter "pixmesh_requests_shed_total" ["reason"]
-        "Requests turned away because of load, by reason";
-    MEMORY_PERMITS: Gauge "pixmesh_memory_permits_mib" ["state"]
-        "Memory for work and its answers, used and in all, in MiB";
     WORKERS: Gauge "pixmesh_workers" [] "Meshes that can be made at the same time";
-    INPUT_PIXELS: Histogram "pixmesh_input_pixels" [] "Pixels of the images meshed";
-    MESH_VERTICES: Histogram "pixmesh_mesh_vertices" [] "Vertices of the meshes made";
     JOBS: Counter "pixmesh_jobs_total" ["state"] "Durable jobs that came to this state";
     JOB_ATTEMPTS: Counter "pixmesh_job_attempts_total" [] "Attempts at durable jobs";
     JOBS_WAITING: Gauge "pixmesh_jobs_queued" [] "Durable jobs that wait for a worker";
@@ -76,4 +33,9 @@ metrics! {
     PROCESS_FDS: Gauge "process_open_fds" [] "Files and connections the process has open";
     BUILD_INFO: Gauge "pixmesh_build_info" ["version", "commit"]
         "Version of the service, and the commit it was built from";
+}
+
+/// Every metric of the service and the crates that it is made of.
+pub fn all() -> impl Iterator<Item = &'static Metric> {
+    METRICS.iter().chain(pixmesh_engine::telemetry::METRICS)
 }

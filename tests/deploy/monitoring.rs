@@ -4,7 +4,8 @@ use crate::pictures::disc;
 use crate::read;
 use crate::server::Server;
 use crate::tools::{checkout, is_there, run, text};
-use pixmesh::telemetry::names::{Kind, METRICS};
+use pixmesh::telemetry::names::all;
+use pixmesh_engine::telemetry::Kind;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -38,7 +39,7 @@ fn a_running_service_has_the_metrics_that_are_declared_and_no_others() {
     let mut seen = BTreeSet::new();
     for line in metrics.lines().filter_map(|line| line.strip_prefix("# TYPE ")) {
         let (name, kind) = line.split_once(' ').unwrap();
-        let declared = METRICS.iter().find(|metric| metric.name == name);
+        let declared = all().find(|metric| metric.name == name);
         let declared = declared.unwrap_or_else(|| panic!("{name} is not declared"));
         let expected = match declared.kind {
             Kind::Counter => "counter",
@@ -48,14 +49,14 @@ fn a_running_service_has_the_metrics_that_are_declared_and_no_others() {
         assert_eq!(kind, expected, "{name}");
         seen.insert(name.to_owned());
     }
-    for metric in METRICS {
+    for metric in all() {
         // Nothing was turned away.
         let is_seen = seen.contains(metric.name) || metric.name == "pixmesh_requests_shed_total";
         assert!(is_seen, "{} is declared and never counted", metric.name);
     }
     for line in metrics.lines().filter(|line| !line.starts_with('#')) {
         for label in labels(line) {
-            let metric = METRICS.iter().find(|metric| line.starts_with(metric.name)).unwrap();
+            let metric = all().find(|metric| line.starts_with(metric.name)).unwrap();
             let is_declared = metric.labels.contains(&label) || label == "le";
             assert!(is_declared, "the label {label} of {} is not declared", metric.name);
         }
@@ -73,13 +74,13 @@ fn labels(line: &str) -> Vec<&str> {
 #[test]
 fn every_metric_is_on_the_dashboard_and_every_expression_is_of_metrics_that_there_are() {
     let dashboard = dashboard_expressions().concat();
-    for metric in METRICS {
+    for metric in all() {
         assert!(dashboard.contains(metric.name), "{} is not on the dashboard", metric.name);
     }
     let known = |word: &str| {
         let parts = ["_bucket", "_sum", "_count"].map(|suffix| word.strip_suffix(suffix));
         let name = parts.into_iter().flatten().next().unwrap_or(word);
-        METRICS.iter().any(|metric| metric.name == name || metric.name == word)
+        all().any(|metric| metric.name == name || metric.name == word)
     };
     for word in (dashboard + &read(ALERTS)).split(|c: char| !c.is_alphanumeric() && c != '_') {
         let is_metric = word.starts_with("pixmesh_") || word.starts_with("process_");

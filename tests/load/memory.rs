@@ -3,9 +3,9 @@
 use crate::pictures::{flat, noise};
 use crate::server::Server;
 use crate::slow_decoders::KINDS;
-use pixmesh::admission::Cost;
-use pixmesh::extract::params::ParameterSet;
 use pixmesh_codec::Format;
+use pixmesh_engine::params::ParameterSet;
+use pixmesh_engine::task::Cost;
 
 /// A query, the format it asks for, and the picture.
 type Work = (&'static str, Format, Vec<u8>);

@@ -3,7 +3,7 @@
 use crate::client::{field, form, send};
 use crate::pictures::disc;
 use crate::server::Server;
-use pixmesh::extract::params::TABLE;
+use pixmesh_engine::params::TABLE;
 use serde_json::Value;
 
 /// A query, and the refusal it gets.

@@ -2,7 +2,6 @@
 
 use super::Wanted;
 use crate::extract::fields::Fields;
-use crate::extract::params::pairs_of_json;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::multipart::{Field, MultipartError};
@@ -10,6 +9,7 @@ use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Request};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 use bytes::Bytes;
+use pixmesh_engine::params::pairs_of_json;
 
 /// The most parts of a form.
 const MAX_PARTS: usize = 16;

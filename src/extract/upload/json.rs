@@ -1,10 +1,10 @@
 //! Reads a JSON object: the files in base64, and the parameters as an object `params`.
 
-use crate::extract::fields::{repeated, unknown};
-use crate::extract::params::{MOST_MEMBERS, pairs_of_json, skip_rest};
 use crate::problem::{Kind, Problem};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use pixmesh_engine::InputError;
+use pixmesh_engine::params::{MOST_MEMBERS, pairs_of_json, skip_rest, unknown};
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::value::RawValue;
 use std::borrow::Cow;
@@ -23,14 +23,14 @@ pub(super) fn read<const N: usize>(
     let mut seen: Vec<&str> = Vec::new();
     for (name, value) in &members {
         if seen.contains(&&**name) {
-            return Err(repeated(name));
+            return Err(InputError::Repeated((**name).to_owned()).into());
         }
         match files.iter().position(|file| *file == &**name) {
             Some(index) => found[index] = Some(decoded(files[index], value)?),
             None if name == "params" => pairs = pairs_of_json(value.get().as_bytes())?,
             None => {
                 let known: Vec<&str> = files.into_iter().chain(["params"]).collect();
-                return Err(unknown(name, &known));
+                return Err(unknown(name, &known).into());
             }
         }
         seen.push(name);

@@ -1,8 +1,8 @@
 //! Counts a body as it arrives, against the limit of one body and the memory for all bodies.
 
-use crate::extract::owner::Owner;
 use crate::problem::{Kind, Problem};
-use crate::telemetry::{self, Shed};
+use pixmesh_engine::Owner;
+use pixmesh_engine::telemetry::{Shed, shed};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -149,7 +149,7 @@ impl Meter {
 }
 
 fn no_memory() -> Problem {
-    telemetry::shed(Shed::Memory);
+    shed(Shed::Memory);
     Problem::new(Kind::Overloaded, "the bodies being received take all memory meant for them")
         .setting("--memory-budget")
         .retry_after_s(RETRY_AFTER_S)

@@ -48,8 +48,8 @@ impl Blobs {
 mod tests {
     use super::super::place;
     use super::*;
-    use crate::digest::Digest;
     use bytes::Bytes;
+    use pixmesh_engine::digest::Digest;
     use std::fs;
 
     #[tokio::test]

@@ -2,12 +2,12 @@
 //! given, and nobody shall get these as an image or a mesh.
 
 use super::failure;
-use crate::digest::Digest;
 use crate::jobs::queue::QueueError;
 use bytes::Bytes;
 use futures_util::StreamExt;
 use object_store::path::Path as BlobPath;
 use object_store::{ObjectStore, ObjectStoreExt};
+use pixmesh_engine::digest::Digest;
 use sha2::{Digest as _, Sha256};
 use tokio::task::spawn_blocking;
 

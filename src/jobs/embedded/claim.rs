@@ -5,8 +5,7 @@ use super::writer::Write;
 use super::{finish, read};
 use crate::jobs::fairness::{Caps, OwnerLoad, next_owner};
 use crate::jobs::queue::{Claim, Lease, MAX_ATTEMPTS, Outcome, Renewal};
-use crate::jobs::record::{JobId, Moment, Progress, State};
-use crate::problem::{Kind, Problem};
+use crate::jobs::record::{self, JobId, Moment, Progress, State};
 use rusqlite::{OptionalExtension, Result, Row, params};
 use std::time::Duration;
 
@@ -124,8 +123,7 @@ fn set_aside(
     ttl: Duration,
 ) -> Result<()> {
     tracing::error!(job = %id, %error, "a job's record cannot be read");
-    let problem = Problem::new(Kind::StorageDamaged, "the record of the job is damaged");
-    let outcome = Outcome::Failed(problem.value());
+    let outcome = Outcome::Failed(record::damaged());
     finish::end(write, id, &outcome, ttl)
 }
 

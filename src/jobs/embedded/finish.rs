@@ -3,11 +3,10 @@
 use super::claim::holder;
 use super::row;
 use super::writer::Write;
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
-use crate::jobs::exhausted;
 use crate::jobs::queue::{Cancellation, Finish, Lease, MAX_ATTEMPTS, Outcome};
-use crate::jobs::record::{JobId, Moment, Progress, State};
+use crate::jobs::record::{self, JobId, Moment, Progress, State};
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use rusqlite::{OptionalExtension, Result, Row, params};
 use std::time::Duration;
 
@@ -63,7 +62,7 @@ pub(super) fn take_back(
         return Ok(State::Cancelled);
     }
     if attempt >= MAX_ATTEMPTS {
-        end(write, id, &Outcome::Failed(exhausted(attempt).value()), ttl)?;
+        end(write, id, &Outcome::Failed(record::exhausted(attempt)), ttl)?;
         return Ok(State::Failed);
     }
     requeue(write, id, 0)?;

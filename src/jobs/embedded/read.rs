@@ -1,10 +1,10 @@
 //! What is asked without changing anything.
 
 use super::row::{self, EVENT, RECORD};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{Lease, Lookup, Page, PageRequest, Renewal, Stats};
 use crate::jobs::record::{Event, JobId, Moment, Record, State};
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use rusqlite::{Connection, OptionalExtension, Result, Row, params};
 use std::collections::HashSet;
 

@@ -1,8 +1,8 @@
 //! Between rows and what is kept of a job.
 
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use crate::jobs::record::{Event, JobId, Moment, Picture, Progress, Record, State};
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use rusqlite::types::Type;
 use rusqlite::{Result, Row};
 use serde::de::DeserializeOwned;

@@ -2,9 +2,9 @@
 
 use super::writer::Write;
 use super::{finish, read};
-use crate::digest::Digest;
 use crate::jobs::queue::{Submitted, Terms};
 use crate::jobs::record::{JobId, Moment, NewJob, State};
+use pixmesh_engine::digest::Digest;
 use rusqlite::{OptionalExtension, Result, params};
 
 /// Puts a job among those that wait, unless there is a reason not to.

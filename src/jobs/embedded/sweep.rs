@@ -4,9 +4,9 @@ use super::finish::{give_up, take_back};
 use super::row;
 use super::watchers::Changes;
 use super::writer::Write;
-use crate::digest::Digest;
 use crate::jobs::queue::{MAX_ATTEMPTS, Swept, Terms};
 use crate::jobs::record::{JobId, Moment, State};
+use pixmesh_engine::digest::Digest;
 use rusqlite::{Connection, Result, Row, params};
 use std::time::Duration;
 

@@ -8,9 +8,9 @@ use super::records::Step;
 use super::stored::StoredJob;
 use super::streams::{gone_name, record_name, reference_of, work_name};
 use super::table::{Expected, Versioned};
-use crate::extract::owner::Owner;
 use crate::jobs::queue::QueueError;
 use crate::jobs::record::JobId;
+use pixmesh_engine::Owner;
 
 impl Nats {
     /// A job's record; one that cannot be read is as good as none.

@@ -2,10 +2,10 @@
 
 use super::stored::StoredJob;
 use super::table::Versioned;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{Lease, MAX_ATTEMPTS};
 use crate::jobs::record::JobId;
 use async_nats::jetstream::{AckKind, Message};
+use pixmesh_engine::Owner;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;

@@ -8,13 +8,13 @@
 use super::broker::failure;
 use super::streams::{owner_of_word, owner_word};
 use super::table::Table;
-use crate::extract::owner::Owner;
 use crate::jobs::fairness::{Caps, OwnerLoad, next_owner};
 use crate::jobs::queue::QueueError;
 use async_nats::jetstream::Message;
 use async_nats::jetstream::consumer::pull::Config;
 use async_nats::jetstream::consumer::{AckPolicy, Consumer, Info};
 use futures_util::{StreamExt, TryStreamExt};
+use pixmesh_engine::Owner;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

@@ -4,9 +4,9 @@ use super::Nats;
 use super::stored::StoredJob;
 use super::streams::record_name;
 use super::table::{Expected, Put, Versioned};
-use crate::extract::owner::Owner;
 use crate::jobs::queue::QueueError;
 use crate::jobs::record::JobId;
+use pixmesh_engine::Owner;
 
 /// How often a change is made again on a newer record.
 const TRIES: usize = 32;

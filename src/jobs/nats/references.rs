@@ -8,10 +8,10 @@ use super::Nats;
 use super::stored::StoredJob;
 use super::streams::owner_word;
 use super::table::Expected;
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::QueueError;
 use crate::jobs::record::JobId;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 
 impl Nats {
     /// A job has a blob.

@@ -1,8 +1,8 @@
 //! How long a record has not changed, by this process's own clock: no two machines' clocks are
 //! compared. A worker changes its job's record with each renewal of its lease.
 
-use crate::extract::owner::Owner;
 use crate::jobs::record::JobId;
+use pixmesh_engine::Owner;
 use std::collections::{HashMap, HashSet};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

@@ -1,11 +1,10 @@
 //! What is kept of a job in its record, and how it changes.
 
-use crate::extract::owner::Owner;
-use crate::jobs::exhausted;
 use crate::jobs::queue::{Claim, Lease, MAX_ATTEMPTS, Outcome};
 use crate::jobs::record::{
-    Event, JobId, MeshFigures, Moment, NewJob, Picture, PictureShape, Progress, Record, State,
+    self, Event, JobId, MeshFigures, Moment, NewJob, Picture, PictureShape, Progress, Record, State,
 };
+use pixmesh_engine::Owner;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::time::Duration;
@@ -272,7 +271,7 @@ impl StoredJob {
         }
         if self.attempt >= MAX_ATTEMPTS {
             self.fence += 1;
-            self.end(&Outcome::Failed(exhausted(self.attempt).value()), ttl);
+            self.end(&Outcome::Failed(record::exhausted(self.attempt)), ttl);
             return TakenBack::Exhausted;
         }
         self.requeue();
@@ -339,7 +338,7 @@ impl Change {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::digest::Digest;
+    use pixmesh_engine::digest::Digest;
 
     const HOUR: Duration = Duration::from_secs(3600);
 

@@ -13,10 +13,10 @@
 
 use super::broker::{Broker, failure};
 use super::table::Table;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{QueueError, Terms};
 use crate::jobs::record::JobId;
 use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType};
+use pixmesh_engine::Owner;
 use std::time::Duration;
 
 /// The shortest age that a stream can be told.

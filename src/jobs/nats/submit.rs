@@ -9,11 +9,11 @@ use super::read::unreadable;
 use super::stored::StoredJob;
 use super::streams::{owner_word, record_name, work_name};
 use super::table::{Expected, Put, Versioned};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{QueueError, Submitted};
 use crate::jobs::record::{JobId, Moment, NewJob, Picture, PictureShape};
 use async_nats::jetstream::message::PublishMessage;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use serde::{Deserialize, Serialize};
 
 /// How often a word is looked at again that changes under one's eyes.

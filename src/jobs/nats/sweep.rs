@@ -5,12 +5,12 @@ use super::Nats;
 use super::stored::{StoredJob, TakenBack};
 use super::streams::{job_of_name, owner_of_word, owner_word, reference_of, work_name};
 use super::table::{self, Versioned};
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{QueueError, Stats, Swept};
 use crate::jobs::record::{JobId, Moment, State};
 use async_nats::jetstream::message::StreamMessage;
 use futures_util::future::try_join_all;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
 use std::time::Duration;
 
 /// The most messages of a kind that one sweep looks at, so that it is short.

@@ -6,12 +6,11 @@ use super::records::Step;
 use super::stored::TakenBack;
 use super::streams::job_of_name;
 use super::table::Versioned;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::{Claim, Finish, Lease, MAX_ATTEMPTS, Outcome, QueueError, Renewal};
-use crate::jobs::record::{JobId, Progress, State};
-use crate::problem::{Kind, Problem};
+use crate::jobs::record::{self, JobId, Progress, State};
 use crate::telemetry;
 use async_nats::jetstream::{AckKind, Message};
+use pixmesh_engine::Owner;
 use std::time::Duration;
 
 /// The pause before a job is given to anybody again whose record could not be read or written.
@@ -133,9 +132,7 @@ impl Nats {
             match job.begin(id) {
                 Some(claim) => Step::Store(Begun::Claimed(Box::new(claim))),
                 None => {
-                    let problem =
-                        Problem::new(Kind::StorageDamaged, "the record of the job is damaged");
-                    job.end(&Outcome::Failed(problem.value()), ttl);
+                    job.end(&Outcome::Failed(record::damaged()), ttl);
                     Step::Store(Begun::Over(Some(State::Failed)))
                 }
             }

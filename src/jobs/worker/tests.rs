@@ -1,18 +1,19 @@
 //! A worker does its jobs to whatever end, stops when it is told, and outlives kernels that panic.
 
 use super::*;
-use crate::admission::Limits as WorkLimits;
-use crate::digest::Digest;
-use crate::extract::owner::Owner;
 use crate::jobs::embedded::Embedded;
 use crate::jobs::fairness::Caps;
 use crate::jobs::folder::DataFolder;
 use crate::jobs::queue::{Lookup, Submitted, Terms};
 use crate::jobs::record::{JobId, KeptWeights, NewJob, Picture, Record, State};
 use crate::jobs::{blobs::Blobs, folder_for_test};
-use crate::pipeline;
 use pixmesh_codec::probe;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
+use pixmesh_engine::pipeline;
+use pixmesh_engine::scheduler::Limits as WorkLimits;
 use pixmesh_meshing::{Control, Stage};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use tokio::task::JoinHandle;
 
@@ -21,31 +22,31 @@ const PICTURE: &[u8] = b"P2\n4 3\n9\n0 1 2 3 4 5 6 7 8 9 0 1\n";
 /// Makes meshes, but panics for those of five vertices.
 fn panicking(
     source: Weighed<Bytes>,
-    order: &Order,
+    options: &MeshOptions,
     keeps_progression: bool,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<(Answer, Option<Vec<u8>>), Problem> {
-    assert!(!order.query().contains("size=5"), "on purpose");
-    pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+    context: &Context,
+) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+    assert!(!options.query().contains("size=5"), "on purpose");
+    pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
 }
 
 /// Works on meshes of five vertices until it is stopped, half of one stage done.
 fn endless(
     source: Weighed<Bytes>,
-    order: &Order,
+    options: &MeshOptions,
     keeps_progression: bool,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<(Answer, Option<Vec<u8>>), Problem> {
-    if !order.query().contains("size=5") {
-        return pipeline::mesh_of_job(source, order, keeps_progression, limits, watch);
+    context: &Context,
+) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+    if !options.query().contains("size=5") {
+        return pipeline::mesh_of_job(source, options, keeps_progression, limits, context);
     }
-    watch.begin(Stage::Simplify.name());
-    while watch.poll(Stage::Simplify, 1, 2).is_ok() {
+    context.begin(Stage::Simplify.name());
+    while context.poll(Stage::Simplify, 1, 2).is_ok() {
         std::thread::sleep(Duration::from_millis(1));
     }
-    Err(Problem::new(Kind::DeadlineExceeded, "stopped"))
+    Err(Cancelled.into())
 }
 
 /// Lets a worker work, with time enough to end when it is told to.
@@ -101,7 +102,7 @@ async fn end(jobs: &Jobs, id: JobId) -> Record {
 
 /// A worker with one slot, some of whose jobs are endless.
 fn worker(jobs: &Jobs) -> Worker {
-    let admission = Admission::new(&WorkLimits {
+    let scheduler = Scheduler::new(&WorkLimits {
         workers: 1,
         threads: 1,
         memory_bytes: 64 << 20,
@@ -111,12 +112,13 @@ fn worker(jobs: &Jobs) -> Worker {
     });
     Worker {
         jobs: jobs.clone(),
-        admission,
+        scheduler,
         workers: Workers::start(1).unwrap(),
         pictures: Limits::default(),
         deadline: Duration::from_mins(1),
         lease: Duration::from_mins(1),
         make: endless,
+        describe: |error| json!({ "detail": format!("{error:?}") }),
     }
 }
 
@@ -137,14 +139,14 @@ async fn once(jobs: &Jobs, id: JobId, is_so: impl Fn(&Record) -> bool) -> Record
 /// Searches for 50 ms before it begins.
 fn searching(
     source: Weighed<Bytes>,
-    order: &Order,
+    options: &MeshOptions,
     keeps_progression: bool,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<(Answer, Option<Vec<u8>>), Problem> {
-    watch.begin(Stage::Search.name());
+    context: &Context,
+) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+    context.begin(Stage::Search.name());
     std::thread::sleep(Duration::from_millis(50));
-    pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+    pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -206,7 +208,7 @@ async fn a_mesh_that_the_store_never_takes_uses_up_the_attempts_of_its_job() {
     let (stop, working) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 3));
-    assert!(record.problem.unwrap().to_string().contains("storage-unavailable"));
+    assert!(record.problem.unwrap().to_string().contains("Storage("));
     stop.cancel();
     working.await.unwrap();
 }
@@ -274,13 +276,13 @@ async fn a_job_that_does_not_end_in_time_is_handed_back_when_the_worker_stops() 
 async fn a_worker_that_has_nothing_to_do_stops_at_once_and_so_does_one_at_work_that_ends() {
     fn slow(
         source: Weighed<Bytes>,
-        order: &Order,
+        options: &MeshOptions,
         keeps_progression: bool,
         limits: &Limits,
-        watch: &Watch,
-    ) -> Result<(Answer, Option<Vec<u8>>), Problem> {
+        context: &Context,
+    ) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
         std::thread::sleep(Duration::from_millis(300));
-        pipeline::mesh_of_job(source, order, keeps_progression, limits, watch)
+        pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
     }
     let jobs = jobs();
     let stop = CancellationToken::new();
@@ -297,18 +299,14 @@ async fn a_worker_that_has_nothing_to_do_stops_at_once_and_so_does_one_at_work_t
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_past_its_deadline_fails_and_names_the_setting_of_jobs() {
+async fn a_job_past_its_deadline_fails() {
     let jobs = jobs();
     let id = submit(&jobs, 5).await;
     let worker = Worker { deadline: Duration::from_millis(200), ..worker(&jobs) };
     let (stop, working) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 1));
-    let problem = record.problem.unwrap().to_string();
-    assert!(
-        problem.contains("--job-deadline") && problem.contains("deadline-exceeded"),
-        "{problem}"
-    );
+    assert!(record.problem.unwrap().to_string().contains("DeadlineExceeded"));
     assert!(jobs.durations.mean_s().is_some_and(|mean_s| mean_s >= 0.2));
     stop.cancel();
     working.await.unwrap();
@@ -333,15 +331,15 @@ async fn the_lease_of_a_job_is_renewed_while_it_runs() {
 }
 
 #[test]
-fn what_the_storage_or_the_machine_had_no_room_for_is_tried_again() {
-    for &kind in Kind::ALL {
-        let again = [Kind::StorageFull, Kind::StorageUnavailable, Kind::Overloaded].contains(&kind);
-        match outcome_of(&Problem::new(kind, "why")) {
-            Outcome::Retry(problem) if again => assert!(problem.to_string().contains("why")),
-            Outcome::Failed(problem) if !again => assert!(problem.to_string().contains("why")),
-            other => panic!("{kind:?}: {other:?}"),
-        }
-    }
+fn only_failures_of_the_storage_are_tried_again() {
+    let storage = |error| AttemptError::Storage(error).may_succeed_later();
+    assert!(storage(QueueError::StorageFull("why".into())));
+    assert!(storage(QueueError::Storage("why".into())));
+    assert!(storage(QueueError::Blobs("why".into())));
+    assert!(AttemptError::PictureChanged.may_succeed_later());
+    assert!(!storage(QueueError::Damaged("why".into())));
+    let too_large = EngineError::TooLarge { needed_mib: 2, budget_mib: 1 };
+    assert!(!AttemptError::Engine(too_large).may_succeed_later());
 }
 
 #[test]
@@ -361,7 +359,7 @@ fn weights_lie_behind_the_picture_and_nothing_behind_them() {
                     (PICTURE, Some(&b"weights"[..]))
                 );
             }
-            Err(problem) if bytes != 7 => assert_eq!(problem.kind(), Kind::StorageUnavailable),
+            Err(AttemptError::PictureChanged) => assert_ne!(bytes, 7),
             _ => panic!("{bytes}"),
         }
     }
@@ -380,8 +378,7 @@ async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
         let record = timeout(Duration::from_secs(60), end(&jobs, id)).await.unwrap();
         let problem = record.problem.map(|problem| problem.to_string()).unwrap_or_default();
         assert_eq!(record.mesh.is_some(), size != 5, "{problem}");
-        assert_eq!(problem.contains("/problems/internal"), size == 5, "{problem}");
-        assert!(!problem.contains("on purpose"), "nothing internal is told");
+        assert_eq!(problem.contains("Panicked"), size == 5, "{problem}");
         assert_eq!(record.attempt, 1);
     }
     stop.cancel();

@@ -1,8 +1,9 @@
 //! A job as JSON.
 
-use crate::extract::params::ParameterSet;
 use crate::jobs::queue::MAX_ATTEMPTS;
 use crate::jobs::record::{Event, JobId, MeshFigures, Moment, Picture, Progress, Record, State};
+use crate::problem::Problem;
+use pixmesh_engine::params::ParameterSet;
 use serde_json::{Map, Value, json};
 
 /// The whole of a job.
@@ -21,7 +22,7 @@ pub(in crate::routes) fn of(record: &Record) -> Value {
         "progress": progress(record.state, record.progress.as_ref()),
         "mesh": record.mesh.as_ref().map(mesh),
         "timings_ms": record.mesh.as_ref().map(timings),
-        "error": record.problem,
+        "error": record.problem.as_ref().map(problem),
         "links": links_of(record),
     })
 }
@@ -83,6 +84,11 @@ fn image(picture: &Picture) -> Value {
             json!({ "bytes": weights.bytes, "sha256": weights.digest })
         }),
     })
+}
+
+/// The whole problem document, of which less may be stored.
+fn problem(stored: &Value) -> Value {
+    Problem::of_value(stored).map_or_else(|| stored.clone(), |problem| problem.value())
 }
 
 /// Only running work has a progress.

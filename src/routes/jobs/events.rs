@@ -6,17 +6,18 @@
 
 use super::document;
 use crate::extract::fields::Few;
-use crate::extract::owner::Owner;
 use crate::jobs::queue::Queue;
 use crate::jobs::record::{Event as Change, JobId};
 use crate::problem::Problem;
 use crate::routes::Service;
+use axum::Extension;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive};
 use axum::response::{IntoResponse, Response, Sse};
 use futures_util::stream::{self, Stream};
+use pixmesh_engine::Owner;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -36,7 +37,7 @@ const COME_BACK: Duration = Duration::from_secs(1);
 /// `not-found`, or `gone` when the job is no longer kept.
 pub async fn follow(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     path: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, Problem> {

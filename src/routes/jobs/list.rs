@@ -2,14 +2,15 @@
 
 use super::document;
 use crate::extract::fields::Few;
-use crate::extract::owner::Owner;
-use crate::extract::params::whole_between;
 use crate::jobs::queue::PageRequest;
 use crate::jobs::record::{JobId, State as JobState};
 use crate::problem::{Kind, Problem};
 use crate::routes::Service;
+use axum::Extension;
 use axum::Json;
 use axum::extract::{Request, State};
+use pixmesh_engine::Owner;
+use pixmesh_engine::params::whole_between;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ pub(in crate::routes) const DEFAULT: u64 = 20;
 /// Every refusal of parameters.
 pub async fn list(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Json<Value>, Problem> {
     let parameters = Few::of_query(PARAMETERS, request.uri().query())?;

@@ -6,17 +6,13 @@
 //! makes the same bytes, and so the entity tag of another format is the digest of the MODEL with the
 //! format's name and the version, and that of another size the digest of both with the size too.
 
-use crate::admission::{Cost, Kept};
-use crate::digest::Digest;
 use crate::extract::accept;
 use crate::extract::fields::Few;
-use crate::extract::owner::Owner;
-use crate::extract::params::{Output, ParameterSet, whole_between};
 use crate::jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
-use crate::pipeline;
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
 use crate::routes::answer::{self, Figures};
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
@@ -24,6 +20,11 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
 use pixmesh_codec::Format;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
+use pixmesh_engine::params::{Output, ParameterSet, whole_between};
+use pixmesh_engine::pipeline;
+use pixmesh_engine::task::{Cost, Kept};
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use std::ops::Range;
@@ -49,7 +50,7 @@ pub(super) struct Wish {
 /// `parameter-out-of-range`, `range-not-satisfiable`, and every refusal of admission.
 pub async fn show(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     path: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, Problem> {
@@ -194,7 +195,7 @@ impl Finished<'_> {
         let Self { service, record, mesh, output } = *self;
         let cost = Cost::of_conversion(self.shape(), mesh.vertices, mesh.bytes, format);
         let deadline = Instant::now() + service.deadline;
-        let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
+        let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
         let model = service.jobs.blobs.get_part(self.digest()?, 0..mesh.bytes).await?;
         let limits = service.pictures;
         let (bytes, memory) = service
@@ -217,7 +218,7 @@ impl Finished<'_> {
         let kept = Kept { shape, vertices, bytes: place.end - place.start };
         let cost = Cost::of_resizing(kept, size, format);
         let deadline = Instant::now() + service.deadline;
-        let ticket = service.admission.admit(&record.owner, cost, deadline).await?;
+        let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
         let pmesh = service.jobs.blobs.get_part(self.digest()?, place).await?;
         let limits = service.pictures;
         let (resized, timing, memory) = service

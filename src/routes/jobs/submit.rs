@@ -2,13 +2,9 @@
 //! whose clients prefer one.
 
 use super::{document, mesh};
-use crate::admission::MeshTask;
-use crate::digest::Digest;
 use crate::extract::idempotency;
-use crate::extract::owner::Owner;
-use crate::extract::params::{Order, ParameterSet};
 use crate::extract::prefer::Preference;
-use crate::extract::upload::{IMAGE_OF_JOB, Upload, Weighed};
+use crate::extract::upload::{IMAGE_OF_JOB, Upload};
 use crate::jobs::queue::{Lookup, Submitted};
 use crate::jobs::record::{
     JobId, KeptWeights, NewJob, Picture, PictureShape, Record, State as JobState,
@@ -16,12 +12,19 @@ use crate::jobs::record::{
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
 use crate::telemetry;
+use axum::Extension;
 use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
 use pixmesh_codec::Format;
+use pixmesh_engine::MeshTask;
+use pixmesh_engine::Owner;
+use pixmesh_engine::Weighed;
+use pixmesh_engine::digest::Digest;
+use pixmesh_engine::params::{MeshOptions, ParameterSet};
+use pixmesh_engine::telemetry::{Shed, shed};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::spawn_blocking;
@@ -39,7 +42,7 @@ static PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-appl
 /// or `too-many-jobs` when as many jobs wait as may, and failures of the storage.
 pub async fn create(
     State(service): State<Arc<Service>>,
-    owner: Owner,
+    Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Response, Problem> {
     let cut = service.cut.clone();
@@ -69,7 +72,7 @@ pub(in crate::routes) async fn prefer(
     owner: Owner,
     headers: &HeaderMap,
     upload: Weighed<Upload>,
-    order: &Order,
+    order: &MeshOptions,
     preference: Preference,
 ) -> Result<Response, Problem> {
     let submission = submit(service, owner.clone(), headers, upload, order).await?;
@@ -145,11 +148,11 @@ async fn submit(
     owner: Owner,
     headers: &HeaderMap,
     upload: Weighed<Upload>,
-    order: &Order,
+    order: &MeshOptions,
 ) -> Result<Submission, Problem> {
     let idempotency_key = idempotency::key_of(headers)?;
     let task = MeshTask::for_job(upload.as_bytes(), order, &service.pictures)?;
-    service.admission.refuse_too_large(task.cost)?;
+    service.scheduler.refuse_too_large(task.cost)?;
     let header = task.header;
     let length = upload.image.bytes.len() as u64;
     let Packed { digest, file: image, weights } = packed(upload).await?;
@@ -164,8 +167,8 @@ async fn submit(
         }
         Submitted::Existing(record) => Ok(Submission { record, was_there: true }),
         Submitted::KeyReused => Err(key_reused()),
-        Submitted::QueueFull { limit } => Err(queue_full(limit, service.admission.drain_s())),
-        Submitted::OwnerFull { limit } => Err(owner_full(limit, service.admission.drain_s())),
+        Submitted::QueueFull { limit } => Err(queue_full(limit, service.scheduler.drain_s())),
+        Submitted::OwnerFull { limit } => Err(owner_full(limit, service.scheduler.drain_s())),
     }
 }
 
@@ -202,7 +205,7 @@ fn key_reused() -> Problem {
 }
 
 fn queue_full(limit: usize, retry_after_s: u64) -> Problem {
-    telemetry::shed(telemetry::Shed::QueueFull);
+    shed(Shed::QueueFull);
     Problem::new(Kind::Overloaded, format!("{limit} jobs wait already"))
         .setting("--max-queued-jobs")
         .limit(limit, limit)
@@ -210,7 +213,7 @@ fn queue_full(limit: usize, retry_after_s: u64) -> Problem {
 }
 
 fn owner_full(limit: usize, retry_after_s: u64) -> Problem {
-    telemetry::shed(telemetry::Shed::QueueFull);
+    shed(Shed::QueueFull);
     Problem::new(Kind::TooManyJobs, format!("{limit} jobs of this client wait already"))
         .setting("--key-queued-jobs")
         .limit(limit, limit)

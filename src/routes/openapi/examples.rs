@@ -1,8 +1,10 @@
 //! Examples in the document: real ones, from the same code that answers.
 
-use crate::extract::params::{DEFAULT_DENSITY, DEFAULT_METHOD, Order, Parameter as Row, Takes};
 use crate::problem::Kind;
 use pixmesh_codec::{Limits, decode, write_model};
+use pixmesh_engine::params::{
+    DEFAULT_DENSITY, DEFAULT_METHOD, MeshOptions, Parameter as Row, Takes,
+};
 use pixmesh_meshing::{Target, mesh_image};
 use serde_json::{Value, json};
 
@@ -34,12 +36,12 @@ pub(super) fn value(row: &Row) -> Option<Value> {
     })
 }
 
-fn order(density: f64) -> Order {
+fn order(density: f64) -> MeshOptions {
     let parameters = DEFAULT_METHOD.parameters(Target::Percent(density));
-    Order {
+    MeshOptions {
         method: DEFAULT_METHOD,
         parameters,
-        output: crate::extract::params::Output::default(),
+        output: pixmesh_engine::params::Output::default(),
         format: None,
     }
 }

@@ -112,7 +112,7 @@ async fn whoever_reads_a_copy_that_is_replaced_or_deleted_waits_no_more_for_its_
 async fn whoever_wants_a_blob_reads_the_copy_that_replaces_the_one_begun() {
     let Some((_server, broker, bucket)) = bucket_of_a_server().await else { return };
     let bytes = Bytes::from_static(b"what was stored");
-    let digest = crate::digest::Digest::of(&bytes);
+    let digest = pixmesh_engine::digest::Digest::of(&bytes);
     let place = crate::jobs::blobs::place(digest);
     bucket.put(&place, bytes.clone().into()).await.unwrap();
     let blobs = crate::jobs::blobs::Blobs::shared(&crate::config::BlobEngine::Broker, &broker);

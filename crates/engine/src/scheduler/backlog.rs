@@ -1,9 +1,9 @@
 //! The queue, counted in seconds of work.
 
-use super::effort::{Effort, WorkKind};
-use super::{Cost, Limits};
-use crate::extract::owner::Owner;
-use crate::problem::{Kind, Problem};
+use super::Limits;
+use crate::error::EngineError;
+use crate::owner::Owner;
+use crate::task::{Cost, Effort, WorkKind};
 use crate::telemetry::{self, Shed};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -75,14 +75,13 @@ impl Backlog {
     /// Takes a place, unless more than the owner's part of the allowed seconds waits already.
     ///
     /// # Errors
-    /// `overloaded`, with the seconds until the queue will have drained, and `quota-exceeded` when
-    /// as many requests of a key wait as may.
+    /// [`EngineError::QueueFull`] and [`EngineError::KeyQueueFull`].
     pub(super) fn enter(
         &self,
         owner: &Owner,
         cost: Cost,
         slot_is_free: bool,
-    ) -> Result<Place<'_>, Problem> {
+    ) -> Result<Place<'_>, EngineError> {
         self.refuse_crowd(owner, slot_is_free)?;
         let effort = cost.effort();
         let mut state = self.state();
@@ -97,7 +96,11 @@ impl Backlog {
     ///
     /// # Errors
     /// As [`Backlog::enter`].
-    pub(super) fn refuse_crowd(&self, owner: &Owner, slot_is_free: bool) -> Result<(), Problem> {
+    pub(super) fn refuse_crowd(
+        &self,
+        owner: &Owner,
+        slot_is_free: bool,
+    ) -> Result<(), EngineError> {
         let state = self.state();
         let waiting = state.waiting.get(owner).copied().unwrap_or_default();
         let others = state.waiting.len() - usize::from(waiting.count > 0);
@@ -158,17 +161,11 @@ impl Backlog {
     }
 
     /// Refuses what has waited for so long.
-    pub(super) fn lose_patience(&self) -> Problem {
+    pub(super) fn lose_patience(&self) -> EngineError {
         telemetry::shed(Shed::QueueFull);
         let waited_s = PATIENCE * self.limit_s;
-        let detail = format!(
-            "the request waited {waited_s} s for a worker and memory, {PATIENCE} times what the \
-             queue should take: the work before it took longer than expected"
-        );
-        Problem::new(Kind::Overloaded, detail)
-            .setting("--queue-seconds")
-            .limit(self.limit_s, waited_s)
-            .retry_after_s(self.drain_s())
+        let retry_after_s = self.drain_s();
+        EngineError::WaitedTooLong { waited_s, limit_s: self.limit_s, retry_after_s }
     }
 
     fn seconds(&self, units: &Units, state: &State) -> f64 {
@@ -176,23 +173,15 @@ impl Backlog {
         by_kind.map(|(units, s_per_unit)| units * s_per_unit).sum::<f64>() / self.workers
     }
 
-    fn full(&self, waiting_s: f64, share_s: f64) -> Problem {
+    fn full(&self, waiting_s: f64, limit_s: f64) -> EngineError {
         telemetry::shed(Shed::QueueFull);
-        let detail = format!("{waiting_s:.3} s of work wait already, more than {share_s:.3} s");
-        Problem::new(Kind::Overloaded, detail)
-            .setting("--queue-seconds")
-            .limit(share_s, waiting_s)
-            .retry_after_s(self.drain_s())
+        EngineError::QueueFull { waiting_s, limit_s, retry_after_s: self.drain_s() }
     }
 
-    fn too_many_of_key(&self, count: usize) -> Problem {
+    fn too_many_of_key(&self, waiting: usize) -> EngineError {
         telemetry::shed(Shed::Quota);
-        let limit = self.queued_per_key;
-        let detail = format!("{count} requests of this key wait already, and {limit} may");
-        Problem::new(Kind::QuotaExceeded, detail)
-            .setting("--key-queued")
-            .limit(limit, count)
-            .retry_after_s(self.drain_s())
+        let (limit, retry_after_s) = (self.queued_per_key, self.drain_s());
+        EngineError::KeyQueueFull { waiting, limit, retry_after_s }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -253,7 +242,8 @@ mod tests {
         let admitted: Vec<_> = other.iter().map(Result::is_ok).collect();
         assert_eq!(admitted, [true, true, false], "half a second is the part of each");
         let problem = backlog.enter(&a, cost, false).unwrap_err();
-        assert_eq!(problem.kind(), Kind::QuotaExceeded, "three of a key may wait");
+        let full = matches!(problem, EngineError::KeyQueueFull { waiting: 3, limit: 3, .. });
+        assert!(full, "three of a key may wait");
         assert!(backlog.enter(&Owner::Anonymous, cost, false).is_ok());
     }
 
@@ -264,7 +254,7 @@ mod tests {
         let costs = [one_shot, simplifying, one_shot];
         let places = costs.map(|cost| backlog.enter(&Owner::Anonymous, cost, false));
         assert!(places[0].is_ok() && places[1].is_ok());
-        assert_eq!(places[2].as_ref().unwrap_err().kind(), Kind::Overloaded);
+        assert!(matches!(places[2], Err(EngineError::QueueFull { .. })));
         assert_eq!(backlog.drain_s(), 2, "twice 0.55 s");
         assert!(
             backlog.enter(&Owner::Anonymous, one_shot, true).is_ok(),

@@ -2,7 +2,7 @@
 
 use super::effort::Effort;
 use super::footprint::{self, Footprint};
-use crate::extract::params::Output;
+use crate::params::Output;
 use pixmesh_codec::Format;
 use pixmesh_codec::Header;
 use pixmesh_meshing::parameters::Plan;
@@ -97,12 +97,12 @@ impl Cost {
     }
 
     /// The effort.
-    pub(super) fn effort(self) -> Effort {
+    pub(crate) fn effort(self) -> Effort {
         self.effort
     }
 
     #[cfg(test)]
-    pub(super) fn of_effort(effort: Effort) -> Self {
+    pub(crate) fn of_effort(effort: Effort) -> Self {
         Self { mib: 1, effort }
     }
 }

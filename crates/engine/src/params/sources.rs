@@ -2,7 +2,7 @@
 
 use super::ParameterSet;
 use super::table::TABLE;
-use crate::problem::{Kind, Problem};
+use crate::error::{EngineError, InputError};
 use percent_encoding::percent_decode_str;
 use serde::de::{self, Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::value::RawValue;
@@ -13,8 +13,8 @@ impl ParameterSet {
     /// a plus sign.
     ///
     /// # Errors
-    /// `query-malformed` for a broken encoding, else as [`ParameterSet::add`].
-    pub fn of_query(query: Option<&str>) -> Result<Self, Problem> {
+    /// When the encoding is broken, and as [`ParameterSet::add`].
+    pub fn of_query(query: Option<&str>) -> Result<Self, EngineError> {
         let mut set = Self::default();
         for pair in pairs_of_query(query) {
             let (name, value) = pair?;
@@ -26,19 +26,20 @@ impl ParameterSet {
     /// Adds the members of a flat JSON object: numbers, words and truth values.
     ///
     /// # Errors
-    /// `json-malformed` for anything else, else as [`ParameterSet::add`].
-    pub fn add_json(&mut self, text: &[u8]) -> Result<(), Problem> {
-        pairs_of_json(text)?.iter().try_for_each(|(name, value)| self.add(name, value))
+    /// When the text is anything else, and as [`ParameterSet::add`].
+    pub fn add_json(&mut self, text: &[u8]) -> Result<(), EngineError> {
+        let pairs = pairs_of_json(text)?;
+        pairs.iter().try_for_each(|(name, value)| self.add(name, value))
     }
 }
 
 /// The pairs of a name and a value in a query, percent-decoded.
 ///
 /// # Errors
-/// `query-malformed` for a broken encoding, at the pair that has it.
+/// When the encoding is broken, at the pair that has it.
 pub fn pairs_of_query(
     query: Option<&str>,
-) -> impl Iterator<Item = Result<(String, String), Problem>> {
+) -> impl Iterator<Item = Result<(String, String), InputError>> {
     let pairs = query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty());
     pairs.map(|pair| {
         let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
@@ -54,37 +55,30 @@ pub const MOST_MEMBERS: usize = TABLE.len() + 1;
 /// [`MOST_MEMBERS`].
 ///
 /// # Errors
-/// `json-malformed` for anything else.
-pub fn pairs_of_json(text: &[u8]) -> Result<Vec<(String, String)>, Problem> {
-    let Pairs(pairs) = serde_json::from_slice(text).map_err(|error| json_malformed(&error))?;
+/// When the text is anything else.
+pub fn pairs_of_json(text: &[u8]) -> Result<Vec<(String, String)>, InputError> {
+    let read = serde_json::from_slice(text);
+    let Pairs(pairs) = read.map_err(|error| InputError::Json(error.to_string()))?;
     Ok(pairs)
 }
 
 /// Decodes `%41` and the like; broken escapes, broken UTF-8 and control characters are refused.
-fn percent_decoded(text: &str) -> Result<String, Problem> {
+fn percent_decoded(text: &str) -> Result<String, InputError> {
     let is_digit = |digit: Option<&u8>| digit.is_some_and(u8::is_ascii_hexdigit);
     let bytes = text.as_bytes();
     let escapes = (0..bytes.len()).filter(|&start| bytes[start] == b'%');
     for start in escapes {
         if !(is_digit(bytes.get(start + 1)) && is_digit(bytes.get(start + 2))) {
-            return Err(query_malformed("a '%' without two hexadecimal digits after it"));
+            return Err(InputError::Query("a '%' without two hexadecimal digits after it"));
         }
     }
     let decoded = percent_decode_str(text)
         .decode_utf8()
-        .map_err(|_| query_malformed("escapes that are not UTF-8"))?;
+        .map_err(|_| InputError::Query("escapes that are not UTF-8"))?;
     if decoded.chars().any(char::is_control) {
-        return Err(query_malformed("an escaped control character"));
+        return Err(InputError::Query("an escaped control character"));
     }
     Ok(decoded.into_owned())
-}
-
-fn query_malformed(what: &str) -> Problem {
-    Problem::new(Kind::QueryMalformed, format!("the query has {what}"))
-}
-
-fn json_malformed(error: &serde_json::Error) -> Problem {
-    Problem::new(Kind::JsonMalformed, format!("params: {error}")).param("params")
 }
 
 /// The members of an object in their order, also repeated ones, each value as its text.
@@ -118,6 +112,9 @@ impl<'de> Visitor<'de> for PairsVisitor {
 }
 
 /// Reads the members that are left without keeping any.
+///
+/// # Errors
+/// When the rest of the object cannot be read.
 pub fn skip_rest<'de, A: MapAccess<'de>>(mut members: A) -> Result<(), A::Error> {
     while members.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
     Ok(())
@@ -136,16 +133,25 @@ fn text_of(json: &str) -> Result<String, serde_json::Error> {
 mod tests {
     use super::*;
 
-    fn slug(result: Result<(), Problem>) -> &'static str {
-        result.map_or_else(|problem| problem.kind().slug(), |()| "")
+    /// What is wrong, in a word.
+    fn defect(result: Result<(), EngineError>) -> &'static str {
+        match result {
+            Ok(()) => "",
+            Err(EngineError::Input(InputError::Query(_))) => "query",
+            Err(EngineError::Input(InputError::Json(_))) => "json",
+            Err(EngineError::Input(InputError::Repeated(_))) => "repeated",
+            Err(EngineError::Input(InputError::Unknown { .. })) => "unknown",
+            Err(EngineError::Input(InputError::Malformed { .. })) => "malformed",
+            Err(error) => panic!("{error}"),
+        }
     }
 
     fn json(text: &[u8]) -> &'static str {
-        slug(ParameterSet::default().add_json(text))
+        defect(ParameterSet::default().add_json(text))
     }
 
     fn query(text: &str) -> &'static str {
-        slug(ParameterSet::of_query(Some(text)).map(|_| ()))
+        defect(ParameterSet::of_query(Some(text)).map(|_| ()))
     }
 
     #[test]
@@ -175,10 +181,10 @@ mod tests {
             b"{\"density\": null}",
             b"{\"density\": {}}",
         ] {
-            assert_eq!(json(text), "json-malformed", "{}", String::from_utf8_lossy(text));
+            assert_eq!(json(text), "json", "{}", String::from_utf8_lossy(text));
         }
-        assert_eq!(json(br#"{"density": 1, "density": 2}"#), "duplicate-parameter");
-        assert_eq!(json(br#"{"desnity": 1}"#), "unknown-parameter");
+        assert_eq!(json(br#"{"density": 1, "density": 2}"#), "repeated");
+        assert_eq!(json(br#"{"desnity": 1}"#), "unknown");
     }
 
     #[test]
@@ -186,11 +192,11 @@ mod tests {
         for text in
             ["density=%zz", "density=%", "density=%4", "density=%00", "density=%c0%af", "%ff=1"]
         {
-            assert_eq!(query(text), "query-malformed", "{text}");
+            assert_eq!(query(text), "query", "{text}");
         }
-        assert_eq!(query("density=+5"), "parameter-malformed");
-        assert_eq!(query("density=%205"), "parameter-malformed");
-        assert_eq!(query("density"), "parameter-malformed");
+        assert_eq!(query("density=+5"), "malformed");
+        assert_eq!(query("density=%205"), "malformed");
+        assert_eq!(query("density"), "malformed");
         assert_eq!(query("%64ensity=5&&"), "");
     }
 }

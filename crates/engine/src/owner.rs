@@ -1,9 +1,5 @@
-//! The owner of a request's task and jobs.
+//! The owner of tasks and jobs.
 
-use axum::extract::FromRequestParts;
-use axum::http::Extensions;
-use axum::http::request::Parts;
-use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
@@ -24,12 +20,6 @@ impl Owner {
     #[must_use]
     pub fn named(name: &str) -> Self {
         Self::Key(name.into())
-    }
-
-    /// The owner of a request, as authentication has found.
-    #[must_use]
-    pub fn of(extensions: &Extensions) -> Self {
-        extensions.get().cloned().unwrap_or(Self::Anonymous)
     }
 
     /// The owner that is stored under a name, see [`as_str`](Self::as_str).
@@ -61,13 +51,5 @@ impl fmt::Display for Owner {
             Self::Key(name) => name,
             Self::Jobs => "jobs",
         })
-    }
-}
-
-impl<S: Sync> FromRequestParts<S> for Owner {
-    type Rejection = Infallible;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
-        Ok(Self::of(&parts.extensions))
     }
 }

@@ -15,19 +15,14 @@
 //! those that stall.
 
 mod backlog;
-mod cost;
-mod effort;
-mod footprint;
 mod gate;
 mod memory;
-mod task;
 
-pub use cost::{Compared, Cost, Kept};
 pub use memory::Memory;
-pub use task::MeshTask;
 
-use crate::extract::owner::Owner;
-use crate::problem::{Kind, Problem};
+use crate::error::EngineError;
+use crate::owner::Owner;
+use crate::task::Cost;
 use crate::telemetry::{self, Shed};
 use backlog::Backlog;
 use gate::{Capacity, Gate};
@@ -38,7 +33,7 @@ use tokio::time::timeout_at;
 
 /// The gate that all work passes.
 #[derive(Clone, Debug)]
-pub struct Admission {
+pub struct Scheduler {
     gate: Arc<Gate>,
     backlog: Arc<Backlog>,
 }
@@ -84,7 +79,7 @@ pub struct Ticket {
     slot: gate::Slot,
 }
 
-impl Admission {
+impl Scheduler {
     /// A gate with these limits.
     #[must_use]
     pub fn new(limits: &Limits) -> Self {
@@ -102,15 +97,17 @@ impl Admission {
     /// Waits for a slot and memory.
     ///
     /// # Errors
-    /// `work-too-large` when there is not that much memory at all, `overloaded` when the queue is
-    /// full or the wait outlasts what it should take, `quota-exceeded` when too much of the owner
-    /// waits, `deadline-exceeded` when the wait outlasts `deadline`.
+    /// [`EngineError::TooLarge`] when the budget is smaller than the task,
+    /// [`QueueFull`](EngineError::QueueFull) and [`KeyQueueFull`](EngineError::KeyQueueFull) when
+    /// too much waits, [`WaitedTooLong`](EngineError::WaitedTooLong) when the queue takes much longer
+    /// than expected, [`DeadlineInQueue`](EngineError::DeadlineInQueue) when the wait outlasts
+    /// `deadline`.
     pub async fn admit(
         &self,
         owner: &Owner,
         cost: Cost,
         deadline: Instant,
-    ) -> Result<Ticket, Problem> {
+    ) -> Result<Ticket, EngineError> {
         self.refuse_too_large(cost)?;
         let arrived = Instant::now();
         let place = self.backlog.enter(owner, cost, self.gate.has_slot_for(owner))?;
@@ -123,16 +120,16 @@ impl Admission {
             Some(_) => self.backlog.lose_patience(),
             None => self.waited_too_long(),
         })?;
-        let (slot, memory) = entered.ok_or_else(stopped)?;
+        let (slot, memory) = entered.ok_or(EngineError::Stopping)?;
         Ok(self.ticket(cost, arrived.elapsed(), slot, memory))
     }
 
-    /// Refuses what [`Admission::admit`] would refuse of this owner whatever it costs: so that a long
+    /// Refuses what [`Scheduler::admit`] would refuse of this owner whatever it costs: so that a long
     /// body need not be received first.
     ///
     /// # Errors
-    /// `overloaded` and `quota-exceeded`.
-    pub fn refuse_crowd(&self, owner: &Owner) -> Result<(), Problem> {
+    /// [`EngineError::QueueFull`] and [`EngineError::KeyQueueFull`].
+    pub fn refuse_crowd(&self, owner: &Owner) -> Result<(), EngineError> {
         self.backlog.refuse_crowd(owner, self.gate.has_slot_for(owner))
     }
 
@@ -147,18 +144,18 @@ impl Admission {
     /// Waits for the memory that is missing to a slot.
     ///
     /// # Errors
-    /// `work-too-large` when there is not that much memory at all, `deadline-exceeded` when the
-    /// wait outlasts `deadline`.
+    /// [`EngineError::TooLarge`] when the budget is smaller than the task, and
+    /// [`DeadlineInQueue`](EngineError::DeadlineInQueue) when the wait outlasts `deadline`.
     pub async fn admit_to(
         &self,
         slot: Slot,
         cost: Cost,
         deadline: Instant,
-    ) -> Result<Ticket, Problem> {
+    ) -> Result<Ticket, EngineError> {
         self.refuse_too_large(cost)?;
         let asked = Instant::now();
         let memory = timeout_at(deadline.into(), self.gate.memory(&slot.slot, cost.mib())).await;
-        let memory = memory.map_err(|_| self.waited_too_long())?.ok_or_else(stopped)?;
+        let memory = memory.map_err(|_| self.waited_too_long())?.ok_or(EngineError::Stopping)?;
         Ok(self.ticket(cost, slot.waited + asked.elapsed(), slot.slot, memory))
     }
 
@@ -171,7 +168,7 @@ impl Admission {
     fn ticket(&self, cost: Cost, waited: Duration, slot: gate::Slot, memory: Memory) -> Ticket {
         self.backlog.start(cost);
         telemetry::queue_wait(waited);
-        telemetry::jobs_in_progress(1.0);
+        telemetry::tasks_in_progress(1.0);
         let backlog = Arc::clone(&self.backlog);
         Ticket { waited, cost, started: Instant::now(), backlog, memory, slot }
     }
@@ -179,29 +176,18 @@ impl Admission {
     /// Refuses what could never run.
     ///
     /// # Errors
-    /// `work-too-large` when there is not that much memory at all.
-    pub fn refuse_too_large(&self, cost: Cost) -> Result<(), Problem> {
-        let memory_mib = self.gate.memory_mib();
-        if cost.mib() as usize <= memory_mib {
-            return Ok(());
+    /// [`EngineError::TooLarge`] when the budget is smaller than the task.
+    pub fn refuse_too_large(&self, cost: Cost) -> Result<(), EngineError> {
+        let (needed_mib, budget_mib) = (cost.mib(), self.gate.memory_mib());
+        match needed_mib as usize <= budget_mib {
+            true => Ok(()),
+            false => Err(EngineError::TooLarge { needed_mib, budget_mib }),
         }
-        let detail = format!(
-            "this image with these parameters needs about {} MiB, and there are {} MiB for work: \
-             send a smaller image, or ask for fewer vertices or a method that starts with fewer \
-             points",
-            cost.mib(),
-            memory_mib
-        );
-        let problem = Problem::new(Kind::WorkTooLarge, detail).setting("--memory-budget");
-        Err(problem.limit(memory_mib, cost.mib()))
     }
 
-    fn waited_too_long(&self) -> Problem {
+    fn waited_too_long(&self) -> EngineError {
         telemetry::shed(Shed::Deadline);
-        let detail = "the deadline passed while the request waited for a worker";
-        Problem::new(Kind::DeadlineExceeded, detail)
-            .setting("--sync-deadline")
-            .retry_after_s(self.backlog.drain_s())
+        EngineError::DeadlineInQueue { retry_after_s: self.backlog.drain_s() }
     }
 }
 
@@ -240,22 +226,17 @@ impl Ticket {
 impl Drop for Ticket {
     fn drop(&mut self) {
         self.backlog.end(self.cost);
-        telemetry::jobs_in_progress(-1.0);
+        telemetry::tasks_in_progress(-1.0);
     }
-}
-
-/// The gate is never closed, but if it were, this is what it would mean.
-fn stopped() -> Problem {
-    Problem::new(Kind::ShuttingDown, "the service is stopping")
 }
 
 #[cfg(test)]
 mod tests {
-    use super::effort::{Effort, WorkKind};
     use super::*;
+    use crate::task::{Effort, WorkKind};
 
-    fn gate(queue_s: f64) -> Admission {
-        Admission::new(&Limits {
+    fn gate(queue_s: f64) -> Scheduler {
+        Scheduler::new(&Limits {
             workers: 1,
             threads: 1,
             memory_bytes: 1 << 20,
@@ -275,7 +256,8 @@ mod tests {
         drop(ticket);
         assert!(gate.gate.has_slot_for(&Owner::Anonymous));
         let problem = gate.admit(&Owner::Anonymous, cost, deadline).await.unwrap_err();
-        assert_eq!(problem.kind(), Kind::Overloaded, "it waits no longer than the queue may take");
+        let impatient = matches!(problem, EngineError::WaitedTooLong { .. });
+        assert!(impatient, "it waits no longer than the queue may take");
         drop(kept);
         assert!(gate.admit(&Owner::Anonymous, cost, deadline).await.is_ok());
     }
@@ -289,10 +271,8 @@ mod tests {
             .await
             .unwrap();
         let soon = Instant::now() + Duration::from_millis(20);
-        assert_eq!(
-            gate.admit(&Owner::Anonymous, cost, soon).await.unwrap_err().kind(),
-            Kind::DeadlineExceeded
-        );
+        let admitted = gate.admit(&Owner::Anonymous, cost, soon).await;
+        assert!(matches!(admitted, Err(EngineError::DeadlineInQueue { .. })));
         drop(ticket);
     }
 }

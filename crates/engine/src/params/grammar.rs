@@ -6,11 +6,10 @@
 //! `1e1` are refused where one is asked for. What reads as a number but has no finite value (`NaN`,
 //! `inf`, `1e309`) is refused as such and not as malformed.
 
-use crate::problem::{Kind, Problem};
-use serde_json::Value;
+use crate::error::{Bound, InputError};
 
 /// A decimal number between bounds.
-pub(super) fn decimal(name: &str, text: &str, least: f64, most: f64) -> Result<f64, Problem> {
+pub(super) fn decimal(name: &str, text: &str, least: f64, most: f64) -> Result<f64, InputError> {
     if is_no_number_word(text) {
         return Err(not_finite(name));
     }
@@ -22,13 +21,13 @@ pub(super) fn decimal(name: &str, text: &str, least: f64, most: f64) -> Result<f
         return Err(not_finite(name));
     }
     if value < least || value > most {
-        return Err(out_of_range(name, text, least, most));
+        return Err(out_of_range(name, text, Bound::Decimal(least), Bound::Decimal(most)));
     }
     Ok(value)
 }
 
 /// A whole number; `None` for one that 64 bits without a sign do not hold.
-pub(super) fn whole(name: &str, text: &str) -> Result<Option<u64>, Problem> {
+pub(super) fn whole(name: &str, text: &str) -> Result<Option<u64>, InputError> {
     if is_no_number_word(text) {
         return Err(not_finite(name));
     }
@@ -43,37 +42,34 @@ pub(super) fn whole(name: &str, text: &str) -> Result<Option<u64>, Problem> {
 /// A whole number between bounds, both allowed.
 ///
 /// # Errors
-/// `parameter-malformed`, `not-finite` or `parameter-out-of-range`.
-pub fn whole_between(name: &str, text: &str, least: u64, most: u64) -> Result<u64, Problem> {
+/// When the text is no whole number or is out of the bounds.
+pub fn whole_between(name: &str, text: &str, least: u64, most: u64) -> Result<u64, InputError> {
     let value = whole(name, text)?.filter(|value| (least..=most).contains(value));
-    value.ok_or_else(|| out_of_range(name, text, least, most))
+    value.ok_or_else(|| out_of_range(name, text, Bound::Whole(least), Bound::Whole(most)))
 }
 
 /// `true` or `false`.
-pub(super) fn flag(name: &str, text: &str) -> Result<bool, Problem> {
-    text.parse().map_err(|_| {
-        let detail = format!("{name} must be true or false");
-        Problem::new(Kind::UnknownValue, detail).param(name).allowed(&["true", "false"])
-    })
+pub(super) fn flag(name: &str, text: &str) -> Result<bool, InputError> {
+    text.parse().map_err(|_| InputError::NotAFlag(name.to_owned()))
 }
 
 /// The refusal of a text that is no value at all.
-pub(super) fn malformed(name: &str, expected: &str) -> Problem {
-    Problem::new(Kind::ParameterMalformed, format!("{name} must be {expected}")).param(name)
+pub(super) fn malformed(name: &str, expected: &'static str) -> InputError {
+    InputError::Malformed { name: name.to_owned(), expected }
 }
 
 /// The refusal of a number out of bounds.
-pub(super) fn out_of_range<T>(name: &str, text: &str, least: T, most: T) -> Problem
-where
-    T: std::fmt::Display + Into<Value>,
-{
-    let text: String = text.chars().take(32).collect();
-    let detail = format!("{name} is {text}, but must lie in {least} to {most}");
-    Problem::new(Kind::ParameterOutOfRange, detail).param(name).range(least, most, text)
+fn out_of_range(name: &str, text: &str, least: Bound, most: Bound) -> InputError {
+    InputError::OutOfRange {
+        name: name.to_owned(),
+        text: text.chars().take(32).collect(),
+        least,
+        most,
+    }
 }
 
-fn not_finite(name: &str) -> Problem {
-    Problem::new(Kind::NotFinite, format!("{name} must be a finite number")).param(name)
+fn not_finite(name: &str) -> InputError {
+    InputError::NotFinite(name.to_owned())
 }
 
 /// Whether the text is a word for what is no finite number, in any case, with or without a sign.
@@ -99,25 +95,24 @@ fn all_digits(text: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn kind_of<T>(result: Result<T, Problem>) -> Option<Kind> {
-        result.err().map(|problem| problem.kind())
+    fn is_malformed<T>(result: &Result<T, InputError>) -> bool {
+        matches!(result, Err(InputError::Malformed { .. }))
     }
 
     #[test]
     fn decimals_follow_the_grammar_and_nothing_else() {
         for text in ["5", "0.5", "-0.5", "1e2", "1.5E-1", "1e+1", "007"] {
-            assert_eq!(kind_of(decimal("density", text, -10.0, 100.0)), None, "{text}");
+            assert!(decimal("density", text, -10.0, 100.0).is_ok(), "{text}");
         }
         for text in [
             "", " 5", "5 ", "5%", "5,0", "0x10", "٥", "1_000", "+5", ".5", "5.", "1e", "e5", "--1",
             "1e++2", "1e+", "+1e2",
         ] {
-            let kind = kind_of(decimal("density", text, 0.0, 100.0));
-            assert_eq!(kind, Some(Kind::ParameterMalformed), "{text}");
+            assert!(is_malformed(&decimal("density", text, 0.0, 100.0)), "{text}");
         }
         for text in ["NaN", "nan", "inf", "-inf", "+Infinity", "1e309", "-1e309"] {
-            let kind = kind_of(decimal("density", text, 0.0, 100.0));
-            assert_eq!(kind, Some(Kind::NotFinite), "{text}");
+            let refused = Err(InputError::NotFinite("density".into()));
+            assert_eq!(decimal("density", text, 0.0, 100.0), refused, "{text}");
         }
     }
 
@@ -128,7 +123,7 @@ mod tests {
         assert_eq!(whole("seed", "-1"), Ok(None));
         assert_eq!(whole("seed", "-0"), Ok(Some(0)));
         for text in ["1e6", "3.5", "10.0", "", "+1", " 1", "-"] {
-            assert_eq!(kind_of(whole("seed", text)), Some(Kind::ParameterMalformed), "{text}");
+            assert!(is_malformed(&whole("seed", text)), "{text}");
         }
     }
 }

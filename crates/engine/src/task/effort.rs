@@ -13,7 +13,7 @@ const REMOVALS_PER_REFINED: [f64; 10] = [0.0, 4.0, 6.0, 8.0, 12.0, 15.0, 22.0, 3
 
 /// Kinds of work whose units take different times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum WorkKind {
+pub(crate) enum WorkKind {
     /// One mesh of the points chosen: its unit is a sample of the image.
     OneShot,
     /// Points are removed from the first mesh: its unit is a point to remove.
@@ -22,10 +22,10 @@ pub(super) enum WorkKind {
 
 impl WorkKind {
     /// Every kind, in the order of their declaration.
-    pub(super) const ALL: [Self; 2] = [Self::OneShot, Self::Simplifying];
+    pub(crate) const ALL: [Self; 2] = [Self::OneShot, Self::Simplifying];
 
     /// Seconds per unit that are assumed before any work was measured.
-    pub(super) fn first_guess_s(self) -> f64 {
+    pub(crate) fn first_guess_s(self) -> f64 {
         match self {
             Self::OneShot => 1e-7,
             Self::Simplifying => 5e-6,
@@ -35,22 +35,22 @@ impl WorkKind {
 
 /// An amount of work of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Effort {
-    pub(super) kind: WorkKind,
+pub(crate) struct Effort {
+    pub(crate) kind: WorkKind,
     /// Over 0.
-    pub(super) units: f64,
+    pub(crate) units: f64,
 }
 
 impl Effort {
     /// That of work that looks at each sample a few times, and at nothing else for long.
-    pub(super) fn of_samples(shape: Shape) -> Self {
+    pub(crate) fn of_samples(shape: Shape) -> Self {
         let Shape { width, height, component_count, .. } = shape;
         Self { kind: WorkKind::OneShot, units: (width * height * component_count) as f64 }
     }
 
     /// That of meshing an image of this header by this plan: for a one-shot mesh the image's
     /// samples, else the points to remove and, as so many more, the samples.
-    pub(super) fn of_mesh(header: &Header, plan: &Plan, parameters: &Parameters) -> Self {
+    pub(crate) fn of_mesh(header: &Header, plan: &Plan, parameters: &Parameters) -> Self {
         let samples = (header.width * header.height * header.component_count) as f64;
         if !parameters.simplifies(plan) {
             return Self { kind: WorkKind::OneShot, units: samples };

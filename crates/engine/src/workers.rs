@@ -3,18 +3,15 @@
 //! A task takes its ticket along and gives it back when it ends, so there is always a free thread for
 //! a task with a ticket. The threads have a lower priority than those that serve requests and write
 //! jobs, which have little to do and must not wait. While fewer tasks run than there are cores, the
-//! meshing kernels start further threads, see [`Watch::share_threads`].
+//! meshing kernels start further threads, see [`Context::share_threads`].
 //!
 //! When the deadline passes or the client goes away, the waiting future is dropped and the task's
-//! [`Watch`] is cancelled. Kernels, decoders and encoders poll it and stop within milliseconds; three
+//! [`Context`] is cancelled. Kernels, decoders and encoders poll it and stop within milliseconds; three
 //! decoders need up to 0.6 s, see [`pixmesh_codec::DecodeOptions::decode_while`].
 
-mod watch;
-
-pub use watch::Watch;
-
-use crate::admission::Ticket;
-use crate::problem::{Kind, Problem};
+use crate::context::Context;
+use crate::error::EngineError;
+use crate::scheduler::Ticket;
 use crate::telemetry::{self, Shed};
 use rustix::process::{getpriority_process, setpriority_process};
 use std::io;
@@ -62,35 +59,35 @@ impl Workers {
     /// Runs `task` and waits for it until `deadline`; the task may keep memory of its ticket.
     ///
     /// # Errors
-    /// The task's own problem, `deadline-exceeded`, or `internal` when it panicked.
+    /// The task's own error, [`EngineError::DeadlineExceeded`], or [`EngineError::Panicked`].
     pub async fn run<T: Send + 'static>(
         &self,
         ticket: Ticket,
         deadline: Instant,
-        task: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
-    ) -> Result<T, Problem> {
-        self.run_watched(ticket, Arc::new(Watch::new(deadline)), deadline, task).await
+        task: impl FnOnce(&Context, &mut Ticket) -> Result<T, EngineError> + Send + 'static,
+    ) -> Result<T, EngineError> {
+        self.run_watched(ticket, Arc::new(Context::new(deadline)), deadline, task).await
     }
 
-    /// Runs `task` as [`run`](Self::run) does, under a watch that others observe too.
+    /// Runs `task` as [`run`](Self::run) does, under a context that others observe too.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     pub async fn run_watched<T: Send + 'static>(
         &self,
         mut ticket: Ticket,
-        watch: Arc<Watch>,
+        context: Arc<Context>,
         deadline: Instant,
-        task: impl FnOnce(&Watch, &mut Ticket) -> Result<T, Problem> + Send + 'static,
-    ) -> Result<T, Problem> {
-        let _guard = CancelOnDrop(Arc::clone(&watch));
-        watch.share_threads(ticket.share());
+        task: impl FnOnce(&Context, &mut Ticket) -> Result<T, EngineError> + Send + 'static,
+    ) -> Result<T, EngineError> {
+        let _guard = CancelOnDrop(Arc::clone(&context));
+        context.share_threads(ticket.share());
         let span = Span::current();
         let (sender, receiver) = oneshot::channel();
         let task = move || {
             let result = span.in_scope(|| {
-                watch.record("queue", ticket.waited);
-                let result = task(&watch, &mut ticket);
+                context.record("queue", ticket.waited);
+                let result = task(&context, &mut ticket);
                 match &result {
                     Ok(_) => ticket.completed(),
                     Err(_) => ticket.stopped(),
@@ -104,8 +101,8 @@ impl Workers {
         // Without threads the task is dropped and the receiver fails as after a panic.
         let _ = self.tasks.send(Box::new(task));
         match timeout_at(deadline.into(), receiver).await {
-            Ok(Ok(Err(problem))) if problem.kind() == Kind::DeadlineExceeded => Err(too_slow()),
-            Ok(received) => received.unwrap_or_else(|_| Err(panicked())),
+            Ok(Ok(Err(error))) if error.is_cancelled() => Err(too_slow()),
+            Ok(received) => received.unwrap_or(Err(EngineError::Panicked)),
             Err(_) => Err(too_slow()),
         }
     }
@@ -123,7 +120,7 @@ fn lower_priority() {
 }
 
 /// Cancels the task when nobody waits for it any more.
-struct CancelOnDrop(Arc<Watch>);
+struct CancelOnDrop(Arc<Context>);
 
 impl Drop for CancelOnDrop {
     fn drop(&mut self) {
@@ -131,23 +128,17 @@ impl Drop for CancelOnDrop {
     }
 }
 
-fn too_slow() -> Problem {
+fn too_slow() -> EngineError {
     telemetry::shed(Shed::Deadline);
-    let detail = "the mesh was not done by the deadline: send a smaller image, or ask for fewer \
-                  vertices or a faster method such as med";
-    Problem::new(Kind::DeadlineExceeded, detail).setting("--sync-deadline")
-}
-
-/// The panic itself is in the log already, by the hook.
-fn panicked() -> Problem {
-    Problem::new(Kind::Internal, "the log has the reason under this request's id")
+    EngineError::DeadlineExceeded
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::admission::{Admission, Cost, Limits};
-    use crate::extract::owner::Owner;
+    use crate::owner::Owner;
+    use crate::scheduler::{Limits, Scheduler};
+    use crate::task::Cost;
     use pixmesh_codec::Format;
     use pixmesh_codec::probe;
     use pixmesh_meshing::{Control, Method, Target};
@@ -156,8 +147,8 @@ mod tests {
 
     const PICTURE: &[u8] = b"P2\n2 2\n255\n0 1 2 3\n";
 
-    fn gate() -> Admission {
-        Admission::new(&Limits {
+    fn gate() -> Scheduler {
+        Scheduler::new(&Limits {
             workers: 1,
             threads: 1,
             memory_bytes: 1 << 20,
@@ -182,15 +173,13 @@ mod tests {
             let ticket = gate.admit(&Owner::Anonymous, cost(), deadline).await.unwrap();
             let result: Result<(), _> =
                 workers.run(ticket, deadline, |_, _| panic!("on purpose")).await;
-            let problem = result.unwrap_err();
-            assert_eq!(problem.kind(), Kind::Internal);
-            assert!(!problem.document(None).contains("on purpose"));
+            assert!(matches!(result, Err(EngineError::Panicked)));
         }
     }
 
     #[tokio::test]
     async fn work_uses_the_threads_of_workers_that_have_none() {
-        let gate = Admission::new(&Limits {
+        let gate = Scheduler::new(&Limits {
             workers: 4,
             threads: 3,
             memory_bytes: 4 << 20,
@@ -202,14 +191,14 @@ mod tests {
         let deadline = Instant::now() + Duration::from_secs(60);
         let admit = async || gate.admit(&Owner::Anonymous, cost(), deadline).await;
         let threads = async |ticket| {
-            workers.run(ticket, deadline, |watch, _| Ok(watch.threads().get())).await.unwrap()
+            workers.run(ticket, deadline, |context, _| Ok(context.threads().get())).await.unwrap()
         };
         assert_eq!(threads(admit().await.unwrap()).await, 3);
         let other = admit().await.unwrap();
         assert_eq!(threads(admit().await.unwrap()).await, 1);
         drop(other);
         assert_eq!(threads(admit().await.unwrap()).await, 3);
-        assert_eq!(Watch::new(deadline).threads().get(), 1, "without a ticket");
+        assert_eq!(Context::new(deadline).threads().get(), 1, "without a ticket");
     }
 
     #[tokio::test]
@@ -219,8 +208,8 @@ mod tests {
         let ticket = gate.admit(&Owner::Anonymous, cost(), deadline).await.unwrap();
         let has_ended = Arc::new(AtomicBool::new(false));
         let ends = Arc::clone(&has_ended);
-        let work = workers.run(ticket, deadline, move |watch, _| -> Result<(), Problem> {
-            while watch.check().is_ok() {
+        let work = workers.run(ticket, deadline, move |context, _| -> Result<(), EngineError> {
+            while context.check().is_ok() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             std::thread::sleep(Duration::from_millis(50));

@@ -1,7 +1,7 @@
-//! What a piece of work is watched by: a flag and a deadline to stop it, and a clock per stage. It
-//! tells the work on how many threads it may go on, too.
+//! The context of one task: cancellation, deadline, progress, time of each stage, and its share of
+//! the threads.
 
-use crate::admission::Share;
+use crate::scheduler::Share;
 use crate::telemetry;
 use pixmesh_meshing::{Cancelled, Control, Stage};
 use std::num::NonZeroUsize;
@@ -10,12 +10,15 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tracing::Span;
 
-/// The watch over one piece of work.
-#[derive(Debug)]
-pub struct Watch {
+/// The context of one task.
+///
+/// [`Context::default`] has no deadline and one thread.
+#[derive(Debug, Default)]
+pub struct Context {
     cancelled: AtomicBool,
-    deadline: Instant,
-    /// Unset where the work has one thread.
+    /// `None` for a task that may take any time.
+    deadline: Option<Instant>,
+    /// Unset where the task has one thread.
     share: OnceLock<Share>,
     /// Steps of the present stage, behind and in all; 0 in all where they are not counted.
     done: AtomicUsize,
@@ -31,37 +34,31 @@ struct Stages {
     present: Option<(&'static str, Instant, Span)>,
 }
 
-impl Watch {
-    /// A watch over work that must end by `deadline`.
+impl Context {
+    /// The context of a task that must end by `deadline`.
     #[must_use]
     pub fn new(deadline: Instant) -> Self {
-        Self {
-            cancelled: AtomicBool::new(false),
-            deadline,
-            share: OnceLock::new(),
-            done: AtomicUsize::new(0),
-            total: AtomicUsize::new(0),
-            stages: Mutex::default(),
-        }
+        Self { deadline: Some(deadline), ..Self::default() }
     }
 
-    /// Lets the work use its share of the threads, from now on.
+    /// Lets the task use its share of the threads from now on.
     pub fn share_threads(&self, share: Share) {
         // It has one ticket, and this is called once.
         let _ = self.share.set(share);
     }
 
-    /// Asks the work to stop.
+    /// Asks the task to stop.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Says whether the work shall go on.
+    /// Checks that the task shall go on.
     ///
     /// # Errors
     /// [`Cancelled`] when it shall not.
     pub fn check(&self) -> Result<(), Cancelled> {
-        if self.cancelled.load(Ordering::Relaxed) || Instant::now() >= self.deadline {
+        let is_late = self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        if self.cancelled.load(Ordering::Relaxed) || is_late {
             return Err(Cancelled);
         }
         Ok(())
@@ -124,7 +121,7 @@ impl Stages {
     }
 }
 
-impl Control for Watch {
+impl Control for Context {
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
         if done == 0 {
             self.begin(stage.name());
@@ -145,34 +142,34 @@ mod tests {
 
     #[test]
     fn stages_are_timed_in_the_order_in_which_they_begin() {
-        let watch = Watch::new(Instant::now() + Duration::from_secs(60));
-        watch.record("queue", Duration::from_millis(3));
-        watch.begin("decode");
-        watch.poll(Stage::Density, 0, 9).unwrap();
-        watch.poll(Stage::Density, 5, 9).unwrap();
-        watch.begin("encode");
-        let names: Vec<_> = watch.finish().into_iter().map(|(name, _)| name).collect();
+        let context = Context::new(Instant::now() + Duration::from_secs(60));
+        context.record("queue", Duration::from_millis(3));
+        context.begin("decode");
+        context.poll(Stage::Density, 0, 9).unwrap();
+        context.poll(Stage::Density, 5, 9).unwrap();
+        context.begin("encode");
+        let names: Vec<_> = context.finish().into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["queue", "decode", "density", "encode"]);
     }
 
     #[test]
     fn progress_is_that_of_the_stage_that_runs() {
-        let watch = Watch::new(Instant::now() + Duration::from_secs(60));
-        assert_eq!(watch.progress(), None);
-        watch.begin("decode");
-        assert_eq!(watch.progress(), Some(("decode", 0.0)));
-        watch.poll(Stage::Density, 0, 8).unwrap();
-        watch.poll(Stage::Density, 6, 8).unwrap();
-        assert_eq!(watch.progress(), Some(("density", 0.75)));
-        watch.begin("encode");
-        assert_eq!(watch.progress(), Some(("encode", 0.0)));
+        let context = Context::new(Instant::now() + Duration::from_secs(60));
+        assert_eq!(context.progress(), None);
+        context.begin("decode");
+        assert_eq!(context.progress(), Some(("decode", 0.0)));
+        context.poll(Stage::Density, 0, 8).unwrap();
+        context.poll(Stage::Density, 6, 8).unwrap();
+        assert_eq!(context.progress(), Some(("density", 0.75)));
+        context.begin("encode");
+        assert_eq!(context.progress(), Some(("encode", 0.0)));
     }
 
     #[test]
     fn work_stops_at_its_deadline_or_when_nobody_waits() {
-        let late = Watch::new(Instant::now());
+        let late = Context::new(Instant::now());
         assert_eq!(late.poll(Stage::Simplify, 1, 2), Err(Cancelled));
-        let left = Watch::new(Instant::now() + Duration::from_secs(60));
+        let left = Context::new(Instant::now() + Duration::from_secs(60));
         assert_eq!(left.check(), Ok(()));
         left.cancel();
         assert_eq!(left.check(), Err(Cancelled));

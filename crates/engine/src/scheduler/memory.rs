@@ -1,7 +1,7 @@
 //! Memory of the budget that somebody holds.
 
 use super::gate::Gate;
-use crate::extract::owner::Owner;
+use crate::owner::Owner;
 use crate::telemetry;
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! How close two pictures are, one of which may be a mesh.
 
-use crate::pool::Watch;
-use crate::problem::{Kind, Problem};
+use crate::context::Context;
+use crate::error::EngineError;
 use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
-use pixmesh_meshing::{Fidelity, Image, MeshingError, rasterize, structural_similarity};
+use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
 
 /// What is compared.
 #[derive(Debug)]
@@ -31,36 +31,31 @@ pub struct Comparison {
 /// Compares a picture with its approximation.
 ///
 /// # Errors
-/// When one of them cannot be read, their shapes differ, or the watch stops the work.
+/// When one of them cannot be read, their shapes differ, or the context stops the work.
 pub fn compare<B: AsRef<[u8]>>(
     pair: Pair<B>,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<Comparison, Problem> {
+    context: &Context,
+) -> Result<Comparison, EngineError> {
     let Pair { picture, approximation, is_model } = pair;
-    watch.check()?;
-    watch.begin("decode");
+    context.check()?;
+    context.begin("decode");
     let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
-    let first = reading.decode_while(picture.as_ref(), &|| watch.check())?;
+    let first = reading.decode_while(picture.as_ref(), &|| context.check())?;
     drop(picture);
     let second = if is_model {
-        let mesh = read_model_while(approximation.as_ref(), limits, &|| watch.check())?;
+        let mesh = read_model_while(approximation.as_ref(), limits, &|| context.check())?;
         drop(approximation);
-        rasterize(&mesh, watch)?
+        rasterize(&mesh, context)?
     } else {
-        reading.decode_while(approximation.as_ref(), &|| watch.check())?
+        reading.decode_while(approximation.as_ref(), &|| context.check())?
     };
-    measure(&first, &second, watch)
+    measure(&first, &second, context)
 }
 
-fn measure(first: &Image, second: &Image, watch: &Watch) -> Result<Comparison, Problem> {
-    watch.begin("measure");
-    let fidelity = Fidelity::between(first, second, watch).map_err(|error| match error {
-        MeshingError::Shape(mismatch) => {
-            Problem::new(Kind::ShapeMismatch, mismatch.to_string()).param("approximation")
-        }
-        other => other.into(),
-    })?;
-    let ssim = structural_similarity(first, second, watch)?;
+fn measure(first: &Image, second: &Image, context: &Context) -> Result<Comparison, EngineError> {
+    context.begin("measure");
+    let fidelity = Fidelity::between(first, second, context)?;
+    let ssim = structural_similarity(first, second, context)?;
     Ok(Comparison { mse: fidelity.mse(), psnr_db: fidelity.psnr_db(), ssim })
 }

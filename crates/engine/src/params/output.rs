@@ -2,7 +2,7 @@
 //! itself mean together.
 
 use super::Choices;
-use crate::problem::Problem;
+use crate::error::EngineError;
 use pixmesh_codec::{
     Alpha, Compression, DecodeOptions, EncodeOptions, Format, Geometry, Limits, PngCompression,
     Relief, Shading, Texture, Texturing,
@@ -49,7 +49,7 @@ impl Output {
     }
 
     /// Checks what is asked for against the image.
-    pub(super) fn check(&self, shape: Shape) -> Result<(), Problem> {
+    pub(super) fn check(&self, shape: Shape) -> Result<(), EngineError> {
         Ok(self.geometry.check(shape.component_count)?)
     }
 }

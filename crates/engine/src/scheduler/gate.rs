@@ -9,7 +9,7 @@
 //! Threads are nobody's: what has a slot is told, whenever it asks, its part of them at the moment.
 
 use super::Memory;
-use crate::extract::owner::Owner;
+use crate::owner::Owner;
 use std::collections::{HashMap, VecDeque};
 use std::num::NonZeroUsize;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -16,8 +16,7 @@ pub use output::Output;
 pub use sources::{MOST_MEMBERS, pairs_of_json, pairs_of_query, skip_rest};
 pub use table::{Parameter, TABLE, Takes};
 
-use super::fields::{Fields, repeated, unknown};
-use crate::problem::{Kind, Problem};
+use crate::error::{EngineError, InputError};
 use pixmesh_codec::Format;
 use pixmesh_codec::{
     Alpha, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource, Shading,
@@ -95,7 +94,7 @@ struct Choices {
 
 /// What to make: the method and what is left of it after the parameters given.
 #[derive(Clone, Debug)]
-pub struct Order {
+pub struct MeshOptions {
     /// The method that the parameters started from.
     pub method: Method,
     /// Everything that decides which mesh is made.
@@ -110,13 +109,12 @@ impl ParameterSet {
     /// Takes one more parameter.
     ///
     /// # Errors
-    /// `unknown-parameter`, `duplicate-parameter`, `parameter-malformed`, `not-finite`,
-    /// `parameter-out-of-range` or `unknown-value`.
-    pub fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
+    /// When the name is unknown or given before, or the text is no value of the parameter.
+    pub fn add(&mut self, name: &str, text: &str) -> Result<(), EngineError> {
         let parameter =
-            TABLE.iter().find(|row| row.name == name).ok_or_else(|| no_parameter(name))?;
+            TABLE.iter().find(|row| row.name == name).ok_or_else(|| unknown(name, &names()))?;
         if self.seen.contains(&parameter.name) {
-            return Err(repeated(parameter.name));
+            return Err(InputError::Repeated(name.to_owned()).into());
         }
         self.seen.push(parameter.name);
         parameter.read(text, &mut self.choices)
@@ -125,9 +123,9 @@ impl ParameterSet {
     /// What the parameters mean together.
     ///
     /// # Errors
-    /// `conflicting-parameters` for more than one target or initial size, and whatever the methods
-    /// refuse before they see an image.
-    pub fn finish(&self) -> Result<Order, Problem> {
+    /// When there is more than one target or initial size, and whatever the methods refuse before
+    /// they see an image.
+    pub fn finish(&self) -> Result<MeshOptions, EngineError> {
         self.at_most_one_of(&["density", "size", "target_psnr", "target_error", "max_error"])?;
         self.at_most_one_of(&["gamma", "initial_density", "initial_size"])?;
         self.at_most_one_of(&["height", "z_scale"])?;
@@ -138,33 +136,38 @@ impl ParameterSet {
             return Err(EncodeError::NotOfPointsAlone { format: "progression" }.into());
         }
         let output = self.choices.output();
-        Ok(Order { method, parameters, output, format: self.choices.format })
+        Ok(MeshOptions { method, parameters, output, format: self.choices.format })
     }
 
-    fn at_most_one_of(&self, names: &[&'static str]) -> Result<(), Problem> {
-        let given: Vec<&str> = names.iter().copied().filter(|n| self.seen.contains(n)).collect();
+    fn at_most_one_of(&self, names: &[&'static str]) -> Result<(), InputError> {
+        let given: Vec<&'static str> =
+            names.iter().copied().filter(|n| self.seen.contains(n)).collect();
         if let [first, second, ..] = given[..] {
-            let detail = format!("{first} and {second} exclude each other: give one of them");
-            return Err(Problem::new(Kind::ConflictingParameters, detail).param(second));
+            return Err(InputError::Exclusive(first, second));
         }
         Ok(())
     }
 }
 
-/// The refusal of a name that is no parameter's.
-fn no_parameter(name: &str) -> Problem {
-    if name == "weights" {
-        let detail =
-            "weights are a picture: send them as a part of a form, beside the part 'image'";
-        return Problem::new(Kind::UnknownParameter, detail).param(name);
-    }
-    unknown(name, &TABLE.each_ref().map(|row| row.name))
+fn names() -> [&'static str; TABLE.len()] {
+    TABLE.each_ref().map(|row| row.name)
 }
 
-impl Fields for ParameterSet {
-    fn add(&mut self, name: &str, text: &str) -> Result<(), Problem> {
-        Self::add(self, name, text)
-    }
+/// The error for a name that is none of those known.
+#[must_use]
+pub fn unknown(name: &str, known: &[&str]) -> InputError {
+    let name: String = name.chars().take(64).collect();
+    let nearest = nearest_name(&name, known.iter().copied()).map(str::to_owned);
+    InputError::Unknown { name, nearest }
+}
+
+/// The known name that is most like a misspelt one, if any is like it at all.
+#[must_use]
+pub fn nearest_name<'a>(given: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let given: String = given.chars().take(64).collect();
+    let distance = |name: &str| strsim::osa_distance(&given, name);
+    let alike = |name: &&str| distance(name) <= name.len().div_ceil(2);
+    known.filter(alike).min_by_key(|name| distance(name))
 }
 
 impl Choices {
@@ -212,12 +215,12 @@ impl Choices {
     }
 }
 
-impl Order {
+impl MeshOptions {
     /// Checks the order against an image's header, and computes what it means for that image.
     ///
     /// # Errors
     /// The first parameter that does not fit such an image.
-    pub fn plan(&self, header: &Header) -> Result<Plan, Problem> {
+    pub fn plan(&self, header: &Header) -> Result<Plan, EngineError> {
         self.method.check_component_count(header.component_count)?;
         self.output.check(header.shape())?;
         Ok(self.parameters.plan(header.shape())?)

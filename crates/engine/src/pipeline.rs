@@ -12,11 +12,11 @@ pub use compare::{Comparison, Pair, compare};
 pub use convert::convert;
 pub use resize::{Resized, resize};
 
+use crate::context::Context;
 use crate::digest::Digest;
-use crate::extract::params::Order;
-use crate::extract::upload::Weighed;
-use crate::pool::Watch;
-use crate::problem::Problem;
+use crate::error::EngineError;
+use crate::params::MeshOptions;
+use crate::task::Weighed;
 use crate::telemetry;
 use encode::{encode, encoded};
 use pixmesh_codec::{
@@ -49,16 +49,16 @@ pub struct Answer {
 ///
 /// # Errors
 /// When the image cannot be decoded, the parameters do not fit it, the format cannot hold the
-/// result, or the watch stops the work.
+/// result, or the context stops the work.
 pub fn mesh(
     source: Weighed<impl AsRef<[u8]>>,
-    order: &Order,
+    options: &MeshOptions,
     format: Format,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<Answer, Problem> {
+    context: &Context,
+) -> Result<Answer, EngineError> {
     let ordered = format == Format::Progression;
-    make(source, order, format, ordered, limits, watch).map(|(answer, _)| answer)
+    make(source, options, format, ordered, limits, context).map(|(answer, _)| answer)
 }
 
 /// Makes the mesh of an image as MODEL, and where the job keeps it the order of its vertices as
@@ -68,57 +68,57 @@ pub fn mesh(
 /// As [`mesh`].
 pub fn mesh_of_job(
     source: Weighed<impl AsRef<[u8]>>,
-    order: &Order,
+    options: &MeshOptions,
     keeps_progression: bool,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<(Answer, Option<Vec<u8>>), Problem> {
+    context: &Context,
+) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
     let (answer, progression) =
-        make(source, order, Format::Model, keeps_progression, limits, watch)?;
+        make(source, options, Format::Model, keeps_progression, limits, context)?;
     let kept = progression
-        .map(|progression| encoded(0, watch, |bytes| write_progression(&progression, bytes)));
+        .map(|progression| encoded(0, context, |bytes| write_progression(&progression, bytes)));
     Ok((answer, kept.transpose()?))
 }
 
 fn make(
     source: Weighed<impl AsRef<[u8]>>,
-    order: &Order,
+    options: &MeshOptions,
     format: Format,
     ordered: bool,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<(Answer, Option<Progression>), Problem> {
-    watch.check()?;
-    watch.begin("decode");
+    context: &Context,
+) -> Result<(Answer, Option<Progression>), EngineError> {
+    context.check()?;
+    context.begin("decode");
     let Weighed { image: file, weights } = source;
-    let reading = order.output.reading(limits);
-    let image = reading.decode_while(file.as_ref(), &|| watch.check())?;
-    let shown = order.output.shows_image(format);
-    let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| watch.check()));
+    let reading = options.output.reading(limits);
+    let image = reading.decode_while(file.as_ref(), &|| context.check())?;
+    let shown = options.output.shows_image(format);
+    let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| context.check()));
     let texture = texture.transpose()?;
     drop(file);
-    let weights = read_weights(&image, weights, limits, watch)?;
-    let parameters = order.parameters.clone().weights(weights);
+    let weights = read_weights(&image, weights, limits, context)?;
+    let parameters = options.parameters.clone().weights(weights);
     let pixels = image.pixel_count();
-    watch.check()?;
-    let model = mesh_image(&image, &parameters, watch)?;
+    context.check()?;
+    let model = mesh_image(&image, &parameters, context)?;
     let progression =
-        ordered.then(|| Progression::new(&image, &model.mesh, &parameters, watch)).transpose()?;
+        ordered.then(|| Progression::new(&image, &model.mesh, &parameters, context)).transpose()?;
     drop(image);
     let source = Encodable {
         comments: &model_comments(&parameters),
         progression: progression.as_ref(),
         ..Encodable::from(&model)
     };
-    let bytes = encode(&source, format, &order.output.writing(texture.as_ref()), watch)?;
+    let bytes = encode(&source, format, &options.output.writing(texture.as_ref()), context)?;
     let answer = Answer {
-        digest: Digest::of_while(&bytes, || watch.check())?,
+        digest: Digest::of_while(&bytes, || context.check())?,
         bytes,
         vertices: model.mesh.points().len(),
         faces: model.mesh.faces().len(),
         psnr_db: model.fidelity.psnr_db(),
         mse: model.fidelity.mse(),
-        timings: watch.finish(),
+        timings: context.finish(),
     };
     telemetry::meshed(pixels, answer.vertices);
     tracing::info!(pixels, vertices = answer.vertices, stages = answer.server_timing(), "meshed");
@@ -130,11 +130,11 @@ fn read_weights(
     image: &Image,
     weights: Option<impl AsRef<[u8]>>,
     limits: &Limits,
-    watch: &Watch,
-) -> Result<Option<Weights>, Problem> {
+    context: &Context,
+) -> Result<Option<Weights>, EngineError> {
     let Some(file) = weights else { return Ok(None) };
     let size = (image.width(), image.height());
-    Ok(Some(read_weights_while(file.as_ref(), size, limits, &|| watch.check())?))
+    Ok(Some(read_weights_while(file.as_ref(), size, limits, &|| context.check())?))
 }
 
 impl Answer {

@@ -3,8 +3,8 @@
 //! The parser, `GET /v1/methods` and the OpenAPI document are all made from it.
 
 use super::grammar::{decimal, flag, malformed, whole_between};
-use super::{Choices, Order};
-use crate::problem::Problem;
+use super::{Choices, MeshOptions};
+use crate::error::EngineError;
 use pixmesh_codec::Format;
 use pixmesh_codec::{
     Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
@@ -27,7 +27,7 @@ pub struct Parameter {
     /// The values it takes.
     pub takes: Takes,
     read: Reader,
-    show: fn(&Order) -> Option<String>,
+    show: fn(&MeshOptions) -> Option<String>,
 }
 
 /// The values that a parameter takes.
@@ -65,7 +65,7 @@ enum Reader {
 
 impl Parameter {
     /// Reads the text of a value and puts the value where it belongs.
-    pub(super) fn read(&self, text: &str, choices: &mut Choices) -> Result<(), Problem> {
+    pub(super) fn read(&self, text: &str, choices: &mut Choices) -> Result<(), EngineError> {
         match (&self.read, self.takes) {
             (Reader::Decimal(put), Takes::Decimal { least, most }) => {
                 put(choices, decimal(self.name, text, least, most)?);
@@ -77,21 +77,21 @@ impl Parameter {
             (Reader::Word(put), _) => {
                 put(choices, text).map_err(|error| called(error, self.name))?;
             }
-            _ => return Err(malformed(self.name, "a value")),
+            _ => return Err(malformed(self.name, "a value").into()),
         }
         Ok(())
     }
 
-    /// The value in an order; `None` where the parameter plays no part in it.
+    /// The value that some options have; `None` where the parameter plays no part in it.
     #[must_use]
-    pub fn show(&self, order: &Order) -> Option<String> {
-        (self.show)(order)
+    pub fn show(&self, options: &MeshOptions) -> Option<String> {
+        (self.show)(options)
     }
 
     /// The same as JSON of its type.
     #[must_use]
-    pub fn value(&self, order: &Order) -> Option<Value> {
-        let text = self.show(order)?;
+    pub fn value(&self, options: &MeshOptions) -> Option<Value> {
+        let text = self.show(options)?;
         Some(match self.takes {
             Takes::Word(_) => text.into(),
             _ => serde_json::from_str(&text).unwrap_or(Value::String(text)),
@@ -189,14 +189,14 @@ pub static TABLE: [Parameter; 45] = [
         about: "The method, which sets every other parameter; one given explicitly wins. The plus of med+ may be written as it is, as %2B, or as the blank that forms make of it. Default: mgprfs.",
         takes: Takes::Word(Method::NAMES),
         read: Reader::Word(|choices, text| put_word(&mut choices.method, plus_of_a_form(text))),
-        show: |order| Some(order.method.to_string()),
+        show: |options| Some(options.method.to_string()),
     },
     decimal!(
         density,
         "Vertices in percent of the image's pixels, the four corners at least. The default is 2, where no other target is given.",
         MIN_PERCENT,
         MAX_PERCENT,
-        |order| match order.parameters.target {
+        |options| match options.parameters.target {
             Target::Percent(density) => Some(density.to_string()),
             _ => None,
         }
@@ -206,7 +206,7 @@ pub static TABLE: [Parameter; 45] = [
         "Number of vertices, at most that of pixels; instead of density.",
         LEAST_SIZE,
         MAX_SIZE,
-        |order| match order.parameters.target {
+        |options| match options.parameters.target {
             Target::Size(size) => Some(size.to_string()),
             _ => None,
         }
@@ -216,7 +216,7 @@ pub static TABLE: [Parameter; 45] = [
         "At least this PSNR in decibels: removal stops before it would fall below, methods that do not simplify and those that refine search for the smallest mesh; instead of density.",
         0.0,
         MAX_PSNR_DB,
-        |order| match order.parameters.target {
+        |options| match options.parameters.target {
             Target::Psnr(psnr_db) => Some(psnr_db.to_string()),
             _ => None,
         }
@@ -226,7 +226,7 @@ pub static TABLE: [Parameter; 45] = [
         "At most this mean error per pixel in the unit of error_metric: removal stops before it would be exceeded, methods that do not simplify and those that refine search for the smallest mesh; instead of density.",
         0.0,
         MAX_MEAN_ERROR,
-        |order| match order.parameters.target {
+        |options| match options.parameters.target {
             Target::MeanError(error) => Some(error.to_string()),
             _ => None,
         }
@@ -236,7 +236,7 @@ pub static TABLE: [Parameter; 45] = [
         "No sample of the picture that the mesh models may differ from the image's by more than this; instead of density.",
         0,
         MOST_ERROR,
-        |order| match order.parameters.target {
+        |options| match options.parameters.target {
             Target::MaxError(error) => Some(error.to_string()),
             _ => None,
         }
@@ -246,7 +246,7 @@ pub static TABLE: [Parameter; 45] = [
         "How many times as many points the mesh starts with as it ends with; 4 to 5.5 is the useful range.",
         1.0,
         MAX_GAMMA,
-        |order| match order.parameters.initial_size {
+        |options| match options.parameters.initial_size {
             InitialSize::Gamma(gamma) => Some(gamma.to_string()),
             _ => None,
         }
@@ -256,7 +256,7 @@ pub static TABLE: [Parameter; 45] = [
         "Points the mesh starts with, in percent of the image's pixels; instead of gamma.",
         MIN_PERCENT,
         MAX_PERCENT,
-        |order| match order.parameters.initial_size {
+        |options| match options.parameters.initial_size {
             InitialSize::Percent(density) => Some(density.to_string()),
             _ => None,
         }
@@ -266,98 +266,100 @@ pub static TABLE: [Parameter; 45] = [
         "Number of points the mesh starts with; instead of gamma.",
         LEAST_SIZE,
         MAX_SIZE,
-        |order| match order.parameters.initial_size {
+        |options| match options.parameters.initial_size {
             InitialSize::Size(size) => Some(size.to_string()),
             _ => None,
         }
     ),
     word!(initial: Generator, "How the initial points are chosen: by error diffusion, by greedy insertion, all, at random, or on a regular grid.",
-        |order| Some(order.parameters.generator.to_string())),
+        |options| Some(options.parameters.generator.to_string())),
     word!(policy: Policy, "How the image becomes the density of the initial points.",
-        |order| Some(order.parameters.policy.to_string())),
+        |options| Some(options.parameters.policy.to_string())),
     word!(psc_tie: PscTie, "For policy psc: the vector gradient where its rates of change in x and y are equal.",
-        |order| (order.parameters.policy == Policy::Psc).then(|| order.parameters.psc_tie.to_string())),
+        |options| (options.parameters.policy == Policy::Psc).then(|| options.parameters.psc_tie.to_string())),
     word!(startup: Startup, "The errors that error diffusion starts with.",
-        |order| Some(order.parameters.startup.to_string())),
+        |options| Some(options.parameters.startup.to_string())),
     word!(scan: Scan, "The direction in which error diffusion visits each row.",
-        |order| Some(order.parameters.scan.to_string())),
-    flag!(leaky, "Whether error that would leave the image is lost.", |order| Some(
-        order.parameters.leaky.to_string()
+        |options| Some(options.parameters.scan.to_string())),
+    flag!(leaky, "Whether error that would leave the image is lost.", |options| Some(
+        options.parameters.leaky.to_string()
     )),
     whole!(
         tolerance,
         "How many more or fewer points error diffusion may choose than asked for; the default is the policy's own.",
         0,
         MAX_SIZE,
-        |order| order.parameters.tolerance.map(|points| points.to_string())
+        |options| options.parameters.tolerance.map(|points| points.to_string())
     ),
     word!(smoothing: Smoothing, "The smoothing filter.",
-        |order| Some(order.parameters.smoothing.to_string())),
+        |options| Some(options.parameters.smoothing.to_string())),
     whole!(
         smoothing_order,
         "The order of the smoothing filter, odd; 1 is no smoothing.",
         1,
         MOST_SMOOTHING,
-        |order| Some(order.parameters.smoothing_order.to_string())
+        |options| Some(options.parameters.smoothing_order.to_string())
     ),
     word!(smoothing_direction: SmoothingDirection, "Whether the image is smoothed in both directions, or only at right angles to the derivative.",
-        |order| Some(order.parameters.smoothing_direction.to_string())),
+        |options| Some(options.parameters.smoothing_direction.to_string())),
     flag!(
         double_convolution,
         "Whether smoothing and derivative are two filters, the image cropped in between, instead of one.",
-        |order| Some(order.parameters.double_convolution.to_string())
+        |options| Some(options.parameters.double_convolution.to_string())
     ),
     word!(smoothing_boundary: Boundary, "With double_convolution: what the smoothing filter sees beyond the image's border.",
-        |order| order.parameters.double_convolution.then(|| order.parameters.smoothing_boundary.to_string())),
+        |options| options.parameters.double_convolution.then(|| options.parameters.smoothing_boundary.to_string())),
     word!(boundary: Boundary, "What the filters see beyond the image's border.",
-        |order| Some(order.parameters.boundary.to_string())),
+        |options| Some(options.parameters.boundary.to_string())),
     word!(meshed: Guide, "What removal goes by: all components, the luma or the thesis's gray picture; the mesh gets the colours back.",
-        |order| Some(order.parameters.guide.to_string())),
+        |options| Some(options.parameters.guide.to_string())),
     word!(error_metric: ErrorMetric, "The error that removal raises least.",
-        |order| Some(order.parameters.error_metric.to_string())),
+        |options| Some(options.parameters.error_metric.to_string())),
     flag!(
         bad_point_removal,
         "Whether removal goes on below the target while it lowers the error.",
-        |order| Some(order.parameters.bad_point_removal.to_string())
+        |options| Some(options.parameters.bad_point_removal.to_string())
     ),
     whole!(
         effort,
         "Effort of refinement after removal, from 0 (none): vertices move and change places while that lowers the error.",
         0,
         MOST_EFFORT,
-        |order| Some(order.parameters.effort.to_string())
+        |options| Some(options.parameters.effort.to_string())
     ),
     word!(connectivity: Connectivity, "What decides the faces: the preferred-directions Delaunay triangulation, or flips of edges that lower the squared error.",
-        |order| Some(order.parameters.connectivity.to_string())),
+        |options| Some(options.parameters.connectivity.to_string())),
     word!(values: Values, "What the vertices carry: the image's samples, or the values that fit it best.",
-        |order| Some(order.parameters.values.to_string())),
+        |options| Some(options.parameters.values.to_string())),
     word!(reconstruction: Reconstruction, "How the picture is rebuilt, which the error of faces is measured by: linear interpolation, or one colour for each face.",
-        |order| Some(order.parameters.reconstruction.to_string())),
+        |options| Some(options.parameters.reconstruction.to_string())),
     word!(parallel: Parallel, "How point removal is shared out to threads: as far as the exact order allows, or tile by tile, which is faster and changes the mesh a little (by less than 0.05 dB); method=optimal begins with tiles.",
-        |order| Some(order.parameters.parallel.to_string())),
-    whole!(seed, "Seed of the random initial points.", 0, u64::MAX, |order| Some(
-        order.parameters.seed.to_string()
+        |options| Some(options.parameters.parallel.to_string())),
+    whole!(seed, "Seed of the random initial points.", 0, u64::MAX, |options| Some(
+        options.parameters.seed.to_string()
     )),
     Parameter {
         name: "alpha",
         about: "What becomes of the image's alpha: keep, a component like any other; drop; or over:#rrggbb, composed over that colour (in a query the # is %23, or is left out). Default: keep.",
         takes: Takes::Pattern("^(keep|drop|over:#?[0-9A-Fa-f]{6})$"),
         read: Reader::Word(|choices, text| put_word(&mut choices.alpha, text)),
-        show: |order| (order.output.alpha != Alpha::Keep).then(|| order.output.alpha.to_string()),
+        show: |options| {
+            (options.output.alpha != Alpha::Keep).then(|| options.output.alpha.to_string())
+        },
     },
     flag!(
         lenient,
         "Whether a JPEG, PNG, GIF or PNM that ends early is taken as far as it goes instead of refused. Default: false.",
-        |order| order.output.lenient.then(|| "true".to_owned())
+        |options| options.output.lenient.then(|| "true".to_owned())
     ),
     word!(relief: ReliefSource, "Formats with three dimensions: the luma or the component whose samples become z. Without it the mesh is flat, and an STL follows the luma.",
-        |order| order.output.geometry.relief.map(|relief| relief.source.to_string())),
+        |options| options.output.geometry.relief.map(|relief| relief.source.to_string())),
     decimal!(
         height,
         "The relief's height at the largest sample that the precision allows, in unit; makes a relief. Default: a tenth of the longer side.",
         0.0,
         MAX_LENGTH,
-        |order| match order.output.geometry.relief?.height {
+        |options| match options.output.geometry.relief?.height {
             ReliefHeight::Total(height) => Some(height.to_string()),
             _ => None,
         }
@@ -367,7 +369,7 @@ pub static TABLE: [Parameter; 45] = [
         "The relief's height per step of a sample, in unit, as in elevation models; makes a relief; instead of height.",
         0.0,
         MAX_LENGTH,
-        |order| match order.output.geometry.relief?.height {
+        |options| match options.output.geometry.relief?.height {
             ReliefHeight::PerSample(height) => Some(height.to_string()),
             _ => None,
         }
@@ -375,14 +377,14 @@ pub static TABLE: [Parameter; 45] = [
     flag!(
         invert_relief,
         "Whether dark is high and bright is low, as lithophanes want it; makes a relief. Default: false.",
-        |order| order.output.geometry.relief?.invert.then(|| "true".to_owned())
+        |options| options.output.geometry.relief?.invert.then(|| "true".to_owned())
     ),
     decimal!(
         base,
         "How far a base reaches below the least height, in unit, which makes the mesh a watertight solid. Default: 0, none; for an STL a quarter of the relief's height.",
         0.0,
         MAX_LENGTH,
-        |order| Some(order.output.geometry.base)
+        |options| Some(options.output.geometry.base)
             .filter(|base| *base > 0.0)
             .map(|base| base.to_string())
     ),
@@ -391,20 +393,20 @@ pub static TABLE: [Parameter; 45] = [
         "The length from one pixel to the next in formats with three dimensions, in unit. Default: 1.",
         MIN_PIXEL_SIZE,
         MAX_LENGTH,
-        |order| Some(order.output.geometry.pixel_size)
+        |options| Some(options.output.geometry.pixel_size)
             .filter(|size| *size != 1.0)
             .map(|size| size.to_string())
     ),
     word!(unit: LengthUnit, "The unit of lengths, m or mm: glTF, whose unit is the metre, is scaled to it; other formats hold the numbers as they are. Default: m.",
-        |order| Some(order.output.geometry.unit).filter(|unit| *unit != LengthUnit::default()).map(|unit| unit.to_string())),
+        |options| Some(options.output.geometry.unit).filter(|unit| *unit != LengthUnit::default()).map(|unit| unit.to_string())),
     word!(compression: Compression, "How glTF stores vertices and indices: none, as 16-bit integers (KHR_mesh_quantization), or those compressed (EXT_meshopt_compression). Default: none.",
-        |order| Some(order.output.compression).filter(|kind| *kind != Compression::default()).map(|kind| kind.to_string())),
+        |options| Some(options.output.compression).filter(|kind| *kind != Compression::default()).map(|kind| kind.to_string())),
     word!(texture: Texturing, "What glTF shows: the vertices' colours, or the image itself, embedded. Default: none.",
-        |order| Some(order.output.texture).filter(|kind| *kind != Texturing::default()).map(|kind| kind.to_string())),
+        |options| Some(options.output.texture).filter(|kind| *kind != Texturing::default()).map(|kind| kind.to_string())),
     word!(shading: Shading, "How SVG fills triangles: flat, or with the gradients that the mesh stands for. Default: flat.",
-        |order| Some(order.output.shading).filter(|kind| *kind != Shading::default()).map(|kind| kind.to_string())),
+        |options| Some(options.output.shading).filter(|kind| *kind != Shading::default()).map(|kind| kind.to_string())),
     word!(png_compression: PngCompression, "Whether a PNG is made fast, or small at many times the time. Default: fast.",
-        |order| Some(order.output.png_compression).filter(|kind| *kind != PngCompression::default()).map(|kind| kind.to_string())),
+        |options| Some(options.output.png_compression).filter(|kind| *kind != PngCompression::default()).map(|kind| kind.to_string())),
     word!(format: Format, "The format of the answer; wins over the Accept header. pmesh holds points and samples, compressed, and progression every smaller mesh with it. Default: model.",
-        |order| order.format.map(|format| format.name().to_owned())),
+        |options| options.format.map(|format| format.name().to_owned())),
 ];

@@ -1,0 +1,26 @@
+//! From MODEL to any other format: of a job's mesh, or of one that a client sends.
+
+use super::encode::encode;
+use crate::context::Context;
+use crate::error::EngineError;
+use crate::params::Output;
+use pixmesh_codec::{Encodable, Format, Limits, read_model_while};
+
+/// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format.
+///
+/// # Errors
+/// When the bytes are no MODEL, the format cannot hold the result, or the context stops the work.
+pub fn convert(
+    model: impl AsRef<[u8]>,
+    format: Format,
+    output: &Output,
+    limits: &Limits,
+    context: &Context,
+) -> Result<Vec<u8>, EngineError> {
+    context.check()?;
+    context.begin("decode");
+    let mesh = read_model_while(model.as_ref(), limits, &|| context.check())?;
+    drop(model);
+    context.check()?;
+    encode(&Encodable::new(&mesh), format, &output.writing(None), context)
+}
