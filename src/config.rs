@@ -5,18 +5,18 @@
 //! that begins with `PIXMESH_` but is no setting stops the start.
 
 mod access;
-mod blobs;
-mod broker;
 mod container;
 mod quantity;
 mod trace;
 
 pub use access::AccessSettings;
-pub use blobs::BlobEngine;
-pub use broker::{BrokerSettings, BrokerUser, QueueEngine};
 pub use container::{BESIDE_BUDGET, memory_limit};
+use pixmesh_jobs::Terms;
+use pixmesh_jobs::blobs::BlobEngine;
+use pixmesh_jobs::fairness::Caps;
+use pixmesh_jobs::nats::settings::BrokerSettings;
 pub use quantity::{ByteSize, Period};
-pub use trace::{Secret, TraceSettings};
+pub use trace::TraceSettings;
 
 use clap::{Args, CommandFactory, Parser, ValueEnum};
 use pixmesh_engine::scheduler;
@@ -186,6 +186,23 @@ impl Settings {
     #[must_use]
     pub fn worker_count(&self) -> usize {
         self.workers.map_or_else(cores, NonZeroUsize::get)
+    }
+
+    /// Where jobs are kept, and what is asked of their queue.
+    #[must_use]
+    pub fn of_jobs(&self) -> pixmesh_jobs::Settings<'_> {
+        let Self { jobs, access, .. } = self;
+        let caps = Caps {
+            queued: jobs.max_queued_jobs.get(),
+            queued_per_owner: access.key_queued_jobs.get(),
+            running_per_owner: access.running(self.worker_count()),
+        };
+        pixmesh_jobs::Settings {
+            data_dir: &jobs.data_dir,
+            broker: &jobs.broker,
+            blobs: jobs.blob_engine(),
+            terms: Terms::new(caps, jobs.job_lease.0, jobs.result_ttl.0),
+        }
     }
 
     /// Memory for bodies, work and answers.

@@ -9,7 +9,7 @@ mod machine;
 mod meshing;
 
 use crate::config::Settings;
-use crate::jobs::Jobs;
+use pixmesh_jobs::Jobs;
 use std::error::Error;
 use std::io::{self, Write};
 
@@ -62,7 +62,7 @@ fn check_queue(settings: &Settings) -> Finding {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| error.to_string())?;
     runtime
-        .block_on(Jobs::open(settings))
+        .block_on(Jobs::open(&settings.of_jobs()))
         .map(|_| format!("{} and --blobs {} answer", jobs.broker, jobs.blob_engine()))
         .map_err(|error| error.to_string())
 }

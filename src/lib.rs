@@ -1,7 +1,8 @@
 //! The service: pictures in, triangle meshes out, over HTTP.
 //!
 //! It adapts and never computes: `pixmesh_codec` reads and writes the bytes, `pixmesh_meshing`
-//! makes the meshes, and `pixmesh_engine` admits and runs the tasks. In reading order:
+//! makes the meshes, `pixmesh_engine` admits and runs the tasks, and `pixmesh_jobs` keeps those that
+//! outlive the process. In reading order:
 //!
 //! | module | what |
 //! |---|---|
@@ -10,7 +11,6 @@
 //! | [`routes`] | the route table, the order of the layers, one module per resource |
 //! | [`extract`] | from a request to typed values: upload, accepted format, key, preference |
 //! | [`access`] | keys, and how many requests each may send |
-//! | [`jobs`] | work that is kept until it is done, whatever happens to the process |
 //! | [`problem`] | every refusal, as RFC 9457 has it |
 //! | [`telemetry`] | the log and the metrics |
 //! | [`doctor`] | whether the service would work here |
@@ -25,7 +25,6 @@ pub mod config;
 pub mod doctor;
 pub mod extract;
 pub mod health;
-pub mod jobs;
 pub mod problem;
 pub mod routes;
 pub mod server;

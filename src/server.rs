@@ -12,9 +12,6 @@ mod stream;
 
 use crate::access::KeyRing;
 use crate::config::{self, BESIDE_BUDGET, Settings};
-use crate::jobs::Jobs;
-use crate::jobs::retention;
-use crate::jobs::worker::Worker;
 use crate::problem;
 use crate::routes::{self, Operations, Service};
 use crate::telemetry;
@@ -23,6 +20,9 @@ use listener::{Listener, Timeouts};
 use metrics_exporter_prometheus::PrometheusHandle;
 use pixmesh_engine::Workers;
 use pixmesh_engine::pipeline;
+use pixmesh_jobs::Jobs;
+use pixmesh_jobs::retention;
+use pixmesh_jobs::worker::Worker;
 use std::error::Error;
 use std::io::{self, Write};
 use std::net::TcpListener;
@@ -96,7 +96,8 @@ pub fn run(settings: &Settings, role: Role) -> Result<(), Box<dyn Error>> {
     warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
     let runtime = Builder::new_multi_thread().enable_all().build()?;
-    let jobs = runtime.block_on(Jobs::open(settings)).map_err(|error| error.to_string())?;
+    let jobs =
+        runtime.block_on(Jobs::open(&settings.of_jobs())).map_err(|error| error.to_string())?;
     let lifecycle = Lifecycle::default();
     let public = match role {
         Role::Serve => Some(bind(settings.listen)?),

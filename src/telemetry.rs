@@ -10,8 +10,6 @@ mod otlp;
 
 pub use log::{Log, adopt, start_log};
 
-use crate::jobs::queue::Stats;
-use crate::jobs::record::State;
 use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use names::*;
@@ -81,37 +79,6 @@ pub fn answered(route: &str, method: &'static str, code: u16, duration: Duration
 /// One request more (1) or less (-1).
 pub fn requests_in_progress(change: f64) {
     gauge!(REQUESTS_IN_PROGRESS).increment(change);
-}
-
-/// Counts a durable job that was submitted.
-pub fn job_submitted() {
-    counter!(JOBS, "state" => State::Queued.name()).increment(1);
-}
-
-/// Counts a durable job that came to an end, or back to those that wait.
-pub fn job_ended(state: State) {
-    counter!(JOBS, "state" => state.name()).increment(1);
-}
-
-/// Counts an attempt at a durable job.
-pub fn job_attempt() {
-    counter!(JOB_ATTEMPTS).increment(1);
-}
-
-/// So many durable jobs wait, for so long; those that were done of late took so long on average, if
-/// there were any: how much work waits is not known before, and none is not said of it.
-pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
-    gauge!(JOBS_WAITING).set(stats.queued as f64);
-    gauge!(JOBS_RUNNING).set(stats.running as f64);
-    gauge!(JOBS_OLDEST).set(stats.oldest_queued_s);
-    if let Some(mean_s) = mean_duration_s {
-        gauge!(JOBS_WORK).set(stats.queued as f64 * mean_s);
-    }
-}
-
-/// Counts the time that an attempt at a durable job took.
-pub fn job_duration(duration: Duration) {
-    histogram!(JOB_DURATION).record(duration);
 }
 
 /// What the system knows of this process: resident memory, processor time and open files.

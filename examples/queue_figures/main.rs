@@ -7,13 +7,13 @@
 use clap::Parser;
 use futures_util::StreamExt;
 use futures_util::stream;
-use pixmesh::config::BrokerSettings;
-use pixmesh::jobs::fairness::Caps;
-use pixmesh::jobs::nats::{Broker, Nats};
-use pixmesh::jobs::queue::{Claim, Finish, Outcome, Queue, Submitted, Terms};
-use pixmesh::jobs::record::{JobId, MeshFigures, NewJob, Picture, PictureShape, State};
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
+use pixmesh_jobs::fairness::Caps;
+use pixmesh_jobs::nats::settings::BrokerSettings;
+use pixmesh_jobs::nats::{Broker, Nats};
+use pixmesh_jobs::queue::{Claim, Finish, Outcome, Queue, Submitted, Terms};
+use pixmesh_jobs::record::{JobId, MeshFigures, NewJob, Picture, PictureShape, State};
 use rustix::time::{ClockId, clock_gettime};
 use std::error::Error;
 use std::time::{Duration, Instant};

@@ -1,10 +1,10 @@
 //! What is kept of a job, one piece a line: its order, its picture's shape, its mesh's figures, its
 //! problem, its name, a digest.
 
-use pixmesh::jobs::record::{JobId, MeshFigures, PictureShape};
 use pixmesh::problem::Problem;
 use pixmesh_engine::digest::Digest;
 use pixmesh_engine::params::ParameterSet;
+use pixmesh_jobs::record::{JobId, MeshFigures, PictureShape};
 use serde_json::Value;
 
 /// Reads what a damaged disk may have made of a record.

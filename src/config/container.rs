@@ -62,18 +62,16 @@ fn least_limit(mount: &Path, group: &Path, file: &str) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::folder_for_test;
 
     /// The limit that is read where files have these contents.
     fn limit(files: &[(&str, &str)]) -> Option<u64> {
-        let root = folder_for_test("control-groups");
+        let root = tempfile::tempdir().unwrap();
         for (path, content) in files {
-            let path = root.join(path);
+            let path = root.path().join(path);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
             fs::write(path, content).unwrap();
         }
-        let limit = memory_limit_below(&root);
-        fs::remove_dir_all(root).unwrap();
+        let limit = memory_limit_below(root.path());
         limit.map(|limit| limit.0 >> 20)
     }
 

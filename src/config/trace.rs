@@ -1,9 +1,8 @@
 //! Settings of where traces go.
 
 use clap::Args;
-use std::convert::Infallible;
+use pixmesh_jobs::Secret;
 use std::fmt;
-use std::str::FromStr;
 
 /// Where traces go.
 #[derive(Args, Clone, Debug)]
@@ -22,38 +21,6 @@ impl fmt::Display for TraceSettings {
         let headers = self.otlp_headers.as_ref().map(Secret::to_string);
         writeln!(formatter, "--otlp-endpoint {}", self.otlp_endpoint.as_deref().unwrap_or(""))?;
         writeln!(formatter, "--otlp-headers {}", headers.unwrap_or_default())
-    }
-}
-
-/// A setting that nothing shows.
-#[derive(Clone)]
-pub struct Secret(String);
-
-impl Secret {
-    /// Its text.
-    #[must_use]
-    pub fn reveal(&self) -> &str {
-        &self.0
-    }
-}
-
-impl FromStr for Secret {
-    type Err = Infallible;
-
-    fn from_str(text: &str) -> Result<Self, Infallible> {
-        Ok(Self(text.to_owned()))
-    }
-}
-
-impl fmt::Display for Secret {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("(hidden)")
-    }
-}
-
-impl fmt::Debug for Secret {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, formatter)
     }
 }
 

@@ -1,12 +1,17 @@
 //! From the errors of the other crates to problems: one conversion each.
 
 use super::{Kind, Problem};
-use crate::jobs::worker::AttemptError;
 use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, PmeshError, WeightsError};
 use pixmesh_engine::error::Bound;
 use pixmesh_engine::{EngineError, InputError};
+use pixmesh_jobs::QueueError;
+use pixmesh_jobs::worker::AttemptError;
 use pixmesh_meshing::{Cancelled, ImageError, MeshingError, ParameterError, ProgressionError};
 use serde_json::Value;
+
+/// Seconds after which a client may try again when what nodes share does not answer: a cluster has
+/// elected a new leader by then.
+const RETRY_AFTER_S: u64 = 5;
 
 impl From<EngineError> for Problem {
     fn from(error: EngineError) -> Self {
@@ -47,6 +52,45 @@ impl From<EngineError> for Problem {
             | E::Progression(ProgressionError::Cancelled(cancelled)) => cancelled.into(),
             _ => internal("a task failed", &error),
         }
+    }
+}
+
+impl From<QueueError> for Problem {
+    fn from(error: QueueError) -> Self {
+        let problem = match &error {
+            QueueError::StorageFull(_) => {
+                Self::new(Kind::StorageFull, "there is no room left for jobs").setting("--data-dir")
+            }
+            QueueError::Storage(_) => {
+                Self::new(Kind::StorageUnavailable, "jobs can be neither stored nor read now")
+                    .setting("--data-dir")
+            }
+            QueueError::Damaged(_) => {
+                Self::new(Kind::StorageDamaged, "what was stored of this job is damaged")
+            }
+            QueueError::Blobs(_) => Self::new(
+                Kind::StorageUnavailable,
+                "pictures and meshes can be neither stored nor read now",
+            )
+            .setting("--blobs")
+            .retry_after_s(RETRY_AFTER_S),
+            QueueError::BrokerFull(_) => {
+                Self::new(Kind::StorageFull, "the broker has no room left for jobs")
+                    .setting("--queue")
+            }
+            QueueError::Broker(_) => Self::new(
+                Kind::StorageUnavailable,
+                "the broker can neither store nor read jobs now",
+            )
+            .setting("--queue")
+            .retry_after_s(RETRY_AFTER_S),
+            QueueError::Unreachable(_) => {
+                Self::new(Kind::StorageUnavailable, "the broker that keeps jobs does not answer")
+                    .setting("--queue")
+                    .retry_after_s(RETRY_AFTER_S)
+            }
+        };
+        problem.caused_by(&error)
     }
 }
 

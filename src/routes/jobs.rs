@@ -19,10 +19,7 @@ pub(super) use submit::prefer;
 
 use super::Service;
 use crate::extract::fields::Few;
-use crate::jobs::queue::{Cancellation, Lookup};
-use crate::jobs::record::{JobId, Record, State as JobState};
 use crate::problem::{Kind, Problem};
-use crate::telemetry;
 use axum::Extension;
 use axum::Json;
 use axum::extract::rejection::PathRejection;
@@ -31,6 +28,8 @@ use axum::http::header::{CACHE_CONTROL, RETRY_AFTER};
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use pixmesh_engine::Owner;
+use pixmesh_jobs::queue::{Cancellation, Lookup};
+use pixmesh_jobs::record::{JobId, Record, State as JobState};
 use std::sync::Arc;
 
 /// Seconds after which a client may look again at a job that has not ended.
@@ -65,7 +64,7 @@ pub async fn cancel(
     let id = id_of(path)?;
     let cancellation = service.jobs.queue.cancel(&owner, id).await?;
     if cancellation == Cancellation::Cancelled {
-        telemetry::job_ended(JobState::Cancelled);
+        pixmesh_jobs::telemetry::job_ended(JobState::Cancelled);
     }
     match cancellation {
         Cancellation::Cancelled | Cancellation::Requested => {

@@ -13,17 +13,6 @@ declare_metrics! {
     REQUESTS_IN_PROGRESS: Gauge "pixmesh_requests_in_progress" []
         "Requests being received, waiting or worked on";
     WORKERS: Gauge "pixmesh_workers" [] "Meshes that can be made at the same time";
-    JOBS: Counter "pixmesh_jobs_total" ["state"] "Durable jobs that came to this state";
-    JOB_ATTEMPTS: Counter "pixmesh_job_attempts_total" [] "Attempts at durable jobs";
-    JOBS_WAITING: Gauge "pixmesh_jobs_queued" [] "Durable jobs that wait for a worker";
-    JOBS_RUNNING: Gauge "pixmesh_jobs_running" [] "Durable jobs that workers have, on all nodes";
-    JOBS_WORK: Gauge "pixmesh_jobs_queued_work_seconds" []
-        "Seconds of one worker's time that the durable jobs waiting will take, as long as jobs took \
-         of late on the node that did the last";
-    JOB_DURATION: Histogram "pixmesh_job_duration_seconds" []
-        "Seconds that an attempt at a durable job took";
-    JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
-        "Seconds that the oldest durable job waiting has waited";
     PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";
     DECODER_PANICS: Counter "pixmesh_decoder_panics_total" []
         "Uploaded files that made a decoder from another crate panic; answered with 422";
@@ -37,5 +26,5 @@ declare_metrics! {
 
 /// Every metric of the service and the crates that it is made of.
 pub fn all() -> impl Iterator<Item = &'static Metric> {
-    METRICS.iter().chain(pixmesh_engine::telemetry::METRICS)
+    METRICS.iter().chain(pixmesh_engine::telemetry::METRICS).chain(pixmesh_jobs::telemetry::METRICS)
 }

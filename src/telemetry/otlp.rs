@@ -5,7 +5,7 @@
 //! collector is reached without encryption: it is meant to stand beside the service, and to pass on
 //! from there.
 
-use crate::config::{Secret, TraceSettings};
+use crate::config::TraceSettings;
 use axum::http::HeaderMap;
 use bytes::Bytes;
 use http_body_util::{BodyExt, Full};
@@ -19,6 +19,7 @@ use opentelemetry_otlp::{SpanExporter, WithExportConfig, WithHttpConfig};
 use opentelemetry_sdk::Resource;
 use opentelemetry_sdk::propagation::TraceContextPropagator;
 use opentelemetry_sdk::trace::{SdkTracer, SdkTracerProvider};
+use pixmesh_jobs::Secret;
 use std::collections::HashMap;
 use std::error::Error;
 use std::time::Duration;

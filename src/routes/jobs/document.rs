@@ -1,9 +1,9 @@
 //! A job as JSON.
 
-use crate::jobs::queue::MAX_ATTEMPTS;
-use crate::jobs::record::{Event, JobId, MeshFigures, Moment, Picture, Progress, Record, State};
 use crate::problem::Problem;
 use pixmesh_engine::params::ParameterSet;
+use pixmesh_jobs::queue::MAX_ATTEMPTS;
+use pixmesh_jobs::record::{Event, JobId, MeshFigures, Moment, Picture, Progress, Record, State};
 use serde_json::{Map, Value, json};
 
 /// The whole of a job.

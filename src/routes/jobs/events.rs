@@ -6,8 +6,6 @@
 
 use super::document;
 use crate::extract::fields::Few;
-use crate::jobs::queue::Queue;
-use crate::jobs::record::{Event as Change, JobId};
 use crate::problem::Problem;
 use crate::routes::Service;
 use axum::Extension;
@@ -18,6 +16,8 @@ use axum::response::sse::{Event, KeepAlive};
 use axum::response::{IntoResponse, Response, Sse};
 use futures_util::stream::{self, Stream};
 use pixmesh_engine::Owner;
+use pixmesh_jobs::queue::Queue;
+use pixmesh_jobs::record::{Event as Change, JobId};
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::sync::Arc;

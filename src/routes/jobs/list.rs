@@ -2,8 +2,6 @@
 
 use super::document;
 use crate::extract::fields::Few;
-use crate::jobs::queue::PageRequest;
-use crate::jobs::record::{JobId, State as JobState};
 use crate::problem::{Kind, Problem};
 use crate::routes::Service;
 use axum::Extension;
@@ -11,6 +9,8 @@ use axum::Json;
 use axum::extract::{Request, State};
 use pixmesh_engine::Owner;
 use pixmesh_engine::params::whole_between;
+use pixmesh_jobs::queue::PageRequest;
+use pixmesh_jobs::record::{JobId, State as JobState};
 use serde_json::{Value, json};
 use std::sync::Arc;
 

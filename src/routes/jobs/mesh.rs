@@ -8,7 +8,6 @@
 
 use crate::extract::accept;
 use crate::extract::fields::Few;
-use crate::jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
 use crate::routes::answer::{self, Figures};
@@ -25,6 +24,7 @@ use pixmesh_engine::digest::Digest;
 use pixmesh_engine::params::{Output, ParameterSet, whole_between};
 use pixmesh_engine::pipeline;
 use pixmesh_engine::task::{Cost, Kept};
+use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use std::ops::Range;

@@ -5,13 +5,8 @@ use super::{document, mesh};
 use crate::extract::idempotency;
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE_OF_JOB, Upload};
-use crate::jobs::queue::{Lookup, Submitted};
-use crate::jobs::record::{
-    JobId, KeptWeights, NewJob, Picture, PictureShape, Record, State as JobState,
-};
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::Service;
-use crate::telemetry;
 use axum::Extension;
 use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
@@ -25,6 +20,10 @@ use pixmesh_engine::Weighed;
 use pixmesh_engine::digest::Digest;
 use pixmesh_engine::params::{MeshOptions, ParameterSet};
 use pixmesh_engine::telemetry::{Shed, shed};
+use pixmesh_jobs::queue::{Lookup, Submitted};
+use pixmesh_jobs::record::{
+    JobId, KeptWeights, NewJob, Picture, PictureShape, Record, State as JobState,
+};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::spawn_blocking;
@@ -161,7 +160,7 @@ async fn submit(
     let job = NewJob { id: JobId::new(), owner, order: order.query(), picture, idempotency_key };
     match service.jobs.submit(job, image).await? {
         Submitted::Created(record) => {
-            telemetry::job_submitted();
+            pixmesh_jobs::telemetry::job_submitted();
             tracing::info!(job = %record.id, pixels = header.width * header.height, "submitted");
             Ok(Submission { record, was_there: false })
         }

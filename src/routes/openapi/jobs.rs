@@ -5,10 +5,10 @@
 
 use super::{content, form, mesh, query_parameter, refusal, text};
 use crate::extract::accept::pictures;
-use crate::jobs::queue::MAX_ATTEMPTS;
-use crate::jobs::record::State;
 use crate::routes::jobs::list;
 use pixmesh_engine::params::TABLE;
+use pixmesh_jobs::queue::MAX_ATTEMPTS;
+use pixmesh_jobs::record::State;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use serde_json::{Value, json};
 use utoipa::openapi::path::{HttpMethod, OperationBuilder, PathItem, PathsBuilder};
