@@ -172,6 +172,7 @@ fn figures(id: JobId) -> MeshFigures {
         faces: 10_000,
         mse: 12.5,
         psnr_db: Some(37.16),
+        chunks: Vec::new(),
         timings_ms: stages.map(|stage| (stage.to_owned(), 12.345)).to_vec(),
         progression: None,
     }

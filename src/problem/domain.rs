@@ -143,6 +143,7 @@ impl From<InputError> for Problem {
             E::NotAFlag(name) => {
                 Self::new(Kind::UnknownValue, detail).param(name).allowed(&["true", "false"])
             }
+            E::StoredVersion { .. } => Self::new(Kind::StorageDamaged, detail),
             E::Query(_) => Self::new(Kind::QueryMalformed, detail),
             E::Json(_) => Self::new(Kind::JsonMalformed, detail).param("params"),
         }

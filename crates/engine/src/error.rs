@@ -171,6 +171,17 @@ pub enum InputError {
     /// A flag that is neither `true` nor `false`.
     #[error("{0} must be true or false")]
     NotAFlag(String),
+    /// Stored options of a version that this program does not know.
+    #[error(
+        "the options are stored in version {found}, and this program knows up to version {known}: \
+         update it"
+    )]
+    StoredVersion {
+        /// The version as it is stored.
+        found: String,
+        /// The latest version known.
+        known: u32,
+    },
     /// A query whose percent-encoding is wrong.
     #[error("the query has {0}")]
     Query(&'static str),

@@ -9,6 +9,7 @@
 mod grammar;
 mod output;
 mod sources;
+mod stored;
 mod table;
 
 pub use grammar::whole_between;

@@ -1,18 +1,18 @@
-//! What may run now, what waits, and what is turned away at once.
+//! Admits tasks: fair shares of worker slots and memory, and a queue measured in seconds of work.
 //!
-//! Work needs a worker's slot and memory for its [cost](Cost). What does not get both at once waits
-//! in a queue whose length is counted in seconds of work: each cost is turned into seconds by the
-//! moving averages of what work of its kind has taken so far. Owners share the queue: where several
-//! wait, each may fill its part of those seconds, and they take turns. When more than that wait
-//! already, a request is refused without waiting, and told when the queue will have drained.
-//! The seconds are estimates; what has really waited for twice as long is refused too. Slots and
-//! memory belong to a [`Ticket`], which the work itself holds: a handler that is dropped cannot
-//! free what its work still uses. Workers that have none of their own help those that do: each piece
-//! of work is told its [`Share`] of the threads.
+//! A task needs one worker slot and memory for its [cost](Cost). A task that cannot get both at once
+//! waits in a queue. The queue's length is measured in seconds: a moving average of the time that
+//! tasks of each kind took turns a cost into seconds. Owners take turns, and while several of them
+//! wait, each may fill an equal part of those seconds. The scheduler refuses a task of an owner whose
+//! part is full at once, and says when the queue will have drained. Because the seconds are estimates,
+//! it also refuses a task that waited for twice the queue's limit.
 //!
-//! An answer holds a part of its work's memory until its bytes are sent, so that slow readers use
-//! the budget and not what is beyond it. While they read, less work is admitted; the server cuts
-//! those that stall.
+//! Slot and memory belong to a [`Ticket`], which the running task holds: a handler that is dropped
+//! cannot free what its task still uses. Idle workers lend their threads: a [`Share`] tells each task
+//! how many threads it may use.
+//!
+//! An answer holds a part of its task's memory until its bytes are sent, so that slow readers count
+//! against the budget, not beside it.
 
 mod backlog;
 mod gate;
@@ -31,45 +31,45 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::timeout_at;
 
-/// The gate that all work passes.
+/// Admits tasks within limits.
 #[derive(Clone, Debug)]
 pub struct Scheduler {
     gate: Arc<Gate>,
     backlog: Arc<Backlog>,
 }
 
-/// What admission gives out.
+/// What the scheduler gives out.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Pieces of work at a time.
+    /// Tasks that run at a time.
     pub workers: usize,
-    /// Threads that they may work on together, where there are fewer of them.
+    /// Threads for all tasks together.
     pub threads: usize,
-    /// Memory for all of them and for answers that are not sent yet.
+    /// Memory for all tasks and for answers that are not sent yet, in bytes.
     pub memory_bytes: u64,
-    /// Seconds of waiting work.
+    /// Seconds of work that may wait.
     pub queue_s: f64,
-    /// Pieces of work at a time of one key's owner.
+    /// Tasks of one key that run at a time.
     pub running_per_key: usize,
-    /// Requests of one key's owner that may wait.
+    /// Tasks of one key that may wait.
     pub queued_per_key: usize,
 }
 
-/// A worker's slot, without the memory to work.
+/// A worker slot without memory.
 #[derive(Debug)]
 pub struct Slot {
     slot: gate::Slot,
     waited: Duration,
 }
 
-/// Tells a piece of work its share of the threads, which those that come and go change.
+/// Tells a task its share of the threads, which changes as tasks begin and end.
 #[derive(Clone, Debug)]
 pub struct Share(Arc<Gate>);
 
-/// The right to work: one slot and memory, given back when dropped.
+/// The right to run one task: a slot and memory, given back when dropped.
 #[derive(Debug)]
 pub struct Ticket {
-    /// How long it took to get.
+    /// How long the task waited.
     pub waited: Duration,
     cost: Cost,
     started: Instant,
@@ -80,7 +80,7 @@ pub struct Ticket {
 }
 
 impl Scheduler {
-    /// A gate with these limits.
+    /// A scheduler with these limits.
     #[must_use]
     pub fn new(limits: &Limits) -> Self {
         let memory_mib = usize::try_from(limits.memory_bytes >> 20).unwrap_or(usize::MAX).max(1);
@@ -124,8 +124,8 @@ impl Scheduler {
         Ok(self.ticket(cost, arrived.elapsed(), slot, memory))
     }
 
-    /// Refuses what [`Scheduler::admit`] would refuse of this owner whatever it costs: so that a long
-    /// body need not be received first.
+    /// Refuses what [`Scheduler::admit`] would refuse of this owner at any cost, so that a server need
+    /// not receive a long body first.
     ///
     /// # Errors
     /// [`EngineError::QueueFull`] and [`EngineError::KeyQueueFull`].
@@ -133,15 +133,15 @@ impl Scheduler {
         self.backlog.refuse_crowd(owner, self.gate.has_slot_for(owner))
     }
 
-    /// Waits for a slot, in turn with all else that waits for one, for work that is kept elsewhere
-    /// meanwhile; `None` when there will be none.
+    /// Waits for a slot for a stored job, in turn with all tasks that wait; `None` when the scheduler
+    /// gives out no more.
     pub async fn slot(&self) -> Option<Slot> {
         let asked = Instant::now();
         let (slot, _) = self.gate.enter(&Owner::Jobs, 0).await?;
         Some(Slot { slot, waited: asked.elapsed() })
     }
 
-    /// Waits for the memory that is missing to a slot.
+    /// Waits for the memory of a task that has its slot.
     ///
     /// # Errors
     /// [`EngineError::TooLarge`] when the budget is smaller than the task, and
@@ -159,7 +159,7 @@ impl Scheduler {
         Ok(self.ticket(cost, slot.waited + asked.elapsed(), slot.slot, memory))
     }
 
-    /// Whole seconds until what waits and runs now will be done, 1 or more.
+    /// Seconds until the tasks that wait and run now will be done: whole, 1 to 300.
     #[must_use]
     pub fn drain_s(&self) -> u64 {
         self.backlog.drain_s()
@@ -173,7 +173,7 @@ impl Scheduler {
         Ticket { waited, cost, started: Instant::now(), backlog, memory, slot }
     }
 
-    /// Refuses what could never run.
+    /// Refuses a task that could never run.
     ///
     /// # Errors
     /// [`EngineError::TooLarge`] when the budget is smaller than the task.
@@ -192,7 +192,7 @@ impl Scheduler {
 }
 
 impl Share {
-    /// How many threads the work may use at the moment, its own among them.
+    /// Threads that the task may use at the moment, its own among them.
     #[must_use]
     pub fn threads(&self) -> NonZeroUsize {
         self.0.threads_of_each()
@@ -200,24 +200,24 @@ impl Share {
 }
 
 impl Ticket {
-    /// What tells the work its share of the threads.
+    /// The task's share of the threads.
     #[must_use]
     pub fn share(&self) -> Share {
         Share(self.slot.gate())
     }
 
-    /// Says that the work was done to its end, so that its time counts in the average.
+    /// Counts the time of a task that completed in the average.
     pub fn completed(&self) {
         self.backlog.learn(self.cost, self.started.elapsed());
     }
 
-    /// Takes out the memory that an answer of so many bytes needs for as long as it is there.
+    /// Splits off the memory that an answer of so many bytes holds until it is sent.
     #[must_use]
     pub fn keep(&mut self, bytes: usize) -> Memory {
         self.memory.split(bytes)
     }
 
-    /// Says that the work was stopped before its end.
+    /// Counts the time of a task that was stopped, when it took longer than expected.
     pub fn stopped(&self) {
         self.backlog.learn_at_least(self.cost, self.started.elapsed());
     }

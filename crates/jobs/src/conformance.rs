@@ -127,6 +127,7 @@ fn figures(text: &str) -> MeshFigures {
         mse: 0.25,
         psnr_db: Some(54.15),
         timings_ms: vec![("decode".into(), 1.5)],
+        chunks: vec![Digest::of(b"a chunk")],
     }
 }
 

@@ -1,5 +1,6 @@
 //! What is kept of a job, and what happens to it.
 
+use crate::blobs::ChunkedBlob;
 use pixmesh_codec::Header;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
@@ -186,6 +187,9 @@ pub struct MeshFigures {
     pub psnr_db: Option<f64>,
     /// Milliseconds of each stage, in their order.
     pub timings_ms: Vec<(String, f64)>,
+    /// SHA-256 of each chunk of the blob; empty for one of one chunk.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub chunks: Vec<Digest>,
     /// The order of importance of the vertices, where it is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub progression: Option<KeptProgression>,
@@ -201,6 +205,18 @@ pub struct KeptProgression {
 }
 
 impl MeshFigures {
+    /// The blob with the MODEL text, and the progression behind it where that is kept; `None` when
+    /// the stored digest is damaged.
+    #[must_use]
+    pub fn blob(&self) -> Option<ChunkedBlob> {
+        let progression = self.progression.as_ref().map_or(0, |kept| kept.bytes);
+        Some(ChunkedBlob {
+            digest: self.digest.parse().ok()?,
+            bytes: self.bytes + progression,
+            chunks: self.chunks.clone(),
+        })
+    }
+
     /// SHA-256 of the MODEL text, in hexadecimal digits.
     #[must_use]
     pub fn model_digest(&self) -> &str {
@@ -215,7 +231,7 @@ pub struct NewJob {
     pub id: JobId,
     /// Whose it is.
     pub owner: Owner,
-    /// What to make, as the query that the parser of parameters reads.
+    /// What to make: [stored](pixmesh_engine::MeshOptions::stored) options.
     pub order: String,
     /// Of which image: its blob is stored already.
     pub picture: Picture,
@@ -227,7 +243,9 @@ impl NewJob {
     /// What must be the same in a repeated submission: the image and the order.
     #[must_use]
     pub fn fingerprint(&self) -> Digest {
-        Digest::of_texts(&[&self.picture.digest.to_string(), &self.order])
+        // The version of the stored options may change between a submission and its repetition.
+        let query = self.order.split_once(';').map_or(&*self.order, |(_, query)| query);
+        Digest::of_texts(&[&self.picture.digest.to_string(), query])
     }
 }
 
@@ -342,6 +360,7 @@ mod tests {
             mse: 0.0,
             psnr_db: None,
             timings_ms: Vec::new(),
+            chunks: Vec::new(),
             progression: None,
         };
         assert_eq!(alone.model_digest(), "of all");

@@ -6,16 +6,16 @@
 //! back, and wait for the next process.
 
 use super::Jobs;
-use super::blobs::Hold;
+use super::blobs::{Hold, chunk_digests};
 use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::telemetry;
 use bytes::Bytes;
 use pixmesh_codec::Format;
 use pixmesh_codec::Limits;
+use pixmesh_engine::MeshOptions;
 use pixmesh_engine::Weighed;
 use pixmesh_engine::digest::Digest;
-use pixmesh_engine::params::{MeshOptions, ParameterSet};
 use pixmesh_engine::pipeline::Answer;
 use pixmesh_engine::scheduler::Slot;
 use pixmesh_engine::{Context, EngineError, MeshTask, Scheduler, Workers};
@@ -230,7 +230,7 @@ impl Worker {
         claim: &Claim,
         context: &Arc<Context>,
     ) -> Result<(Outcome, Hold), AttemptError> {
-        let options = ParameterSet::of_query(Some(&claim.order)).and_then(|set| set.finish())?;
+        let options = MeshOptions::of_stored(&claim.order)?;
         let deadline = Instant::now() + self.deadline;
         let file = self.fetch(claim.picture.digest, deadline).await?;
         let source = parted(&file, &claim.picture)?;
@@ -325,6 +325,7 @@ impl Product {
             digest = Digest::of_while(&answer.bytes, || context.check())?;
             figures.digest = digest.to_string();
         }
+        figures.chunks = chunk_digests(&answer.bytes, || context.check())?;
         Ok(Self { figures, digest, bytes: answer.bytes.into() })
     }
 }
@@ -339,6 +340,7 @@ fn figures_of(answer: &Answer) -> MeshFigures {
         mse: answer.mse,
         psnr_db: Some(answer.psnr_db).filter(|psnr| psnr.is_finite()),
         timings_ms: answer.timings.iter().map(timing).collect(),
+        chunks: Vec::new(),
         progression: None,
     }
 }

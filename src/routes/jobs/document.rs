@@ -1,7 +1,7 @@
 //! A job as JSON.
 
 use crate::problem::Problem;
-use pixmesh_engine::params::ParameterSet;
+use pixmesh_engine::MeshOptions;
 use pixmesh_jobs::queue::MAX_ATTEMPTS;
 use pixmesh_jobs::record::{Event, JobId, MeshFigures, Moment, Picture, Progress, Record, State};
 use serde_json::{Map, Value, json};
@@ -68,8 +68,7 @@ fn moment(moment: Option<Moment>) -> Option<String> {
 
 /// What was ordered, each value of its type.
 fn parameters(order: &str) -> Value {
-    let order = ParameterSet::of_query(Some(order)).and_then(|parameters| parameters.finish());
-    order.map_or(Value::Null, |order| Value::Object(order.object()))
+    MeshOptions::of_stored(order).map_or(Value::Null, |options| Value::Object(options.object()))
 }
 
 fn image(picture: &Picture) -> Value {

@@ -8,7 +8,7 @@
 
 use crate::extract::accept;
 use crate::extract::fields::Few;
-use crate::problem::{Kind, Problem, internal};
+use crate::problem::{Kind, Problem};
 use crate::routes::Service;
 use crate::routes::answer::{self, Figures};
 use axum::Extension;
@@ -19,11 +19,12 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
 use pixmesh_codec::Format;
+use pixmesh_engine::MeshOptions;
 use pixmesh_engine::Owner;
-use pixmesh_engine::digest::Digest;
-use pixmesh_engine::params::{Output, ParameterSet, whole_between};
+use pixmesh_engine::params::{Output, whole_between};
 use pixmesh_engine::pipeline;
 use pixmesh_engine::task::{Cost, Kept};
+use pixmesh_jobs::blobs::ChunkedBlob;
 use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;
@@ -74,8 +75,8 @@ pub(super) async fn of(
 ) -> Result<Response, Problem> {
     let mesh = mesh_of(record)?;
     let size = smaller_size(mesh, wish.size.as_deref())?;
-    let order = ParameterSet::of_query(Some(&record.order))?.finish()?;
-    let representation = accept::choose_rather(order.format, wish.format, request)?;
+    let options = MeshOptions::of_stored(&record.order)?;
+    let representation = accept::choose_rather(options.format, wish.format, request)?;
     let format = representation.format;
     if (size.is_some() || format == Format::Progression) && mesh.progression.is_none() {
         return Err(without_order());
@@ -85,14 +86,15 @@ pub(super) async fn of(
     if answer::is_known(request, &tag) {
         return Ok(answer::not_modified(headers));
     }
-    let job = Finished { service, record, mesh, output: order.output };
+    let ran = options.query();
+    let job = Finished { service, record, mesh, output: options.output };
     let (bytes, figures) = match (size, format) {
         (None, Format::Model | Format::Progression) => {
-            headers.extend(answer::figures_of(&figures(record, mesh))?);
+            headers.extend(answer::figures_of(&figures(mesh, ran))?);
             return job.stored(format, headers, request, &tag).await;
         }
-        (None, format) => (job.converted(format).await?, figures(record, mesh)),
-        (Some(size), format) => job.resized(size, format).await?,
+        (None, format) => (job.converted(format).await?, figures(mesh, ran)),
+        (Some(size), format) => job.resized(size, format, ran).await?,
     };
     headers.extend(answer::figures_of(&figures)?);
     let length = bytes.len() as u64;
@@ -148,14 +150,14 @@ fn tag(mesh: &MeshFigures, size: Option<usize>, format: Format) -> String {
     }
 }
 
-fn figures(record: &Record, mesh: &MeshFigures) -> Figures {
+fn figures(mesh: &MeshFigures, ran: String) -> Figures {
     let timing = |(stage, took): &(String, f64)| format!("{stage};dur={took:.3}");
     Figures {
         vertices: mesh.vertices,
         faces: mesh.faces,
         psnr_db: mesh.psnr_db.unwrap_or(f64::INFINITY),
         mse: mesh.mse,
-        parameters: record.order.clone(),
+        parameters: ran,
         timing: mesh.timings_ms.iter().map(timing).collect::<Vec<_>>().join(", "),
     }
 }
@@ -186,7 +188,7 @@ impl Finished<'_> {
         let part = answer::part(request, tag, length)?;
         let range = part.clone().unwrap_or(0..length);
         let range = within.start + range.start..within.start + range.end;
-        let pieces = self.service.jobs.blobs.read(self.digest()?, range).await?;
+        let pieces = self.service.jobs.blobs.read(self.blob()?, range).await?;
         Ok(answer::respond(headers, part.as_ref(), length, Body::from_stream(pieces)))
     }
 
@@ -196,7 +198,7 @@ impl Finished<'_> {
         let cost = Cost::of_conversion(self.shape(), mesh.vertices, mesh.bytes, format);
         let deadline = Instant::now() + service.deadline;
         let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
-        let model = service.jobs.blobs.get_part(self.digest()?, 0..mesh.bytes).await?;
+        let model = service.jobs.blobs.get_part(self.blob()?, 0..mesh.bytes).await?;
         let limits = service.pictures;
         let (bytes, memory) = service
             .workers
@@ -211,7 +213,12 @@ impl Finished<'_> {
     }
 
     /// The mesh of fewer vertices in any format, with what is known of it.
-    async fn resized(&self, size: usize, format: Format) -> Result<(Bytes, Figures), Problem> {
+    async fn resized(
+        &self,
+        size: usize,
+        format: Format,
+        parameters: String,
+    ) -> Result<(Bytes, Figures), Problem> {
         let Self { service, record, mesh, output } = *self;
         let place = self.place_of_order();
         let (shape, vertices) = (self.shape(), mesh.vertices as u64);
@@ -219,7 +226,7 @@ impl Finished<'_> {
         let cost = Cost::of_resizing(kept, size, format);
         let deadline = Instant::now() + service.deadline;
         let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
-        let pmesh = service.jobs.blobs.get_part(self.digest()?, place).await?;
+        let pmesh = service.jobs.blobs.get_part(self.blob()?, place).await?;
         let limits = service.pictures;
         let (resized, timing, memory) = service
             .workers
@@ -235,15 +242,16 @@ impl Finished<'_> {
             faces: resized.faces,
             psnr_db: resized.fidelity.psnr_db(),
             mse: resized.fidelity.mse(),
-            parameters: record.order.clone(),
+            parameters,
             timing,
         };
         Ok((answer::held(resized.bytes, memory), figures))
     }
 
-    /// The name of the blob.
-    fn digest(&self) -> Result<Digest, Problem> {
-        self.mesh.digest.parse().map_err(|e| internal("a mesh's digest is damaged", &e))
+    fn blob(&self) -> Result<ChunkedBlob, Problem> {
+        self.mesh.blob().ok_or_else(|| {
+            Problem::new(Kind::StorageDamaged, "what was stored of this job is damaged")
+        })
     }
 
     /// Where the order lies in the blob.

@@ -157,7 +157,7 @@ async fn submit(
     let Packed { digest, file: image, weights } = packed(upload).await?;
     let shape = PictureShape { weights, ..PictureShape::from(&header) };
     let picture = Picture { digest, bytes: length, shape };
-    let job = NewJob { id: JobId::new(), owner, order: order.query(), picture, idempotency_key };
+    let job = NewJob { id: JobId::new(), owner, order: order.stored(), picture, idempotency_key };
     match service.jobs.submit(job, image).await? {
         Submitted::Created(record) => {
             pixmesh_jobs::telemetry::job_submitted();

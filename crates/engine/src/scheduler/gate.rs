@@ -1,12 +1,12 @@
 //! Slots and memory, given out in turns.
 //!
-//! Work waits in one lane for each owner, first come, first served. Owners take turns: whenever
-//! there is room, the first lane in the order of turns whose first piece fits gets it, and goes to
-//! the end of that order. A piece that finds no memory may be overtaken by other owners' for
-//! [`MAX_OVERTAKEN`] times, after which all wait until there is room for it; not, though, where its
-//! own owner's unread answers are what takes the room. The owner of a key has so many slots at most.
+//! Tasks wait in one lane for each owner, first in, first out. Owners take turns: whenever slots or
+//! memory become free, the first lane in the order of turns whose first task fits gets them and goes
+//! to the end of that order. A task that does not fit in free memory may be overtaken by tasks of
+//! other owners [`MAX_OVERTAKEN`] times. After that all wait until it fits, unless its own owner's
+//! unsent answers hold the memory. The owner of a key has a limited number of slots.
 //!
-//! Threads are nobody's: what has a slot is told, whenever it asks, its part of them at the moment.
+//! Threads are not reserved: a task asks for its present share of them as it runs.
 
 use super::Memory;
 use crate::owner::Owner;
@@ -15,22 +15,22 @@ use std::num::NonZeroUsize;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 
-/// How often a piece of work that finds no memory may be overtaken by others' smaller ones.
+/// How often tasks of other owners may overtake a task that does not fit in free memory.
 const MAX_OVERTAKEN: u32 = 32;
 
-/// The most threads of a piece of work: with so many at most the memory that it takes was measured.
+/// The most threads of one task: the memory of tasks was measured with at most as many.
 const MOST_THREADS: usize = 8;
 
 /// What there is to give out.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Capacity {
-    /// Pieces of work at a time.
+    /// Tasks that run at a time.
     pub(super) slots: usize,
-    /// Threads that they may be worked on with together, where they are fewer than these.
+    /// Threads for all tasks together.
     pub(super) threads: usize,
-    /// Memory for all of them.
+    /// Memory for all tasks, in MiB.
     pub(super) memory_mib: usize,
-    /// Pieces of work at a time of one key's owner.
+    /// Tasks of one key that run at a time.
     pub(super) slots_per_key: usize,
 }
 
@@ -46,12 +46,12 @@ struct State {
     free_slots: usize,
     free_mib: usize,
     held: HashMap<Owner, Held>,
-    /// One for each owner of whom something waits, in the order of their turns.
+    /// One for each owner whose tasks wait, in the order of their turns.
     lanes: VecDeque<Lane>,
     next_id: u64,
 }
 
-/// What the work and the answers of one owner hold.
+/// What the tasks and the answers of one owner hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Held {
     slots: usize,
@@ -62,7 +62,7 @@ struct Held {
 struct Lane {
     owner: Owner,
     waiting: VecDeque<Waiter>,
-    /// How often others got memory that the first of this lane did not.
+    /// How often other owners' tasks overtook the first of this lane.
     overtaken: u32,
 }
 
@@ -70,18 +70,18 @@ struct Lane {
 struct Waiter {
     id: u64,
     wants: Held,
-    /// Told when slot and memory are its own.
+    /// Receives a message when slot and memory are granted.
     grant: oneshot::Sender<()>,
 }
 
-/// A slot of a worker, given back when dropped.
+/// A worker slot, given back when dropped.
 #[derive(Debug)]
 pub(super) struct Slot {
     gate: Arc<Gate>,
     owner: Owner,
 }
 
-/// A place in a lane; what was granted in it and not taken is given back when it is dropped.
+/// A place in a lane. Dropping it gives back what was granted and not taken.
 struct Place {
     gate: Arc<Gate>,
     owner: Owner,
@@ -102,7 +102,7 @@ impl Gate {
         Self { capacity, state: Mutex::new(state) }
     }
 
-    /// Memory there is in all.
+    /// Memory for all tasks, in MiB.
     pub(super) fn memory_mib(&self) -> usize {
         self.capacity.memory_mib
     }
@@ -113,14 +113,14 @@ impl Gate {
         state.free_slots > 0 && state.held(owner).slots < self.slots_of(owner)
     }
 
-    /// How many threads each piece of work may use at the moment, its own among them.
+    /// Threads that each task may use at the moment, its own among them.
     pub(super) fn threads_of_each(&self) -> NonZeroUsize {
         let held_slots = self.capacity.slots - self.state().free_slots;
         let threads = self.capacity.threads / held_slots.max(1);
         NonZeroUsize::new(threads.min(MOST_THREADS)).unwrap_or(NonZeroUsize::MIN)
     }
 
-    /// Waits for a slot and so many MiB; `None` when there will never be any.
+    /// Waits for a slot and memory; `None` when the gate is gone.
     pub(super) async fn enter(self: &Arc<Self>, owner: &Owner, mib: u32) -> Option<(Slot, Memory)> {
         let wants = Held { slots: 1, mib: mib as usize };
         let (place, granted) = self.wait_in_lane(owner, wants);
@@ -130,7 +130,7 @@ impl Gate {
         Some((slot, memory))
     }
 
-    /// Waits for so many MiB beside a slot that is there already.
+    /// Waits for memory beside a slot.
     pub(super) async fn memory(self: &Arc<Self>, slot: &Slot, mib: u32) -> Option<Memory> {
         let wants = Held { slots: 0, mib: mib as usize };
         let (place, granted) = self.wait_in_lane(&slot.owner, wants);
@@ -154,7 +154,7 @@ impl Gate {
         (Place { gate, owner, id, wants, is_taken: false }, granted)
     }
 
-    /// Gives what is free to those whose turn it is.
+    /// Grants free slots and memory to those whose turn it is.
     fn give_out(&self, state: &mut State) {
         while let Some(index) = self.next_lane(state) {
             for lane in state.lanes.range_mut(..index) {
@@ -164,7 +164,7 @@ impl Gate {
             if let Some(waiter) = lane.waiting.pop_front() {
                 state.take(&lane.owner, waiter.wants);
                 lane.overtaken = 0;
-                // One that has gone gives it back when its place is dropped.
+                // A task that left gives it back when its place is dropped.
                 let _ = waiter.grant.send(());
             }
             if !lane.waiting.is_empty() {
@@ -173,7 +173,7 @@ impl Gate {
         }
     }
 
-    /// The lane whose turn it is, of those whose first piece there is room for.
+    /// The lane whose turn it is among those whose first task fits.
     fn next_lane(&self, state: &State) -> Option<usize> {
         for (index, lane) in state.lanes.iter().enumerate() {
             let held = state.held(&lane.owner);
@@ -197,14 +197,14 @@ impl Gate {
         if owner.is_key() { self.capacity.slots_per_key } else { self.capacity.slots }
     }
 
-    /// Gives back so much of an owner's, and gives it out again.
+    /// Takes back what an owner held, and grants it again.
     fn give_back(&self, owner: &Owner, what: Held) {
         let mut state = self.state();
         state.give_back(owner, what);
         self.give_out(&mut state);
     }
 
-    /// Gives back memory.
+    /// Takes back memory.
     pub(super) fn free(&self, owner: &Owner, mib: usize) {
         self.give_back(owner, Held { slots: 0, mib });
     }
@@ -219,7 +219,7 @@ impl State {
         self.held.get(owner).copied().unwrap_or_default()
     }
 
-    /// The lane of an owner, at the end of the order of turns when it is new.
+    /// The lane of an owner; a new one is last in the order of turns.
     fn lane_of(&mut self, owner: &Owner) -> &mut Lane {
         let known = self.lanes.iter().position(|lane| lane.owner == *owner);
         let index = known.unwrap_or_else(|| {

@@ -3,12 +3,14 @@
 
 use super::failure;
 use crate::queue::QueueError;
-use bytes::Bytes;
-use futures_util::StreamExt;
+use bytes::{Bytes, BytesMut};
+use futures_util::stream::{self, BoxStream};
+use futures_util::{Stream, StreamExt};
 use object_store::path::Path as BlobPath;
-use object_store::{ObjectStore, ObjectStoreExt};
+use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt};
 use pixmesh_engine::digest::Digest;
-use sha2::{Digest as _, Sha256};
+use pixmesh_meshing::Cancelled;
+use std::ops::Range;
 use tokio::task::spawn_blocking;
 
 /// The bytes, if they are those of the digest.
@@ -17,23 +19,108 @@ pub(super) async fn whole(digest: Digest, bytes: Bytes) -> Result<Bytes, QueueEr
     checked.map_err(|error| QueueError::Storage(error.to_string()))?.ok_or_else(|| damaged(digest))
 }
 
-/// Reads a blob through, piece by piece, and refuses it when it is not that of the digest.
-pub(super) async fn stored(
-    store: &dyn ObjectStore,
-    place: &BlobPath,
-    digest: Digest,
-) -> Result<(), QueueError> {
-    let mut pieces = store.get(place).await.map_err(|error| failure(&error))?.into_stream();
-    let mut hash = Sha256::new();
-    while let Some(piece) = pieces.next().await {
-        let piece = piece.map_err(|error| failure(&error))?;
-        let hashed = spawn_blocking(move || {
-            hash.update(&piece);
-            hash
-        });
-        hash = hashed.await.map_err(|error| QueueError::Storage(error.to_string()))?;
+/// A blob with the digests of its chunks, by which a part of it is checked without the rest.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChunkedBlob {
+    /// SHA-256 of all bytes, which is the blob's name.
+    pub digest: Digest,
+    /// Length in bytes.
+    pub bytes: u64,
+    /// SHA-256 of each [`CHUNK_BYTES`] of it; empty for a blob that is one chunk, whatever its length.
+    pub chunks: Vec<Digest>,
+}
+
+/// Length of a chunk in bytes; the last one of a blob may be shorter.
+pub const CHUNK_BYTES: u64 = 256 << 10;
+
+/// SHA-256 of each chunk of some bytes; empty where there is one chunk.
+///
+/// # Errors
+/// When they are no longer wanted; the question is asked for every chunk.
+pub fn chunk_digests(
+    bytes: &[u8],
+    wanted: impl Fn() -> Result<(), Cancelled>,
+) -> Result<Vec<Digest>, Cancelled> {
+    if bytes.len() as u64 <= CHUNK_BYTES {
+        return Ok(Vec::new());
     }
-    if Digest::of_pieces(hash) == digest { Ok(()) } else { Err(damaged(digest)) }
+    let chunks = bytes.chunks(CHUNK_BYTES as usize);
+    chunks.map(|chunk| wanted().map(|()| Digest::of(chunk))).collect()
+}
+
+/// What is left to read of a blob: its chunks from `index` on, as far as `range` needs them.
+struct Reading {
+    pieces: BoxStream<'static, object_store::Result<Bytes>>,
+    buffer: BytesMut,
+    blob: ChunkedBlob,
+    range: Range<u64>,
+    index: u64,
+}
+
+impl ChunkedBlob {
+    /// A part of the blob, chunk by chunk, each checked before it is given out.
+    ///
+    /// # Errors
+    /// When the store fails, or does not have as much of the blob.
+    pub(super) async fn read(
+        self,
+        store: &dyn ObjectStore,
+        place: &BlobPath,
+        range: Range<u64>,
+    ) -> Result<impl Stream<Item = Result<Bytes, QueueError>> + Send + use<>, QueueError> {
+        let index = range.start / self.chunk_bytes();
+        let read = self.chunk(index).start..self.chunk((range.end - 1) / self.chunk_bytes()).end;
+        let end = read.end;
+        let options = GetOptions { range: Some(GetRange::Bounded(read)), ..GetOptions::default() };
+        let pieces = match store.get_opts(place, options).await {
+            Ok(found) => found.into_stream(),
+            // Stores refuse a range behind the end of a blob that has become shorter.
+            Err(error) => match store.head(place).await {
+                Ok(meta) if meta.size < end => return Err(damaged(self.digest)),
+                _ => return Err(failure(&error)),
+            },
+        };
+        let reading = Reading { pieces, buffer: BytesMut::new(), blob: self, range, index };
+        Ok(stream::try_unfold(reading, |reading| reading.next()))
+    }
+
+    fn chunk_bytes(&self) -> u64 {
+        if self.chunks.is_empty() { self.bytes.max(1) } else { CHUNK_BYTES }
+    }
+
+    /// Where a chunk lies.
+    fn chunk(&self, index: u64) -> Range<u64> {
+        let start = index * self.chunk_bytes();
+        start..(start + self.chunk_bytes()).min(self.bytes)
+    }
+
+    fn digest_of(&self, index: u64) -> Option<Digest> {
+        match self.chunks.is_empty() {
+            true => Some(self.digest),
+            false => self.chunks.get(usize::try_from(index).ok()?).copied(),
+        }
+    }
+}
+
+impl Reading {
+    /// The next chunk, cut to the range; `None` behind the last one.
+    async fn next(mut self) -> Result<Option<(Bytes, Self)>, QueueError> {
+        let chunk = self.blob.chunk(self.index);
+        if chunk.start >= self.range.end {
+            return Ok(None);
+        }
+        let length = (chunk.end - chunk.start) as usize;
+        while self.buffer.len() < length {
+            let piece = self.pieces.next().await.ok_or_else(|| damaged(self.blob.digest))?;
+            self.buffer.extend_from_slice(&piece.map_err(|error| failure(&error))?);
+        }
+        let digest = self.blob.digest_of(self.index).ok_or_else(|| damaged(self.blob.digest))?;
+        let bytes = whole(digest, self.buffer.split_to(length).freeze()).await?;
+        let start = self.range.start.max(chunk.start) - chunk.start;
+        let end = self.range.end.min(chunk.end) - chunk.start;
+        self.index += 1;
+        Ok(Some((bytes.slice(start as usize..end as usize), self)))
+    }
 }
 
 /// Whether the store has these bytes at a place already; what cannot be read is not the same.
@@ -61,6 +148,39 @@ mod tests {
     use super::super::{Blobs, place};
     use super::*;
 
+    fn one_chunk(bytes: &[u8]) -> ChunkedBlob {
+        ChunkedBlob { digest: Digest::of(bytes), bytes: bytes.len() as u64, chunks: Vec::new() }
+    }
+
+    #[tokio::test]
+    async fn a_part_is_checked_by_its_own_chunks() {
+        let folder = crate::folder_for_test("chunks");
+        let blobs = Blobs::in_folder(&folder).unwrap();
+        let chunk = CHUNK_BYTES as usize;
+        let bytes: Bytes = (0..2 * chunk + 1000).map(|i| ((i * 31) >> 3) as u8).collect();
+        let chunks = chunk_digests(&bytes, || Ok(())).unwrap();
+        assert_eq!(chunks.len(), 3);
+        let blob = ChunkedBlob { chunks, ..one_chunk(&bytes) };
+        let hold = blobs.hold().await;
+        blobs.put(&hold, blob.digest, bytes.clone()).await.unwrap();
+        let end = bytes.len();
+        for range in [0..end, 0..1, chunk - 1..chunk + 1, chunk..2 * chunk, end - 1..end, 5..end] {
+            let part = range.start as u64..range.end as u64;
+            let read = blobs.get_part(blob.clone(), part).await.unwrap();
+            assert_eq!(read, bytes[range]);
+        }
+        let mut changed = bytes.to_vec();
+        changed[chunk + 7] ^= 1;
+        std::fs::write(folder.join(place(blob.digest).as_ref()), &changed).unwrap();
+        let refused = |read: Result<Bytes, QueueError>| matches!(read, Err(QueueError::Damaged(_)));
+        assert!(blobs.get_part(blob.clone(), 0..9).await.is_ok(), "another chunk");
+        assert!(refused(blobs.get_part(blob.clone(), CHUNK_BYTES..CHUNK_BYTES + 1).await));
+        assert!(refused(blobs.get_part(blob.clone(), 0..end as u64).await));
+        let mut pieces = blobs.read(blob, 0..end as u64).await.unwrap();
+        assert_eq!(pieces.next().await.unwrap().unwrap(), bytes[..chunk]);
+        assert!(pieces.next().await.unwrap().is_err(), "the answer breaks off");
+    }
+
     #[tokio::test]
     async fn a_blob_that_was_changed_on_the_disk_is_refused_and_written_anew() {
         let folder = crate::folder_for_test("damaged");
@@ -73,7 +193,11 @@ mod tests {
         for changed in [&b"what Was stored"[..], b"what was", b"", b"what was stored, and more"] {
             std::fs::write(&path, changed).unwrap();
             assert!(matches!(blobs.get(digest).await, Err(QueueError::Damaged(_))));
-            assert!(matches!(blobs.read(digest, 0..4).await, Err(QueueError::Damaged(_))));
+            let part = blobs.get_part(one_chunk(&bytes), 0..4).await;
+            match changed.starts_with(&bytes) {
+                true => assert_eq!(part.unwrap(), b"what"[..]),
+                false => assert!(matches!(part, Err(QueueError::Damaged(_))), "{part:?}"),
+            }
             blobs.put(&hold, digest, bytes.clone()).await.unwrap();
             assert_eq!(blobs.get(digest).await.unwrap(), bytes);
         }

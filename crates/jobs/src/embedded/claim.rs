@@ -5,8 +5,8 @@ use super::writer::Write;
 use super::{finish, read};
 use crate::fairness::{Caps, OwnerLoad, next_owner};
 use crate::queue::{Claim, Lease, MAX_ATTEMPTS, Outcome, Renewal};
-use crate::record::{self, JobId, Moment, Progress, State};
-use rusqlite::{OptionalExtension, Result, Row, params};
+use crate::record::{self, JobId, Moment, Progress};
+use rusqlite::{Result, Row, params};
 use std::time::Duration;
 
 /// A job that waits, as far as the choice needs it.
@@ -146,13 +146,4 @@ pub(super) fn renew(
         finish::tell(write, lease.job, Some(progress))?;
     }
     Ok(standing)
-}
-
-/// The state and fence of a job.
-pub(super) fn holder(write: &Write<'_>, id: JobId) -> Result<Option<(State, u64)>> {
-    write
-        .connection
-        .prepare_cached("SELECT state, fence FROM jobs WHERE id = ?1")?
-        .query_row([id.as_bytes()], |row| Ok((row::state(row)?, row.get("fence")?)))
-        .optional()
 }

@@ -1,6 +1,6 @@
 //! A job comes to its end, or back to those that wait.
 
-use super::claim::holder;
+use super::read::holder;
 use super::row;
 use super::writer::Write;
 use crate::queue::{Cancellation, Finish, Lease, MAX_ATTEMPTS, Outcome};
@@ -18,7 +18,7 @@ pub(super) fn finish(
     ttl: Duration,
 ) -> Result<Finish> {
     let id = lease.job;
-    if holder(write, id)? != Some((State::Running, lease.fence)) {
+    if holder(write.connection, id)? != Some((State::Running, lease.fence)) {
         if let Outcome::Completed(mesh) = outcome
             && let Ok(digest) = mesh.digest.parse()
         {
@@ -44,7 +44,7 @@ pub(super) fn finish(
         _ => end(write, id, outcome, ttl)?,
     }
     write.changes.work = true;
-    let state = holder(write, id)?.map_or(State::Queued, |(state, _)| state);
+    let state = holder(write.connection, id)?.map_or(State::Queued, |(state, _)| state);
     Ok(Finish::Committed(state))
 }
 

@@ -139,3 +139,11 @@ pub(super) fn referenced(connection: &Connection, blobs: Vec<Digest>) -> Result<
     }
     Ok(found)
 }
+
+/// The state and fence of a job.
+pub(super) fn holder(connection: &Connection, id: JobId) -> Result<Option<(State, u64)>> {
+    connection
+        .prepare_cached("SELECT state, fence FROM jobs WHERE id = ?1")?
+        .query_row([id.as_bytes()], |row| Ok((row::state(row)?, row.get("fence")?)))
+        .optional()
+}

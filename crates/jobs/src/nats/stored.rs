@@ -368,6 +368,7 @@ mod tests {
             faces: 2,
             mse: 0.25,
             psnr_db: None,
+            chunks: Vec::new(),
             timings_ms: Vec::new(),
         }
     }

@@ -157,6 +157,7 @@ async fn meshes_that_no_job_comes_to_have_are_given_up() {
         faces: 2,
         mse: 0.25,
         psnr_db: None,
+        chunks: Vec::new(),
         timings_ms: Vec::new(),
     };
     // Of a worker whose process has been started again.
