@@ -13,7 +13,7 @@ pub fn run(bytes: &[u8]) {
         (Alpha::Drop, true),
         (Alpha::Over([1, 2, 3]), true),
     ] {
-        let options = DecodeOptions { limits: LIMITS, alpha, lenient };
+        let options = DecodeOptions { limits: LIMITS, alpha, lenient, ..DecodeOptions::default() };
         let probed = options.probe(bytes);
         if let Ok(image) = options.decode(bytes) {
             let shape = probed.expect("what is decoded has a header").shape();

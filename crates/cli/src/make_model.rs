@@ -131,8 +131,9 @@ impl MakeModel {
         let input = self.input.as_deref();
         let bytes = files::read(input)?;
         let start = Instant::now();
-        let reading =
-            DecodeOptions { limits: files::LIMITS, alpha: self.alpha, lenient: self.lenient };
+        let Self { alpha, lenient, .. } = *self;
+        let limits = files::LIMITS;
+        let reading = DecodeOptions { limits, alpha, lenient, ..DecodeOptions::default() };
         let image = reading.decode(&bytes).map_err(|source| CliError::Picture {
             name: files::name(input, "standard input"),
             source,

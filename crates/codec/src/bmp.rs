@@ -38,7 +38,7 @@ pub(crate) fn decode(
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
     guarded(PictureFormat::Bmp, wanted, |wanted| {
-        open(bytes, &options.limits, wanted)?.decode(wanted)
+        open(bytes, &options.limits, wanted)?.decode(options, wanted)
     })
 }
 

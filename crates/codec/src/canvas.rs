@@ -4,11 +4,12 @@
 //! pixels go straight to where its orientation wants them.
 
 use crate::alpha::Alpha;
+use crate::budget::{Budget, image_bytes};
 use crate::error::DecodeError;
 use crate::header::Header;
 use crate::orientation::Orientation;
 use crate::wanted::Wanted;
-use pixmesh_meshing::{Cancelled, Image};
+use pixmesh_meshing::Image;
 
 /// An image that is being filled, rows from the top.
 pub(crate) struct Canvas {
@@ -59,32 +60,20 @@ impl Axis {
 
 impl Canvas {
     /// A black canvas of the upright size in `header`, for a file that has `orientation`.
-    pub(crate) fn new(header: Header, orientation: Orientation) -> Self {
-        let mut canvas = Self::without_planes(header, orientation);
-        // Each by itself: a copy of zeros would touch all of its memory before there is anything in it.
-        (0..header.component_count).for_each(|_| canvas.add_plane());
-        canvas
-    }
-
-    /// The same, as long as it is wanted: it can take a moment to get so much memory.
-    pub(crate) fn new_while(
+    ///
+    /// # Errors
+    /// When the budget does not allow it, or the picture is no longer wanted: it can take a moment to
+    /// get so much memory.
+    pub(crate) fn new(
         header: Header,
         orientation: Orientation,
+        mut budget: Budget,
         wanted: &Wanted<'_>,
-    ) -> Result<Self, Cancelled> {
-        let mut canvas = Self::without_planes(header, orientation);
-        for _ in 0..header.component_count {
-            wanted()?;
-            canvas.add_plane();
-        }
-        Ok(canvas)
-    }
-
-    fn add_plane(&mut self) {
-        self.planes.push(vec![0; self.header.width * self.header.height]);
-    }
-
-    fn without_planes(header: Header, orientation: Orientation) -> Self {
+    ) -> Result<Self, DecodeError> {
+        budget.reserve(image_bytes(&header, header.component_count))?;
+        // Each by itself: a copy of zeros would touch all of its memory before anything is in it.
+        let plane = |_| wanted().map(|()| vec![0; header.width * header.height]);
+        let planes = (0..header.component_count).map(plane).collect::<Result<_, _>>()?;
         let upright_width = header.width;
         let (width, height) = orientation.upright(header.width, header.height);
         let (column_stride, row_stride) =
@@ -95,7 +84,7 @@ impl Canvas {
         let columns = Axis { count: width, stride: column_stride, mirrored };
         let mirrored = orientation.mirror_rows == orientation.transpose;
         let rows = Axis { count: height, stride: row_stride, mirrored };
-        Self { header, planes: Vec::new(), columns, rows }
+        Ok(Self { header, planes, columns, rows })
     }
 
     /// Puts pixels, their components side by side, into a row of the file.
@@ -160,8 +149,14 @@ impl Canvas {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::decode::DecodeOptions;
     use crate::format::PictureFormat;
     use crate::wanted::always;
+
+    fn canvas(header: Header, orientation: Orientation) -> Canvas {
+        let budget = Budget::of_decoder(&header, &DecodeOptions::default()).unwrap();
+        Canvas::new(header, orientation, budget, &always).unwrap()
+    }
 
     /// The upright picture, from its top, of a file of three columns and two rows
     /// `1 2 3 / 4 5 6` with a value of the orientation tag.
@@ -170,7 +165,7 @@ mod tests {
         let (width, height) = orientation.upright(3, 2);
         let format = PictureFormat::Pnm;
         let header = Header { format, width, height, component_count: 1, precision: 8 };
-        let mut canvas = Canvas::new(header, orientation);
+        let mut canvas = canvas(header, orientation);
         canvas.put_row(Row::whole(0), &[1_u8, 2, 3]);
         canvas.put_row(Row { y: 1, first: 0, step: 2 }, &[4_u8, 6]);
         canvas.put_row(Row { y: 1, first: 1, step: 2 }, &[5_u8]);
@@ -195,7 +190,7 @@ mod tests {
     fn what_lies_beyond_the_picture_is_dropped() {
         let format = PictureFormat::Pnm;
         let header = Header { format, width: 2, height: 2, component_count: 2, precision: 8 };
-        let mut canvas = Canvas::new(header, Orientation::default());
+        let mut canvas = canvas(header, Orientation::default());
         canvas.put_row(Row::whole(0), &[1_u16, 2, 3, 4, 5, 6]);
         canvas.put_row(Row::whole(2), &[9_u16; 4]);
         canvas.put_row(Row { y: 1, first: 2, step: 1 }, &[9_u16; 4]);

@@ -32,6 +32,9 @@ pub struct DecodeOptions {
     /// is black or, in a JPEG, what its decoder makes of it, usually gray. Without it every file
     /// that ends early is refused.
     pub lenient: bool,
+    /// The most bytes that decoding may hold at once, copies of the file itself not counted; `None`
+    /// for as many as a picture within the limits takes. See [`Header::decode_bytes`].
+    pub max_bytes: Option<u64>,
 }
 
 impl DecodeOptions {
@@ -100,7 +103,7 @@ pub fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
 ///
 /// Colour profiles and gamma (gAMA, cHRM, sRGB, cICP and iCCP of PNG, ICC profiles of the others)
 /// are ignored: samples are taken as they are stored. Memory is bounded by what the header claims,
-/// which is checked first, see [`Header::decode_bytes`]. Bytes after the picture's end are ignored;
+/// which is checked first, and reserved of what [`DecodeOptions::max_bytes`] allows, see [`Header::decode_bytes`]. Bytes after the picture's end are ignored;
 /// of an animation the first frame is decoded (of an animated PNG its default image), of a stream of
 /// portable anymaps or a TIFF of several pages the first.
 ///

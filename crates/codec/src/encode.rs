@@ -66,6 +66,9 @@ pub struct EncodeOptions<'a> {
     pub shading: Shading,
     /// How much time a PNG may take.
     pub png_compression: PngCompression,
+    /// The most bytes that writing may hold at once, the mesh not counted; `None` for no limit. See
+    /// [`Format::bytes_per_vertex`].
+    pub max_bytes: Option<u64>,
 }
 
 /// Writes a mesh in a format, for as long as the file is wanted.
@@ -73,7 +76,8 @@ pub struct EncodeOptions<'a> {
 /// Only the PNG and the rebuilt picture poll `wanted`; the other formats stop when `out` fails.
 ///
 /// # Errors
-/// When the format cannot hold the mesh, writing fails, or the file is no longer wanted.
+/// When the format cannot hold the mesh, it would take more memory than is allowed, writing fails,
+/// or the file is no longer wanted.
 pub fn encode(
     source: &Encodable<'_>,
     format: Format,
@@ -82,7 +86,11 @@ pub fn encode(
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
     let Encodable { mesh, comments, fidelity, progression, .. } = *source;
-    let EncodeOptions { geometry, compression, texture, shading, png_compression } = *options;
+    let EncodeOptions { geometry, compression, texture, shading, .. } = *options;
+    let needed = held_bytes(source, format, options);
+    if let Some(allowed) = options.max_bytes.filter(|&allowed| needed > allowed) {
+        return Err(EncodeError::TooMuchMemory { format: format.name(), needed, allowed });
+    }
     let gltf = GltfOptions { geometry, compression, texture };
     match format {
         Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
@@ -98,7 +106,9 @@ pub fn encode(
             Some(progression) => write_progression(progression, out),
             None => Err(EncodeError::NotOfPointsAlone { format: format.name() }),
         },
-        Format::Png => write_png_while(&*picture(source, wanted)?, png_compression, out, wanted),
+        Format::Png => {
+            write_png_while(&*picture(source, wanted)?, options.png_compression, out, wanted)
+        }
         Format::Pnm => write_pnm(&*picture(source, wanted)?, out),
     }
 }
@@ -114,24 +124,56 @@ fn picture<'a>(source: &Encodable<'a>, wanted: &Wanted<'_>) -> Result<Cow<'a, Im
 /// About the most bytes that [`encode`] writes: the capacity of a buffer that need not grow.
 #[must_use]
 pub fn estimated_bytes(mesh: &Mesh, format: Format, options: &EncodeOptions<'_>) -> usize {
-    let Shape { width, height, component_count, precision } = mesh.shape();
     let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
+    let Shape { width, height, component_count, precision } = mesh.shape();
     let picture = width * height * component_count * usize::from(precision).div_ceil(8);
     let texture = options.texture.map_or(0, |texture| texture.bytes().len());
-    let gltf = vertices * 32 + faces * 12 + texture;
-    let bytes = match format {
-        Format::Model => vertices * (12 + 6 * component_count) + faces * 27,
-        Format::Glb => gltf,
-        Format::Gltf => gltf / 3 * 4,
-        Format::Svg if options.shading == Shading::Flat => faces * 70,
-        Format::Svg => faces * 330 * component_count,
-        Format::Ply => vertices * 16 + faces * 13,
-        Format::Obj => vertices * 55 + faces * 24,
-        Format::Stl => faces * 50,
-        Format::Json => vertices * (40 + 6 * component_count) + faces * 24,
-        Format::Pmesh | Format::Progression => vertices * (14 + 2 * component_count),
+    let beside = match format {
+        Format::Glb => texture,
+        Format::Gltf => texture / 3 * 4,
         // Noise that does not compress becomes a little longer.
         Format::Png | Format::Pnm => picture + picture / 8,
+        _ => 0,
     };
-    bytes + FRAME
+    let [vertex, face, _] = bytes_of(format, options.shading, component_count);
+    vertices * vertex + faces * face + beside + FRAME
+}
+
+/// The most bytes that [`encode`] holds at once: the file, and what it is made from.
+fn held_bytes(source: &Encodable<'_>, format: Format, options: &EncodeOptions<'_>) -> u64 {
+    let Shape { width, height, component_count, .. } = source.mesh.shape();
+    let [.., work] = bytes_of(format, options.shading, component_count);
+    let samples = width * height * component_count;
+    let rebuilt = if format.is_picture() && source.picture.is_none() { 2 * samples } else { 0 };
+    let work = source.mesh.points().len() * work + rebuilt;
+    (estimated_bytes(source.mesh, format, options) + work) as u64
+}
+
+impl Format {
+    /// About the most bytes that writing a mesh of so many components holds for each vertex with its
+    /// two faces: the file, and what it is made from. None for the pictures.
+    #[must_use]
+    pub fn bytes_per_vertex(self, component_count: usize) -> u64 {
+        let [vertex, face, work] = bytes_of(self, Shading::Gradient, component_count);
+        (vertex + 2 * face + work) as u64
+    }
+}
+
+/// Bytes of a file for each vertex and for each face, and for each vertex of what it is made from.
+fn bytes_of(format: Format, shading: Shading, component_count: usize) -> [usize; 3] {
+    match format {
+        Format::Model => [12 + 6 * component_count, 27, 0],
+        // The buffer grows beside its faces, and compression puts the mesh into another order first.
+        Format::Glb => [32, 12, 344],
+        Format::Gltf => [43, 16, 325],
+        Format::Svg if shading == Shading::Flat => [0, 70, 10],
+        Format::Svg => [0, 330 * component_count, 150 + 40 * component_count],
+        Format::Ply => [16, 13, 2],
+        Format::Obj => [55, 24, 7],
+        Format::Stl => [0, 50, 0],
+        Format::Json => [40 + 6 * component_count, 24, 42],
+        Format::Pmesh => [14 + 2 * component_count, 0, 18 + 6 * component_count],
+        Format::Progression => [14 + 2 * component_count, 0, 136 + 6 * component_count],
+        Format::Png | Format::Pnm => [0, 0, 0],
+    }
 }

@@ -45,6 +45,14 @@ pub enum DecodeError {
         /// The most bytes allowed.
         limit: usize,
     },
+    /// Decoding would hold more bytes than [`DecodeOptions::max_bytes`](crate::DecodeOptions).
+    #[error("decoding takes {needed} bytes of memory, more than the {allowed} allowed")]
+    TooMuchMemory {
+        /// Bytes that would be held, as far as is known.
+        needed: u64,
+        /// The most bytes allowed.
+        allowed: u64,
+    },
     /// The bytes break the rules of their format, or end early.
     #[error("the {} file cannot be decoded: {reason}", .format.name())]
     Malformed {
@@ -104,6 +112,16 @@ pub enum EncodeError {
         component: usize,
         /// Components of the image.
         count: usize,
+    },
+    /// Writing would hold more bytes than [`EncodeOptions::max_bytes`](crate::EncodeOptions).
+    #[error("writing {format} takes {needed} bytes of memory, more than the {allowed} allowed")]
+    TooMuchMemory {
+        /// Name of the format.
+        format: &'static str,
+        /// Bytes that would be held.
+        needed: u64,
+        /// The most bytes allowed.
+        allowed: u64,
     },
     /// The file would be longer than its format can say.
     #[error("the {format} file would take {bytes} bytes, more than the {limit} that it can have")]

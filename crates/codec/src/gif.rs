@@ -5,6 +5,7 @@
 //!
 //! Literature: CompuServe, "Graphics Interchange Format, Version 89a", 1990.
 
+use crate::budget::Budget;
 use crate::canvas::{Canvas, Row};
 use crate::decode::{DecodeOptions, METADATA_BYTES};
 use crate::error::DecodeError;
@@ -37,8 +38,9 @@ pub(crate) fn decode(
 ) -> Result<Canvas, DecodeError> {
     guarded(PictureFormat::Gif, wanted, |wanted| {
         let mut animation = Animation::open(bytes, &options.limits, wanted)?;
+        let budget = Budget::of_decoder(&animation.header, options)?;
         let indices = animation.read_frame(options.lenient)?;
-        animation.paint(&indices, wanted)
+        animation.paint(&indices, budget, wanted)
     })
 }
 
@@ -88,10 +90,15 @@ impl<'a> Animation<'a> {
     }
 
     /// Puts the frame's colours onto the screen.
-    fn paint(&self, indices: &[u8], wanted: &Wanted<'_>) -> Result<Canvas, DecodeError> {
+    fn paint(
+        &self,
+        indices: &[u8],
+        budget: Budget,
+        wanted: &Wanted<'_>,
+    ) -> Result<Canvas, DecodeError> {
         let palette = self.decoder.palette().map_err(refusal)?;
         let frame = &self.frame;
-        let mut canvas = Canvas::new(self.header, Orientation::default());
+        let mut canvas = Canvas::new(self.header, Orientation::default(), budget, wanted)?;
         let mut samples = Vec::new();
         for (y, row) in indices.chunks_exact(usize::from(frame.width).max(1)).enumerate() {
             wanted()?;

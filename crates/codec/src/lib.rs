@@ -44,6 +44,7 @@
 
 mod alpha;
 mod bmp;
+mod budget;
 mod canvas;
 mod choices;
 mod color;
@@ -93,8 +94,8 @@ pub use json::write_json;
 pub use limits::Limits;
 pub use mesh_format::Format;
 pub use model::{
-    ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_while,
-    write_model, write_model_with_comments,
+    ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_bytes,
+    read_model_while, write_model, write_model_with_comments,
 };
 pub use obj::write_obj;
 pub use ply::write_ply;

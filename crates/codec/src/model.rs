@@ -10,5 +10,5 @@ mod tokens;
 mod write;
 
 pub use defect::{ModelDefect, ModelError};
-pub use read::{probe_model, read_model, read_model_while};
+pub use read::{probe_model, read_model, read_model_bytes, read_model_while};
 pub use write::{model_comments, write_model, write_model_with_comments};

@@ -1,6 +1,8 @@
 //! Pictures that the decoders of `image` read: WebP and BMP, both of 8 bits.
 
+use crate::budget::{Budget, decoder_bytes};
 use crate::canvas::Canvas;
+use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
@@ -35,12 +37,20 @@ impl<D: ImageDecoder> Raster<D> {
         Ok(Self { header, orientation, decoder })
     }
 
-    /// Decodes the pixels.
-    pub(crate) fn decode(self, wanted: &Wanted<'_>) -> Result<Canvas, DecodeError> {
-        let Self { header, orientation, decoder } = self;
+    /// Decodes the pixels; the decoder may take what the budget has for it.
+    pub(crate) fn decode(
+        self,
+        options: &DecodeOptions,
+        wanted: &Wanted<'_>,
+    ) -> Result<Canvas, DecodeError> {
+        let Self { header, orientation, mut decoder } = self;
+        let budget = Budget::of_decoder(&header, options)?;
+        let mut limits = image::Limits::no_limits();
+        limits.max_alloc = Some(decoder_bytes(&header));
+        decoder.set_limits(limits).map_err(|error| refusal(header.format, error))?;
         let mut pixels = vec![0; header.width * header.height * header.component_count];
         decoder.read_image(&mut pixels).map_err(|error| refusal(header.format, error))?;
-        let mut canvas = Canvas::new_while(header, orientation, wanted)?;
+        let mut canvas = Canvas::new(header, orientation, budget, wanted)?;
         canvas.put_rows(&pixels, wanted)?;
         Ok(canvas)
     }

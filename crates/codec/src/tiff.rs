@@ -15,6 +15,7 @@
 mod page;
 mod samples;
 
+use crate::budget::Budget;
 use crate::canvas::{Canvas, Row};
 use crate::decode::{DecodeOptions, METADATA_BYTES};
 use crate::error::DecodeError;
@@ -42,8 +43,9 @@ pub(crate) fn decode(
     guarded(PictureFormat::Tiff, wanted, |wanted| {
         let page = open(bytes, wanted)?;
         let header = page.header(&options.limits)?;
+        let budget = Budget::of_decoder(&header, options)?;
         let stored = read_stored(bytes, &page, wanted)?;
-        let mut canvas = Canvas::new(header, page.orientation);
+        let mut canvas = Canvas::new(header, page.orientation, budget, wanted)?;
         let mut samples = Samples::new(&page, &stored)?;
         for y in 0..page.height {
             wanted()?;

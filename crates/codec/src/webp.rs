@@ -40,7 +40,9 @@ pub(crate) fn decode(
     for stream in &streams {
         lossless::check_codes(stream, wanted)?;
     }
-    guarded(PictureFormat::WebP, wanted, |wanted| open(file, limits, wanted)?.decode(wanted))
+    guarded(PictureFormat::WebP, wanted, |wanted| {
+        open(file, limits, wanted)?.decode(options, wanted)
+    })
 }
 
 fn open<'a>(

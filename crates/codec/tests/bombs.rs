@@ -7,18 +7,12 @@ mod samples;
 
 use pixmesh_codec::{DecodeError, DecodeOptions, Limits, decode, probe, read_model};
 use samples::bombs::{contradictions, huge_headers, many_frames};
+use samples::memory::rise_kib;
 use samples::{deflated, ihdr, png_file};
 use std::time::Duration;
 
 /// The most that a bomb may make the process grow.
 const MOST_KIB: u64 = 20 << 10;
-
-/// A figure of this process's memory in KiB; `None` where the system does not tell.
-fn memory_kib(figure: &str) -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with(figure))?;
-    line.split_whitespace().nth(1)?.parse().ok()
-}
 
 /// The processor time of this thread: what else the machine does takes none of it.
 fn processor_time() -> Duration {
@@ -29,20 +23,16 @@ fn processor_time() -> Duration {
 /// Checks that an action takes less than so many milliseconds of processor time and makes the process grow by less
 /// than [`MOST_KIB`], from now to its peak.
 fn within<T>(milliseconds: u64, what: &str, action: impl FnOnce() -> T) -> T {
-    // Begins a new peak, where the system allows it; what it does not tell, it does not check.
-    let told = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-    let before = memory_kib("VmRSS:").filter(|_| told);
     let start = processor_time();
-    let result = action();
+    let (result, rise) = rise_kib(action);
     let elapsed = processor_time() - start;
     assert!(elapsed < Duration::from_millis(milliseconds), "{what} took {elapsed:?}");
-    match (before, memory_kib("VmHWM:")) {
-        (Some(before), Some(peak)) => {
-            let rise = peak.saturating_sub(before);
+    match rise {
+        Some(rise) => {
             println!("{what}: {elapsed:?}, {rise} KiB");
             assert!(rise < MOST_KIB, "{what} took {rise} KiB more");
         }
-        _ => println!("skipped: the system does not tell the peak of memory of {what}"),
+        None => println!("skipped: the system does not tell the peak of memory of {what}"),
     }
     result
 }

@@ -5,7 +5,7 @@ use crate::error::EncodeError;
 use crate::jpeg;
 use crate::png::write_png_while;
 use crate::wanted::{Wanted, always};
-use pixmesh_meshing::Image;
+use pixmesh_meshing::{Image, Shape};
 
 /// A picture that a glTF file carries: a PNG of 8 bits, or the JPEG that it was.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,6 +54,13 @@ impl Texture {
         let image = of_8_bits(image, wanted)?;
         write_png_while(&image, PngCompression::Small, &mut bytes, wanted)?;
         Ok(Self { bytes, media_type: "image/png" })
+    }
+
+    /// The most bytes that making the texture of an image of this shape holds: a copy of 8 bits a
+    /// sample, and its file.
+    #[must_use]
+    pub fn held_bytes(shape: Shape) -> u64 {
+        4 * shape.width as u64 * shape.height as u64 * shape.component_count as u64
     }
 
     /// The file.

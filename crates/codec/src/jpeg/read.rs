@@ -1,6 +1,7 @@
 //! The JPEG reader: gray stays gray, all else becomes RGB, the EXIF orientation is applied.
 
 use super::frame::Frame;
+use crate::budget::Budget;
 use crate::canvas::Canvas;
 use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
@@ -28,11 +29,12 @@ pub(crate) fn decode(
 ) -> Result<Canvas, DecodeError> {
     let (frame, essence) = Frame::read_all(bytes, options)?;
     let header = header(&frame);
+    let budget = Budget::of_decoder(&header, options)?;
     let pixels = guarded(PictureFormat::Jpeg, wanted, |wanted| {
         decode_essence(&frame, header.component_count, WantedBytes::new(&essence, wanted))
     })?;
     drop(essence);
-    let mut canvas = Canvas::new_while(header, frame.orientation, wanted)?;
+    let mut canvas = Canvas::new(header, frame.orientation, budget, wanted)?;
     canvas.put_rows(&pixels, wanted)?;
     Ok(canvas)
 }

@@ -48,6 +48,13 @@ pub fn read_model(bytes: &[u8], limits: &Limits) -> Result<Mesh, ModelError> {
     read_model_while(bytes, limits, &always)
 }
 
+/// The most bytes that reading a MODEL of `length` bytes holds: the text itself, the mesh, whose
+/// numbers are shorter than their texts, and the list of edges that its check sorts.
+#[must_use]
+pub fn read_model_bytes(length: u64) -> u64 {
+    length.saturating_mul(4)
+}
+
 /// Reads a mesh as [`read_model`] does, for as long as it is wanted.
 ///
 /// # Errors

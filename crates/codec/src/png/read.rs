@@ -10,6 +10,7 @@
 
 use super::interlace::stored_rows;
 use super::pixels::Pixels;
+use crate::budget::Budget;
 use crate::canvas::Canvas;
 use crate::decode::{DecodeOptions, METADATA_BYTES};
 use crate::error::DecodeError;
@@ -59,7 +60,8 @@ fn read_picture(
         Source::open(bytes, limits, row_bytes, wanted)?;
     let (width, height) = orientation.upright(header.width, header.height);
     let interlaced = reader.info().interlaced;
-    let mut canvas = Canvas::new(header, orientation);
+    let budget = Budget::of_decoder(&header, options)?;
+    let mut canvas = Canvas::new(header, orientation, budget, wanted)?;
     let mut samples = Vec::new();
     for row in stored_rows(width, height, interlaced) {
         wanted()?;

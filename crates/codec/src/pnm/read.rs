@@ -6,6 +6,7 @@
 //! the file is long enough to hold the pixels that its header claims.
 
 use super::scanner::Scanner;
+use crate::budget::Budget;
 use crate::canvas::{Canvas, Row};
 use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
@@ -33,7 +34,7 @@ pub(crate) fn decode(
     if !options.lenient {
         anymap.check_length()?;
     }
-    anymap.read_raster(options.lenient, wanted)
+    anymap.read_raster(options, wanted)
 }
 
 /// How the samples are written.
@@ -161,12 +162,17 @@ impl<'a> Anymap<'a> {
     }
 
     /// Reads the pixels, of a file that ends early as far as it goes.
-    fn read_raster(mut self, lenient: bool, wanted: &Wanted<'_>) -> Result<Canvas, DecodeError> {
-        let mut canvas = Canvas::new(self.header, Orientation::default());
+    fn read_raster(
+        mut self,
+        options: &DecodeOptions,
+        wanted: &Wanted<'_>,
+    ) -> Result<Canvas, DecodeError> {
+        let budget = Budget::of_decoder(&self.header, options)?;
+        let mut canvas = Canvas::new(self.header, Orientation::default(), budget, wanted)?;
         match self.coding {
             Coding::PlainBits | Coding::PlainNumbers => {
                 match self.read_plain(&mut canvas, wanted) {
-                    Err(_) if lenient && self.raster.rest().is_empty() => {}
+                    Err(_) if options.lenient && self.raster.rest().is_empty() => {}
                     result => result?,
                 }
             }

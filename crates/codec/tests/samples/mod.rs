@@ -5,6 +5,7 @@
 
 pub(crate) mod bombs;
 pub(crate) mod encoders;
+pub(crate) mod memory;
 
 use pixmesh_meshing::{Image, Mesh, Point, Shape};
 use proptest::prelude::*;

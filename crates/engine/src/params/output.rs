@@ -32,7 +32,8 @@ impl Output {
     /// How images are decoded.
     #[must_use]
     pub fn reading(&self, limits: &Limits) -> DecodeOptions {
-        DecodeOptions { limits: *limits, alpha: self.alpha, lenient: self.lenient }
+        let Self { alpha, lenient, .. } = *self;
+        DecodeOptions { limits: *limits, alpha, lenient, ..DecodeOptions::default() }
     }
 
     /// Whether the answer shows the image itself.
@@ -45,7 +46,8 @@ impl Output {
     #[must_use]
     pub fn writing<'a>(&self, texture: Option<&'a Texture>) -> EncodeOptions<'a> {
         let Self { geometry, compression, shading, png_compression, .. } = *self;
-        EncodeOptions { geometry, compression, texture, shading, png_compression }
+        let max_bytes = None;
+        EncodeOptions { geometry, compression, texture, shading, png_compression, max_bytes }
     }
 
     /// Checks what is asked for against the image.
