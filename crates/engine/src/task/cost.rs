@@ -3,8 +3,7 @@
 use super::effort::Effort;
 use super::footprint::{self, Footprint};
 use crate::params::Output;
-use pixmesh_codec::Format;
-use pixmesh_codec::Header;
+use pixmesh_codec::{Format, Header, Texture};
 use pixmesh_meshing::parameters::Plan;
 use pixmesh_meshing::{Parameters, Shape};
 
@@ -73,7 +72,8 @@ impl Cost {
     /// the work, and is written a second time.
     #[must_use]
     pub fn of_output(self, header: &Header, output: &Output, format: Format) -> Self {
-        let shown = if output.shows_image(format) { footprint::shown_image(header) } else { 0 };
+        let shown =
+            if output.shows_image(format) { Texture::held_bytes(header.shape()) } else { 0 };
         self.with_file(shown)
     }
 

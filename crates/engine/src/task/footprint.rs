@@ -6,8 +6,7 @@
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
 use super::cost::{Compared, Kept};
-use pixmesh_codec::Format;
-use pixmesh_codec::Header;
+use pixmesh_codec::{Format, Header, read_model_bytes};
 use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, Parallel, Plan, Policy};
 use pixmesh_meshing::{Parameters, Shape};
 
@@ -48,27 +47,8 @@ const WINDOW_ROWS: u64 = 14 * 2 * 8;
 const REMOVAL: u64 = 16;
 /// Bytes per final vertex with its two faces, in memory.
 const VERTEX: u64 = 40;
-/// The same in an answer with what it is made from: the buffer of glTF grows beside its faces, and
-/// compression puts the mesh into another order first.
-const MODEL_VERTEX: u64 = 64;
-const GLTF_VERTEX: u64 = 400;
-const SVG_VERTEX: u64 = 150;
-const PLY_VERTEX: u64 = 44;
-const OBJ_VERTEX: u64 = 110;
-const STL_VERTEX: u64 = 100;
-const JSON_VERTEX: u64 = 130;
-const PMESH_VERTEX: u64 = 32;
-/// Bytes per vertex of an order of vertices: while it is made, and with its file and what it is
-/// written from or read to.
+/// Bytes per vertex of an order of vertices while it is made.
 const ORDERED_VERTEX: u64 = 150;
-/// Bytes per sample of a vertex in a pmesh, and in what it is written from or read to.
-const PMESH_SAMPLE: u64 = 8;
-/// Bytes per sample of a vertex in text: five digits and a space.
-const TEXT_SAMPLE: u64 = 6;
-/// Bytes per component and vertex of the gradients of SVG.
-const SVG_GRADIENT: u64 = 700;
-/// Bytes per sample of an image that is shown: a copy of 8 bits, and its file.
-const SHOWN_SAMPLE: u64 = 4;
 /// What the allocator keeps back, that of threads that have ended too: so much per pixel, and at most.
 const SLACK_PER_PIXEL: u64 = 32;
 const MAX_SLACK: u64 = 40 << 20;
@@ -127,7 +107,7 @@ impl<'a> Footprint<'a> {
 
     /// The image's samples.
     fn image(&self) -> u64 {
-        self.pixels * self.components * SAMPLE
+        samples(self.header.shape())
     }
 
     /// What the decoder takes, the image's samples included.
@@ -225,89 +205,67 @@ impl<'a> Footprint<'a> {
     fn encoding(&self) -> u64 {
         let mesh = self.most * (VERTEX + SAMPLE * self.components);
         let removals = if self.simplifies { self.initial * REMOVAL } else { 0 };
-        let rebuilt_with_its_file = match self.format {
-            Format::Png | Format::Pnm => 2 * self.image(),
-            _ => 0,
-        };
+        let rebuilt_with_its_file = if self.format.is_picture() { 2 * self.image() } else { 0 };
         mesh + removals + self.written() + rebuilt_with_its_file
     }
 
-    /// An answer that holds the mesh.
+    /// An answer that holds the mesh; a job keeps an order of vertices beside the MODEL.
     fn written(&self) -> u64 {
-        self.most * written_per_vertex(self.format, self.components)
+        let kept = if self.format == Format::Progression {
+            written(Format::Model, self.header.shape(), self.most)
+        } else {
+            0
+        };
+        kept + written(self.format, self.header.shape(), self.most)
     }
 }
 
-/// Bytes per vertex of an answer that holds the mesh, with what it is made from.
-fn written_per_vertex(format: Format, components: u64) -> u64 {
-    let samples = TEXT_SAMPLE * components;
-    match format {
-        Format::Model => MODEL_VERTEX + samples,
-        Format::Glb | Format::Gltf => GLTF_VERTEX,
-        Format::Svg => SVG_VERTEX + SVG_GRADIENT * components,
-        Format::Ply => PLY_VERTEX,
-        Format::Obj => OBJ_VERTEX,
-        Format::Stl => STL_VERTEX,
-        Format::Json => JSON_VERTEX + samples,
-        Format::Pmesh => PMESH_VERTEX + PMESH_SAMPLE * components,
-        // A job keeps it beside the MODEL.
-        Format::Progression => MODEL_VERTEX + samples + ORDERED_VERTEX + PMESH_SAMPLE * components,
-        Format::Png | Format::Pnm => 0,
-    }
+/// Bytes that writing a mesh of so many vertices takes, without those of a picture.
+fn written(format: Format, shape: Shape, vertices: u64) -> u64 {
+    vertices * format.bytes_per_vertex(shape.component_count)
 }
 
-/// Bytes per byte of a MODEL that reading it takes: the text itself, the mesh, whose numbers are
-/// shorter than their texts, and the list of edges that its check sorts.
-const READ_MODEL: u64 = 4;
+/// Bytes of an image's samples.
+fn samples(shape: Shape) -> u64 {
+    shape.width as u64 * shape.height as u64 * shape.component_count as u64 * SAMPLE
+}
+
+/// Bytes that writing a mesh takes, the picture that it is rebuilt to with its file too.
+fn written_or_rebuilt(format: Format, shape: Shape, vertices: u64) -> u64 {
+    if format.is_picture() { 2 * samples(shape) } else { written(format, shape, vertices) }
+}
 
 /// Bytes that writing a mesh in a format takes, where the mesh is read from so much MODEL.
 pub(super) fn of_conversion(shape: Shape, vertices: u64, model: u64, format: Format) -> u64 {
-    let Shape { width, height, component_count, .. } = shape;
-    let image = width as u64 * height as u64 * component_count as u64 * SAMPLE;
     let out = match format {
         Format::Model => model,
-        Format::Png | Format::Pnm => 2 * image,
-        format => vertices * written_per_vertex(format, component_count as u64),
+        format => written_or_rebuilt(format, shape, vertices),
     };
-    model.saturating_mul(READ_MODEL).saturating_add(out)
+    read_model_bytes(model).saturating_add(out)
 }
 
 /// Bytes that making a mesh of some size takes of the order of vertices that a job keeps, and
 /// writing it in a format: the order as it is read, the triangulation and the file.
 pub(super) fn of_resizing(kept: Kept, size: u64, format: Format) -> u64 {
     let Kept { shape, vertices, bytes } = kept;
-    let components = shape.component_count as u64;
-    let read = bytes + vertices * (ORDERED_VERTEX + PMESH_SAMPLE * components);
-    let image = shape.width as u64 * shape.height as u64 * components * SAMPLE;
-    let out = match format {
-        Format::Png | Format::Pnm => 2 * image,
-        format => size * written_per_vertex(format, components),
-    };
+    let read = bytes + written(Format::Progression, shape, vertices);
+    let out = written_or_rebuilt(format, shape, size);
     read.saturating_add(size * (POINT + VERTEX)).saturating_add(out)
 }
 
 /// Bytes that comparing a picture takes: both decoded, one after the other, and rows of sums.
 pub(super) fn of_comparison(first: &Header, second: Compared<'_>) -> u64 {
-    let samples = |header: &Header| {
-        let pixels = header.width as u64 * header.height as u64;
-        pixels * header.component_count as u64 * SAMPLE
-    };
+    let decoded = |header: &Header| header.decode_bytes().max(samples(header.shape()));
     let second = match second {
-        Compared::Picture(header) => header.decode_bytes().max(samples(header)),
-        Compared::Model(bytes) => bytes.saturating_mul(READ_MODEL).saturating_add(samples(first)),
+        Compared::Picture(header) => decoded(header),
+        Compared::Model(bytes) => read_model_bytes(bytes).saturating_add(samples(first.shape())),
     };
     let rows = first.width as u64 * COMPARED_ROWS;
-    first.decode_bytes().max(samples(first)).saturating_add(second).saturating_add(rows)
+    decoded(first).saturating_add(second).saturating_add(rows)
 }
 
 /// Bytes per column of the rows that structural similarity keeps.
 const COMPARED_ROWS: u64 = 13 * 5 * 8;
-
-/// Bytes that an image takes that is embedded in the answer: it becomes a file of its own before
-/// the work.
-pub(super) fn shown_image(header: &Header) -> u64 {
-    header.width as u64 * header.height as u64 * header.component_count as u64 * SHOWN_SAMPLE
-}
 
 #[cfg(test)]
 mod tests {
