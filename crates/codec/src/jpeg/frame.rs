@@ -1,6 +1,6 @@
 //! What a JPEG says of its picture, and whether its scans can hold it.
 
-use super::segments::{APP0, APP1, APP14, APP15, COM, DNL, EOI, SOI, SOS, Segment, Segments};
+use super::segments::{Segment, Segments};
 use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
@@ -10,43 +10,38 @@ use crate::orientation::Orientation;
 /// The longest side that JPEG decoders agree on, as in the reference library.
 const MAX_JPEG_SIDE: usize = 65_500;
 
-/// The most scans of a progressive picture: each takes a pass over all of it.
+/// The most scans: each takes a pass over all of the picture.
 const MAX_SCANS: usize = 100;
 
 /// The most blocks of a minimum coded unit.
 const MAX_UNIT_BLOCKS: usize = 10;
 
+/// Markers: the start and the end of the image, of a scan, and EXIF data or XMP.
+const START: [u8; 2] = [0xFF, 0xD8];
+const END: u8 = 0xD9;
+const SCAN: u8 = 0xDA;
+const APP1: u8 = 0xE1;
+
 /// The frame header, and the orientation.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) struct Frame {
     /// Columns as stored.
     pub(super) width: usize,
     /// Rows as stored.
     pub(super) height: usize,
-    /// One, three or four components as stored.
-    pub(super) components: Vec<Component>,
+    /// Of one, three or four stored components the blocks side by side and on top of each other in a
+    /// minimum coded unit, 1 to 4.
+    pub(super) samplings: Vec<[usize; 2]>,
     /// The picture comes in several scans of growing detail.
-    pub(super) progressive: bool,
+    progressive: bool,
     /// What makes the picture upright.
     pub(super) orientation: Orientation,
-}
-
-/// One stored component.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Component {
-    id: u8,
-    /// Blocks side by side in one minimum coded unit, 1 to 4.
-    horizontal: usize,
-    /// Blocks on top of each other in one minimum coded unit, 1 to 4.
-    vertical: usize,
-    /// A scan has held its blocks' first coefficients.
-    seen: bool,
 }
 
 impl Frame {
     /// Reads everything up to the first scan, and checks the size against the limits.
     pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Self, DecodeError> {
-        Ok(read_to_scan(&mut Segments::new(bytes), limits, &mut |_, _| {})?.0)
+        Ok(read_to_scan(&mut Segments::new(bytes), limits, &mut Vec::new())?.0)
     }
 
     /// Reads the whole file, and gives back what a decoder needs of it: no metadata, nothing
@@ -57,191 +52,126 @@ impl Frame {
         options: &DecodeOptions,
     ) -> Result<(Self, Vec<u8>), DecodeError> {
         let mut essence = Vec::with_capacity(bytes.len());
-        essence.extend([0xFF, SOI]);
-        let mut keep = |segment: Segment<'_>, entropy_coded: &[u8]| {
-            let end = segment.at + 4 + segment.payload.len();
-            essence.extend_from_slice(bytes.get(segment.at..end).unwrap_or_default());
-            essence.extend_from_slice(entropy_coded);
-        };
+        essence.extend(START);
         let mut segments = Segments::new(bytes);
-        let (mut frame, first) = read_to_scan(&mut segments, &options.limits, &mut keep)?;
-        frame.read_scans(&mut segments, first, options.lenient, &mut keep)?;
-        essence.extend([0xFF, EOI]);
+        let (frame, first) = read_to_scan(&mut segments, &options.limits, &mut essence)?;
+        frame.read_scans(&mut segments, first, options.lenient, &mut essence)?;
+        essence.extend([0xFF, END]);
         Ok((frame, essence))
     }
 
     /// Reads the scans up to the end-of-image marker, and checks that they hold the picture; when
     /// lenient, up to the end of the file at the latest, and takes what there is.
-    fn read_scans<'a>(
-        &mut self,
-        segments: &mut Segments<'a>,
-        first: Segment<'a>,
+    fn read_scans(
+        &self,
+        segments: &mut Segments<'_>,
+        first: Segment<'_>,
         lenient: bool,
-        keep: &mut impl FnMut(Segment<'a>, &[u8]),
+        essence: &mut Vec<u8>,
     ) -> Result<(), DecodeError> {
-        let mut segment = first;
-        let mut scan_count = 0;
+        let (mut segment, mut scan_count) = (first, 0);
+        // What the scans of first coefficients have.
+        let (mut component_count, mut length) = (0, 0);
         loop {
             match segment.marker {
-                SOS => {
+                SCAN => {
                     scan_count += 1;
                     if scan_count > MAX_SCANS {
                         return Err(malformed(format!("it has more than {MAX_SCANS} scans")));
                     }
-                    let entropy_coded = if lenient {
-                        segments.take_entropy_coded()
-                    } else {
-                        segments.skip_entropy_coded()?
-                    };
-                    let length = if lenient { usize::MAX } else { entropy_coded.len() };
-                    self.check_scan(segment, length)?;
-                    keep(segment, entropy_coded);
+                    let components = self.scanned_components(segment)?;
+                    let entropy_coded = segments.entropy_coded(lenient)?;
+                    if components > 0 {
+                        component_count += components;
+                        length += entropy_coded.len();
+                    }
+                    essence.extend_from_slice(segment.bytes);
+                    essence.extend_from_slice(entropy_coded);
                 }
-                EOI => break,
-                DNL | 0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCF => {
+                END => break,
+                0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCF | 0xDC => {
                     let reason = format!("a second frame starts at byte {}", segment.at);
                     return Err(malformed(reason));
                 }
-                marker if is_essential(marker) => keep(segment, &[]),
-                _ => {}
+                _ => keep(segment, essence),
             }
             segment = match segments.next() {
                 Err(_) if lenient => return Ok(()),
                 next => next?,
             };
         }
-        match self.components.iter().find(|component| !component.seen) {
-            Some(Component { id, .. }) if !lenient => {
-                Err(malformed(format!("component {id} has no scan")))
-            }
-            _ => Ok(()),
-        }
+        if lenient { Ok(()) } else { self.check_scans(component_count, length) }
     }
 
-    /// Checks a scan of so many bytes of entropy-coded data, and notes whose blocks it holds.
-    fn check_scan(&mut self, scan: Segment<'_>, length: usize) -> Result<(), DecodeError> {
-        let (chosen, first_coefficient) = self.read_scan_header(scan)?;
-        self.check_coverage(&chosen)?;
-        if self.progressive && first_coefficient != 0 {
-            return Ok(());
+    /// Components whose first coefficients a scan holds. Refuses a sequential picture in several
+    /// scans where the decoder would put the blocks of sampled components into wrong places.
+    fn scanned_components(&self, scan: Segment<'_>) -> Result<usize, DecodeError> {
+        let &[count, .., first_coefficient, _, approximation] = scan.payload() else {
+            return Err(malformed(format!("the scan header at byte {} is broken", scan.at)));
+        };
+        let count = usize::from(count);
+        let [h_max, v_max] = self.most_blocks();
+        let whole = self.progressive || count == self.samplings.len();
+        if !whole && (v_max > 1 || (h_max > 1 && count > 1)) {
+            let reason =
+                "several scans of sampled components are only supported in progressive files";
+            return Err(PictureFormat::Jpeg.unsupported(reason));
         }
-        for &index in &chosen {
-            let Some(component) = self.components.get_mut(index) else { continue };
-            if component.seen && !self.progressive {
-                let reason = format!("the scan at byte {} repeats a component", scan.at);
-                return Err(malformed(reason));
-            }
-            component.seen = true;
-        }
-        self.check_length(scan, &chosen, length)
+        let refines = self.progressive && (first_coefficient > 0 || approximation >> 4 > 0);
+        Ok(if refines { 0 } else { count })
     }
 
-    /// Reads which components a scan holds, by their indices, and from which coefficient on.
-    fn read_scan_header(&self, scan: Segment<'_>) -> Result<(Vec<usize>, u8), DecodeError> {
-        let broken = || malformed(format!("the scan header at byte {} is broken", scan.at));
-        let (&count, rest) = scan.payload.split_first().ok_or_else(broken)?;
-        let (selectors, bands) =
-            rest.split_at_checked(2 * usize::from(count)).ok_or_else(broken)?;
-        let &[first_coefficient, _, _] = bands else { return Err(broken()) };
-        let mut chosen = Vec::with_capacity(self.components.len());
-        for selector in selectors.chunks_exact(2) {
-            let with_id = |component: &Component| selector.first() == Some(&component.id);
-            let index = self.components.iter().position(with_id).ok_or_else(broken)?;
-            if chosen.contains(&index) {
-                return Err(broken());
-            }
-            chosen.push(index);
-        }
-        if chosen.is_empty() { Err(broken()) } else { Ok((chosen, first_coefficient)) }
-    }
-
-    /// Checks that a scan's entropy-coded data can hold its blocks.
+    /// Checks that every component has a scan, and that their entropy-coded data can hold all blocks.
     ///
     /// No code is shorter than one bit, so each block takes at least one bit for its constant
     /// coefficient and, unless the picture is progressive, one for the others.
-    fn check_length(
-        &self,
-        scan: Segment<'_>,
-        chosen: &[usize],
-        length: usize,
-    ) -> Result<(), DecodeError> {
-        let blocks = self.block_count(chosen);
-        let bits = if self.progressive { blocks } else { 2 * blocks };
-        if length as u64 >= bits.div_ceil(8) {
-            return Ok(());
+    fn check_scans(&self, component_count: usize, length: usize) -> Result<(), DecodeError> {
+        let components = self.samplings.len();
+        if component_count < components {
+            let reason = format!("only {component_count} of {components} components have a scan");
+            return Err(malformed(reason));
         }
         let Self { width, height, .. } = *self;
-        Err(malformed(format!(
-            "the scan at byte {} has {length} bytes, too few for {blocks} blocks of \
-             {width}x{height} pixels",
-            scan.at
-        )))
-    }
-
-    /// Refuses a sequential picture in several scans where the decoder would put the blocks of
-    /// sampled components into wrong places.
-    fn check_coverage(&self, chosen: &[usize]) -> Result<(), DecodeError> {
-        let whole = self.progressive || chosen.len() == self.components.len();
         let [h_max, v_max] = self.most_blocks();
-        if whole || (v_max == 1 && (h_max == 1 || chosen.len() == 1)) {
+        let blocks: usize = self
+            .samplings
+            .iter()
+            .map(|[h, v]| (width * h).div_ceil(8 * h_max) * (height * v).div_ceil(8 * v_max))
+            .sum();
+        let bits = if self.progressive { blocks } else { 2 * blocks };
+        if length >= bits.div_ceil(8) {
             return Ok(());
         }
-        let reason = "several scans of sampled components are only supported in progressive files";
-        Err(PictureFormat::Jpeg.unsupported(reason))
+        Err(malformed(format!(
+            "its scans have {length} bytes, too few for {blocks} blocks of {width}x{height} pixels"
+        )))
     }
 
     /// The most blocks that a component has side by side, and on top of each other.
     fn most_blocks(&self) -> [usize; 2] {
-        let components = &self.components;
-        [
-            components.iter().map(|component| component.horizontal).max().unwrap_or(1),
-            components.iter().map(|component| component.vertical).max().unwrap_or(1),
-        ]
+        self.samplings.iter().fold([1, 1], |[h_max, v_max], &[h, v]| [h_max.max(h), v_max.max(v)])
     }
 
     /// Refuses samplings that the decoder gets wrong: a first component coarser than another, and
     /// minimum coded units of more blocks than the standard allows in one scan.
     fn check_sampling(&self) -> Result<(), DecodeError> {
-        let [h_max, v_max] = self.most_blocks();
-        let blocks: usize = self.components.iter().map(|c| c.horizontal * c.vertical).sum();
-        let first_is_finest = self
-            .components
-            .first()
-            .is_some_and(|first| [first.horizontal, first.vertical] == [h_max, v_max]);
-        if self.components.len() == 1 || (first_is_finest && blocks <= MAX_UNIT_BLOCKS) {
+        let blocks: usize = self.samplings.iter().map(|[h, v]| h * v).sum();
+        let first_is_finest = self.samplings.first() == Some(&self.most_blocks());
+        if self.samplings.len() == 1 || (first_is_finest && blocks <= MAX_UNIT_BLOCKS) {
             return Ok(());
         }
-        let samplings = self.components.iter().map(|c| format!("{}x{}", c.horizontal, c.vertical));
+        let samplings = self.samplings.iter().map(|[h, v]| format!("{h}x{v}"));
         let samplings: Vec<String> = samplings.collect();
         let reason = format!("the samplings {} are not supported", samplings.join(", "));
         Err(PictureFormat::Jpeg.unsupported(reason))
     }
-
-    /// Blocks of 8x8 coefficients that a scan of the chosen components holds.
-    fn block_count(&self, chosen: &[usize]) -> u64 {
-        let [h_max, v_max] = self.most_blocks();
-        let chosen = chosen.iter().filter_map(|&index| self.components.get(index));
-        let blocks: Vec<(usize, usize)> = chosen.map(|c| (c.horizontal, c.vertical)).collect();
-        if let [(horizontal, vertical)] = blocks[..] {
-            let columns = (self.width * horizontal).div_ceil(h_max).div_ceil(8);
-            let rows = (self.height * vertical).div_ceil(v_max).div_ceil(8);
-            return columns as u64 * rows as u64;
-        }
-        let units = self.width.div_ceil(8 * h_max) as u64 * self.height.div_ceil(8 * v_max) as u64;
-        units
-            * blocks
-                .iter()
-                .map(|(horizontal, vertical)| (horizontal * vertical) as u64)
-                .sum::<u64>()
-    }
 }
 
-/// Reads up to the first scan header, which is given back too; `keep` hears of each segment before
-/// it that decoding needs.
+/// Reads up to the first scan header, which is given back too.
 fn read_to_scan<'a>(
     segments: &mut Segments<'a>,
     limits: &Limits,
-    keep: &mut impl FnMut(Segment<'a>, &[u8]),
+    essence: &mut Vec<u8>,
 ) -> Result<(Frame, Segment<'a>), DecodeError> {
     let mut frame = None;
     let mut orientation = None;
@@ -255,38 +185,35 @@ fn read_to_scan<'a>(
             0xC3 | 0xC5..=0xC7 | 0xC9..=0xCB | 0xCD..=0xCF => {
                 return Err(unsupported_coding(segment));
             }
-            EOI => return Err(malformed(format!("it ends at byte {} without a scan", segment.at))),
-            APP1 => orientation = orientation.or_else(|| exif_orientation(segment.payload)),
-            SOS => {
+            END => return Err(malformed(format!("it ends at byte {} without a scan", segment.at))),
+            APP1 if segment.payload().starts_with(b"Exif\0\0") => {
+                orientation.get_or_insert(Orientation::from_exif(segment.payload()));
+            }
+            SCAN => {
                 let mut frame = frame.ok_or_else(|| malformed("a scan comes before its frame"))?;
                 frame.orientation = orientation.unwrap_or_default();
                 return Ok((frame, segment));
             }
             _ => {}
         }
-        if is_essential(segment.marker) {
-            keep(segment, &[]);
-        }
+        keep(segment, essence);
     }
 }
 
-/// Tells whether decoding needs segments of this marker: tables, the frame, and what tells the
-/// colours; not metadata, and no marker that stands alone.
-fn is_essential(marker: u8) -> bool {
-    match marker {
-        APP0 | APP14 => true,
-        0x01..=0xBF | 0xD0..=SOS | APP1..=APP15 | COM => false,
-        _ => true,
+/// Keeps segments that decoding needs: tables, the frame, and what tells the colours (APP0 and
+/// APP14); no other application data, no comments, and no marker that stands alone.
+fn keep(segment: Segment<'_>, essence: &mut Vec<u8>) {
+    if !matches!(segment.marker, 0x01..=0xBF | 0xD0..=SCAN | APP1..=0xED | 0xEF | 0xFE) {
+        essence.extend_from_slice(segment.bytes);
     }
 }
 
 /// Reads the frame header, and checks its size against the limits.
 fn read_frame(segment: Segment<'_>, limits: &Limits) -> Result<Frame, DecodeError> {
-    let [precision, h1, h0, w1, w0, count, components @ ..] = segment.payload else {
+    let &[precision, h1, h0, w1, w0, count, ref components @ ..] = segment.payload() else {
         return Err(malformed("the frame header ends early"));
     };
-    let width = u16::from_be_bytes([*w1, *w0]);
-    let height = u16::from_be_bytes([*h1, *h0]);
+    let (width, height) = (u16::from_be_bytes([w1, w0]), u16::from_be_bytes([h1, h0]));
     if height == 0 {
         return Err(PictureFormat::Jpeg.unsupported("its height follows its pixels"));
     }
@@ -295,7 +222,7 @@ fn read_frame(segment: Segment<'_>, limits: &Limits) -> Result<Frame, DecodeErro
     }
     let limits = Limits { max_side: limits.max_side.min(MAX_JPEG_SIDE), ..*limits };
     let (width, height) = limits.check(width.into(), height.into())?;
-    if *precision != 8 {
+    if precision != 8 {
         let reason = format!("{precision} bits per sample are not supported, only 8 are");
         return Err(PictureFormat::Jpeg.unsupported(reason));
     }
@@ -303,33 +230,24 @@ fn read_frame(segment: Segment<'_>, limits: &Limits) -> Result<Frame, DecodeErro
         let reason = format!("{count} components are not supported, only 1, 3 and 4 are");
         return Err(PictureFormat::Jpeg.unsupported(reason));
     }
-    if components.len() != 3 * usize::from(*count) {
+    let (components, rest) = components.as_chunks();
+    if components.len() != usize::from(count) || !rest.is_empty() {
         return Err(malformed("the frame header has a wrong length"));
     }
-    let progressive = segment.marker == 0xC2;
-    let components = components.chunks_exact(3).map(read_component).collect::<Result<_, _>>()?;
-    let orientation = Orientation::default();
-    let frame = Frame { width, height, components, progressive, orientation };
+    let samplings = components.iter().map(read_sampling).collect::<Result<_, _>>()?;
+    let (progressive, orientation) = (segment.marker == 0xC2, Orientation::default());
+    let frame = Frame { width, height, samplings, progressive, orientation };
     frame.check_sampling()?;
     Ok(frame)
 }
 
-/// Reads the three bytes of a component in the frame header.
-fn read_component(bytes: &[u8]) -> Result<Component, DecodeError> {
-    let [id, sampling, _] = *bytes else {
-        return Err(malformed("the frame header has a wrong length"));
-    };
-    let (horizontal, vertical) = (usize::from(sampling >> 4), usize::from(sampling & 15));
-    if !(1..=4).contains(&horizontal) || !(1..=4).contains(&vertical) {
-        let reason = format!("component {id} has the sampling {horizontal}x{vertical}");
-        return Err(malformed(reason));
+/// The sampling in the three bytes of a component.
+fn read_sampling(&[id, sampling, _]: &[u8; 3]) -> Result<[usize; 2], DecodeError> {
+    let [horizontal, vertical] = [sampling >> 4, sampling & 15].map(usize::from);
+    if (1..=4).contains(&horizontal) && (1..=4).contains(&vertical) {
+        return Ok([horizontal, vertical]);
     }
-    Ok(Component { id, horizontal, vertical, seen: false })
-}
-
-/// The orientation in an APP1 segment, if that holds EXIF data.
-fn exif_orientation(payload: &[u8]) -> Option<Orientation> {
-    payload.strip_prefix(b"Exif\0\0").map(Orientation::from_exif)
+    Err(malformed(format!("component {id} has the sampling {horizontal}x{vertical}")))
 }
 
 /// The error for a frame that is neither baseline, extended sequential nor progressive Huffman.

@@ -48,14 +48,14 @@ pub(crate) fn plain_copy(bytes: &[u8]) -> Option<Vec<u8>> {
     let any_size = Limits { max_pixels: u64::MAX, max_side: usize::MAX };
     let options = DecodeOptions { limits: any_size, ..DecodeOptions::default() };
     let (frame, essence) = Frame::read_all(bytes, &options).ok()?;
-    let plain = frame.orientation == Orientation::default() && frame.components.len() < 4;
+    let plain = frame.orientation == Orientation::default() && frame.samplings.len() < 4;
     plain.then_some(essence)
 }
 
 /// What the frame header means for the decoded image.
 fn header(frame: &Frame) -> Header {
     let (width, height) = frame.orientation.upright(frame.width, frame.height);
-    let component_count = if frame.components.len() == 1 { 1 } else { 3 };
+    let component_count = if frame.samplings.len() == 1 { 1 } else { 3 };
     Header { format: PictureFormat::Jpeg, width, height, component_count, precision: 8 }
 }
 
