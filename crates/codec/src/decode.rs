@@ -89,8 +89,8 @@ impl DecodeOptions {
 
 /// Reads a picture's header and checks it against the limits, alpha kept.
 ///
-/// Needs no pixel buffer, and at most 8 MiB whatever the bytes. The pixels are not looked at: a
-/// header that passes may still be followed by broken ones.
+/// Needs no pixel buffer, and at most 8 MiB whatever the bytes; for the tags of a TIFF 40 MiB. The
+/// pixels are not looked at: a header that passes may still be followed by broken ones.
 ///
 /// # Errors
 /// When there are no bytes, the format is unknown, the header is broken or not supported, the

@@ -16,8 +16,9 @@
 //! | PLY, OBJ, STL | | [`write_ply`], [`write_obj`], [`write_stl`] |
 //! | JSON | | [`write_json`] |
 //!
-//! [`DecodeOptions`] say what becomes of alpha and of files that end early, [`Geometry`] how a mesh
-//! lies in space: flat, as a relief of its luma or of a component, or as a solid on a base.
+//! [`DecodeOptions`] say what becomes of alpha and of files that end early, and how much memory may
+//! be taken; [`EncodeOptions`] say the same of writing. [`Geometry`] says how a mesh lies in space:
+//! flat, as a relief of its luma or of a component, or as a solid on a base.
 //! [`DecodeOptions::decode_while`] and the other functions of that ending stop when their result is
 //! no longer [`Wanted`].
 //! [`read_weights`] reads how much each point of a picture matters, which is a picture itself.

@@ -123,10 +123,13 @@ impl Code {
         if let [symbol] = self.symbols[..] {
             return Ok(symbol.into());
         }
+        let mut word = bits.peek();
         let (mut code, mut first, mut index) = (0, 0, 0);
-        for count in self.counts {
-            code = code << 1 | bits.read(1)?;
+        for (length, count) in (1..).zip(self.counts) {
+            code = code << 1 | (word & 1) as usize;
+            word >>= 1;
             if code < first + count {
+                bits.skip(length)?;
                 return self
                     .symbols
                     .get(index + code - first)
@@ -147,16 +150,26 @@ struct Bits<'a> {
 }
 
 impl Bits<'_> {
-    /// Reads a number of up to 18 bits.
-    fn read(&mut self, count: usize) -> Result<usize, DecodeError> {
+    /// The next 25 bits or more, zeros after the end.
+    fn peek(&self) -> u32 {
         let bytes = self.data.get(self.position / 8..).unwrap_or_default();
         let word = match bytes {
             [a, b, c, d, ..] => u32::from_le_bytes([*a, *b, *c, *d]),
             _ => bytes.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte)),
         };
-        let value = word >> (self.position % 8) & ((1 << count) - 1);
+        word >> (self.position % 8)
+    }
+
+    fn skip(&mut self, count: usize) -> Result<(), DecodeError> {
         self.position += count;
-        if self.position > 8 * self.data.len() { Err(ends_early()) } else { Ok(value as usize) }
+        if self.position > 8 * self.data.len() { Err(ends_early()) } else { Ok(()) }
+    }
+
+    /// Reads a number of up to 18 bits.
+    fn read(&mut self, count: usize) -> Result<usize, DecodeError> {
+        let value = self.peek() & ((1 << count) - 1);
+        self.skip(count)?;
+        Ok(value as usize)
     }
 
     /// Reads how many symbols a colour cache adds to the first code.
