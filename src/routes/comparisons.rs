@@ -13,19 +13,20 @@ use pixmesh_engine::Owner;
 use pixmesh_engine::pipeline::{self, Comparison, Pair};
 use pixmesh_engine::task::{Compared, Cost};
 use pixmesh_meshing::Shape;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
+use utoipa::ToSchema;
 
 /// Answers with the figures.
 ///
 /// # Errors
 /// Every refusal of upload, admission and work.
-pub async fn create(
+pub(super) async fn create(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,
     request: Request,
-) -> Result<Json<Value>, Problem> {
+) -> Result<Json<Figures>, Problem> {
     let cut = service.cut.clone();
     tokio::select! {
         answer = compare(&service, &owner, request) => answer,
@@ -37,7 +38,7 @@ async fn compare(
     service: &Service,
     owner: &Owner,
     request: Request,
-) -> Result<Json<Value>, Problem> {
+) -> Result<Json<Figures>, Problem> {
     let (head, body) = request.into_parts();
     let mut parameters = Few::of_query(&[], head.uri.query())?;
     let receiving = service.intake.receive(owner, &COMPARED, &head.headers, body, &mut parameters);
@@ -46,7 +47,7 @@ async fn compare(
     let other = probe(&approximation.bytes, &service.pictures).map_err(of_approximation)?;
     refuse_other_shape(header.shape(), other.shape())?;
     let comparison = run(service, owner, picture, approximation, &header, other).await?;
-    Ok(Json(document(&header, comparison)))
+    Ok(Json(Figures::new(&header, comparison)))
 }
 
 /// What a picture is compared with, by its content.
@@ -129,17 +130,38 @@ async fn run(
     Ok(done)
 }
 
-/// The figures; there is no number for the PSNR of a perfect copy.
-fn document(header: &Header, comparison: Comparison) -> Value {
-    let Comparison { mse, psnr_db, ssim } = comparison;
-    json!({
-        "width": header.width,
-        "height": header.height,
-        "components": header.component_count,
-        "precision": header.precision,
-        "identical": mse == 0.0,
-        "mse": mse,
-        "psnr_db": Some(psnr_db).filter(|psnr| psnr.is_finite()),
-        "ssim": ssim,
-    })
+/// Figures over all pixels and components.
+#[derive(Serialize, ToSchema)]
+#[schema(as = Comparison)]
+pub(super) struct Figures {
+    width: usize,
+    height: usize,
+    components: usize,
+    /// Bits per sample.
+    precision: u8,
+    identical: bool,
+    /// Mean squared error.
+    #[schema(minimum = 0)]
+    mse: f64,
+    /// PSNR in decibels; null for equal pictures.
+    psnr_db: Option<f64>,
+    /// Mean structural similarity; null for pictures with a side under 11.
+    #[schema(minimum = -1, maximum = 1)]
+    ssim: Option<f64>,
+}
+
+impl Figures {
+    fn new(header: &Header, comparison: Comparison) -> Self {
+        let Comparison { mse, psnr_db, ssim } = comparison;
+        Self {
+            width: header.width,
+            height: header.height,
+            components: header.component_count,
+            precision: header.precision,
+            identical: mse == 0.0,
+            mse,
+            psnr_db: Some(psnr_db).filter(|psnr| psnr.is_finite()),
+            ssim,
+        }
+    }
 }

@@ -27,6 +27,7 @@ use axum::extract::{Path, Request, State};
 use axum::http::header::{CACHE_CONTROL, RETRY_AFTER};
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
+use document::Job;
 use pixmesh_engine::Owner;
 use pixmesh_jobs::queue::{Cancellation, Lookup};
 use pixmesh_jobs::record::{JobId, Record, State as JobState};
@@ -110,7 +111,7 @@ fn gone() -> Problem {
 
 /// The answer with a job.
 fn answer(status: StatusCode, record: &Record) -> Response {
-    let mut response = (status, Json(document::of(record))).into_response();
+    let mut response = (status, Json(Job::from(record))).into_response();
     let headers = response.headers_mut();
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     if !record.state.is_final() {

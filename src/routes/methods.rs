@@ -7,53 +7,115 @@ use pixmesh_engine::params::{
 };
 use pixmesh_meshing::parameters::Policy;
 use pixmesh_meshing::{Method, Target};
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
+
+/// Everything that can be asked for.
+#[derive(Serialize, ToSchema)]
+pub(super) struct Methods {
+    /// The method where none is given.
+    default: &'static str,
+    methods: Vec<MethodRow>,
+    policies: Vec<PolicyRow>,
+    parameters: Vec<ParameterRow>,
+    formats: Vec<FormatRow>,
+}
+
+/// A method.
+#[derive(Serialize, ToSchema)]
+pub(super) struct MethodRow {
+    name: &'static str,
+    /// The components that an image must have; null for any.
+    components: Option<usize>,
+    /// What it sets each parameter to.
+    #[schema(value_type = Object)]
+    defaults: Map<String, Value>,
+}
+
+/// A sampling policy.
+#[derive(Serialize, ToSchema)]
+pub(super) struct PolicyRow {
+    name: &'static str,
+    /// The components that an image must have; null for any.
+    components: Option<usize>,
+}
+
+/// A parameter.
+#[derive(Default, Serialize, ToSchema)]
+pub(super) struct ParameterRow {
+    name: &'static str,
+    about: &'static str,
+    /// The JSON type of its values: number, integer, boolean or string.
+    r#type: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = f64, required = false)]
+    minimum: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = f64, required = false)]
+    maximum: Option<Value>,
+    /// Every text that it takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    allowed: Option<&'static [&'static str]>,
+    /// The regular expression of the texts that it takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pattern: Option<&'static str>,
+}
+
+/// A format, and a media type that it is sent as.
+#[derive(Serialize, ToSchema)]
+pub(super) struct FormatRow {
+    format: &'static str,
+    media_type: &'static str,
+}
 
 /// Answers with everything that can be asked for.
-pub async fn list() -> Json<Value> {
-    Json(json!({
-        "default": DEFAULT_METHOD.name(),
-        "methods": Method::ALL.iter().map(|&method| of_method(method)).collect::<Vec<_>>(),
-        "policies": Policy::ALL.iter().map(|&policy| of_policy(policy)).collect::<Vec<_>>(),
-        "parameters": TABLE.iter().map(of_parameter).collect::<Vec<_>>(),
-        "formats": offered().map(|offer| json!({
-            "format": offer.format.name(),
-            "media_type": offer.media_type,
-        })).collect::<Vec<_>>(),
-    }))
+pub(super) async fn list() -> Json<Methods> {
+    Json(Methods {
+        default: DEFAULT_METHOD.name(),
+        methods: Method::ALL.iter().map(|&method| MethodRow::from(method)).collect(),
+        policies: Policy::ALL.iter().map(|&policy| PolicyRow::from(policy)).collect(),
+        parameters: TABLE.iter().map(ParameterRow::from).collect(),
+        formats: offered()
+            .map(|offer| FormatRow { format: offer.format.name(), media_type: offer.media_type })
+            .collect(),
+    })
 }
 
-/// A method: the components it is for (null for any), and what it sets each parameter to.
-fn of_method(method: Method) -> Value {
-    let parameters = method.parameters(Target::Percent(DEFAULT_DENSITY));
-    let order = MeshOptions { method, parameters, output: Output::default(), format: None };
-    let defaults: Map<String, Value> = TABLE
-        .iter()
-        .filter(|row| row.name != "method")
-        .filter_map(|row| Some((row.name.to_owned(), row.value(&order)?)))
-        .collect();
-    json!({ "name": method.name(), "components": method.component_count(), "defaults": defaults })
+impl From<Method> for MethodRow {
+    fn from(method: Method) -> Self {
+        let parameters = method.parameters(Target::Percent(DEFAULT_DENSITY));
+        let options = MeshOptions { method, parameters, output: Output::default(), format: None };
+        let mut defaults = options.object();
+        defaults.shift_remove("method");
+        Self { name: method.name(), components: method.component_count(), defaults }
+    }
 }
 
-fn of_policy(policy: Policy) -> Value {
-    json!({ "name": policy.name(), "components": policy.component_count() })
+impl From<Policy> for PolicyRow {
+    fn from(policy: Policy) -> Self {
+        Self { name: policy.name(), components: policy.component_count() }
+    }
 }
 
-fn of_parameter(parameter: &Parameter) -> Value {
-    let Parameter { name, about, .. } = parameter;
-    match parameter.takes {
-        Takes::Decimal { least, most } => {
-            json!({ "name": name, "about": about, "type": "number", "minimum": least, "maximum": most })
-        }
-        Takes::Whole { least, most } => {
-            json!({ "name": name, "about": about, "type": "integer", "minimum": least, "maximum": most })
-        }
-        Takes::Flag => json!({ "name": name, "about": about, "type": "boolean" }),
-        Takes::Word(allowed) => {
-            json!({ "name": name, "about": about, "type": "string", "allowed": allowed })
-        }
-        Takes::Pattern(pattern) => {
-            json!({ "name": name, "about": about, "type": "string", "pattern": pattern })
+impl From<&Parameter> for ParameterRow {
+    fn from(parameter: &Parameter) -> Self {
+        let &Parameter { name, about, takes, .. } = parameter;
+        let row = Self { name, about, ..Self::default() };
+        let within = |r#type, least: Value, most: Value| Self {
+            r#type,
+            minimum: Some(least),
+            maximum: Some(most),
+            ..row
+        };
+        match takes {
+            Takes::Decimal { least, most } => within("number", least.into(), most.into()),
+            Takes::Whole { least, most } => within("integer", least.into(), most.into()),
+            Takes::Flag => Self { r#type: "boolean", ..row },
+            Takes::Word(allowed) => Self { r#type: "string", allowed: Some(allowed), ..row },
+            Takes::Pattern(pattern) => Self { r#type: "string", pattern: Some(pattern), ..row },
         }
     }
 }

@@ -6,6 +6,11 @@
 mod examples;
 mod jobs;
 
+use super::comparisons;
+use super::index::Index;
+use super::jobs::document::{Job, JobEvent};
+use super::jobs::list::Jobs;
+use super::methods::Methods;
 use crate::extract::accept::offered;
 use crate::problem::Kind;
 use axum::http::header::CONTENT_TYPE;
@@ -16,6 +21,7 @@ use serde_json::Value;
 #[cfg(test)]
 use serde_json::json;
 use std::sync::LazyLock;
+use utoipa::ToSchema;
 use utoipa::openapi::content::{Content, ContentBuilder};
 use utoipa::openapi::example::ExampleBuilder;
 use utoipa::openapi::header::{Header, HeaderBuilder};
@@ -68,7 +74,7 @@ fn document() -> OpenApi {
         .path("/v1/meshes", PathItem::new(HttpMethod::Post, create_mesh()))
         .path("/v1/methods", list_methods())
         .path("/problems/{slug}", problem_type())
-        .path("/openapi.json", get("openapi", "This document", object()))
+        .path("/openapi.json", get("openapi", "This document", object().build()))
         .path("/docs", docs());
     let paths = jobs::paths(paths).build();
     let key = HttpBuilder::new()
@@ -77,19 +83,33 @@ fn document() -> OpenApi {
         .build();
     let components = ComponentsBuilder::new()
         .schema("Problem", problem())
-        .schema("Methods", methods())
-        .schemas_from_iter(jobs::schemas())
+        .schemas_from_iter(schemas())
         .security_scheme(KEY, SecurityScheme::Http(key))
         .build();
     OpenApiBuilder::new().info(info).paths(paths).components(Some(components)).build()
 }
 
+/// The schemas of the answers, and of what they consist of.
+fn schemas() -> Vec<(String, RefOr<Schema>)> {
+    fn add<T: ToSchema>(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        schemas.push((T::name().into_owned(), T::schema()));
+        T::schemas(schemas);
+    }
+    let mut schemas = Vec::new();
+    add::<Index>(&mut schemas);
+    add::<Methods>(&mut schemas);
+    add::<Job>(&mut schemas);
+    add::<Jobs>(&mut schemas);
+    add::<JobEvent>(&mut schemas);
+    add::<comparisons::Figures>(&mut schemas);
+    schemas
+}
+
 /// A resource that answers GET with JSON.
-fn get(id: &str, summary: &str, answer: ObjectBuilder) -> PathItem {
-    let response = ResponseBuilder::new()
-        .description(summary)
-        .content("application/json", content(answer.build()))
-        .build();
+fn get(id: &str, summary: &str, answer: impl Into<RefOr<Schema>>) -> PathItem {
+    let answer = ContentBuilder::new().schema(Some(answer)).build();
+    let response =
+        ResponseBuilder::new().description(summary).content("application/json", answer).build();
     let operation = OperationBuilder::new()
         .operation_id(Some(id))
         .summary(Some(summary))
@@ -100,16 +120,14 @@ fn get(id: &str, summary: &str, answer: ObjectBuilder) -> PathItem {
 
 fn list_methods() -> PathItem {
     let summary = "Every method, policy, parameter and format";
-    let answer = ContentBuilder::new().schema(Some(Ref::from_schema_name("Methods"))).build();
-    let response =
-        ResponseBuilder::new().description(summary).content("application/json", answer).build();
-    let mut operation =
-        OperationBuilder::new().operation_id(Some("methods")).summary(Some(summary));
-    for status in [401, 429] {
-        operation = operation.response(status.to_string(), refusal(status));
+    let mut item = get("methods", summary, Ref::from_schema_name("Methods"));
+    if let Some(operation) = &mut item.get {
+        for status in [401, 429] {
+            operation.responses.responses.insert(status.to_string(), RefOr::T(refusal(status)));
+        }
+        operation.security = Some(with_or_without_key().into());
     }
-    let operation = operation.response("200", response).securities(Some(with_or_without_key()));
-    PathItem::new(HttpMethod::Get, operation.build())
+    item
 }
 
 /// A request below /v1/ needs a key where there are any.
@@ -119,7 +137,7 @@ fn with_or_without_key() -> [SecurityRequirement; 2] {
 
 fn studio() -> PathItem {
     let summary = "The studio, a page to try the service in; what there is, for who asks for JSON";
-    let mut item = get("index", summary, object());
+    let mut item = get("index", summary, Ref::from_schema_name("Index"));
     let response = item.get.as_mut().and_then(|get| get.responses.responses.get_mut("200"));
     if let Some(RefOr::T(response)) = response {
         response.content.insert("text/html".to_owned(), RefOr::T(content(text())));
@@ -139,7 +157,7 @@ fn docs() -> PathItem {
 }
 
 fn problem_type() -> PathItem {
-    let mut item = get("problem", "What the type of a problem refers to", object());
+    let mut item = get("problem", "What the type of a problem refers to", object().build());
     if let Some(operation) = &mut item.get {
         let slugs = Kind::ALL.iter().map(|kind| kind.slug());
         let slug = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(slugs));
@@ -313,48 +331,6 @@ fn problem() -> Schema {
         .required("title")
         .required("status")
         .required("detail")
-        .build()
-        .into()
-}
-
-/// The schema of what `GET /v1/methods` answers.
-fn methods() -> Schema {
-    let list = |items: ObjectBuilder| ArrayBuilder::new().items(items);
-    let named = || object().property("name", text()).required("name");
-    let components = || {
-        let whole_or_null = SchemaType::from_iter([Type::Integer, Type::Null]);
-        ObjectBuilder::new()
-            .schema_type(whole_or_null)
-            .description(Some("The components that an image must have; null for any"))
-    };
-    let method = named()
-        .property("components", components())
-        .property("defaults", object().description(Some("What it sets each parameter to")))
-        .required("defaults");
-    let parameter = named()
-        .property("about", text())
-        .required("about")
-        .property("type", text())
-        .required("type")
-        .property("minimum", ObjectBuilder::new().schema_type(Type::Number))
-        .property("maximum", ObjectBuilder::new().schema_type(Type::Number))
-        .property("allowed", ArrayBuilder::new().items(text()));
-    let format = object()
-        .property("format", text())
-        .required("format")
-        .property("media_type", text())
-        .required("media_type");
-    object()
-        .property("default", text())
-        .property("methods", list(method))
-        .property("policies", list(named().property("components", components())))
-        .property("parameters", list(parameter))
-        .property("formats", list(format))
-        .required("default")
-        .required("methods")
-        .required("policies")
-        .required("parameters")
-        .required("formats")
         .build()
         .into()
 }

@@ -3,40 +3,217 @@
 use crate::problem::Problem;
 use pixmesh_engine::MeshOptions;
 use pixmesh_jobs::queue::MAX_ATTEMPTS;
-use pixmesh_jobs::record::{Event, JobId, MeshFigures, Moment, Picture, Progress, Record, State};
-use serde_json::{Map, Value, json};
+use pixmesh_jobs::record::{
+    Event, JobId, KeptWeights, MeshFigures, Moment, Picture, Progress as Progressed, Record, State,
+};
+use serde::Serialize;
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
 
-/// The whole of a job.
-pub(in crate::routes) fn of(record: &Record) -> Value {
-    json!({
-        "id": record.id.to_string(),
-        "state": record.state.name(),
-        "attempt": record.attempt,
-        "max_attempts": MAX_ATTEMPTS,
-        "created_at": record.created.to_string(),
-        "started_at": moment(record.started),
-        "finished_at": moment(record.finished),
-        "expires_at": moment(record.expires),
-        "parameters": parameters(&record.order),
-        "image": image(&record.picture),
-        "progress": progress(record.state, record.progress.as_ref()),
-        "mesh": record.mesh.as_ref().map(mesh),
-        "timings_ms": record.mesh.as_ref().map(timings),
-        "error": record.problem.as_ref().map(problem),
-        "links": links_of(record),
-    })
+/// A job.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct Job {
+    #[schema(format = "uuid")]
+    id: String,
+    #[schema(schema_with = state)]
+    state: &'static str,
+    /// How many times a worker took the job, this time included.
+    attempt: u32,
+    max_attempts: u32,
+    #[schema(format = "date-time")]
+    created_at: String,
+    #[schema(format = "date-time")]
+    started_at: Option<String>,
+    #[schema(format = "date-time")]
+    finished_at: Option<String>,
+    /// When the job and its mesh are deleted.
+    #[schema(format = "date-time")]
+    expires_at: Option<String>,
+    /// Every parameter that plays a part, each value of its type.
+    parameters: Option<Map<String, Value>>,
+    image: JobImage,
+    progress: Option<JobProgress>,
+    mesh: Option<JobMesh>,
+    /// Milliseconds of each stage.
+    #[schema(value_type = Option<std::collections::HashMap<String, f64>>)]
+    timings_ms: Option<Map<String, Value>>,
+    /// The problem document of a job that failed.
+    #[schema(value_type = Option<Object>)]
+    error: Option<Value>,
+    links: JobLinks,
 }
 
-/// One change of a job.
-pub(super) fn of_event(id: JobId, event: &Event) -> Value {
-    json!({
-        "id": id.to_string(),
-        "state": event.state.name(),
-        "attempt": event.attempt,
-        "at": event.at.to_string(),
-        "progress": progress(event.state, event.progress.as_ref()),
-        "links": links(id, event.state),
-    })
+/// The image of a job.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct JobImage {
+    width: usize,
+    height: usize,
+    /// Components, alpha included.
+    components: usize,
+    /// Bits per sample.
+    precision: u8,
+    bytes: u64,
+    #[schema(pattern = "^[0-9a-f]{64}$")]
+    sha256: String,
+    weights: Option<JobWeights>,
+}
+
+/// The weights of a job's image.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct JobWeights {
+    bytes: u64,
+    #[schema(pattern = "^[0-9a-f]{64}$")]
+    sha256: String,
+}
+
+/// How far a running job is.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct JobProgress {
+    stage: String,
+    /// How much of the stage is done.
+    #[schema(minimum = 0, maximum = 1)]
+    fraction: f64,
+}
+
+/// The mesh of a completed job.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct JobMesh {
+    vertices: usize,
+    faces: usize,
+    /// Mean squared error.
+    mse: f64,
+    /// PSNR in decibels; null for a perfect copy.
+    psnr_db: Option<f64>,
+    model_bytes: u64,
+    #[schema(pattern = "^[0-9a-f]{64}$")]
+    model_sha256: String,
+    /// Length of the progression; null where the order of the vertices is not kept.
+    progression_bytes: Option<u64>,
+}
+
+/// Where there is more of a job.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct JobLinks {
+    #[serde(rename = "self")]
+    job: String,
+    events: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    mesh: Option<String>,
+    /// Every size of the mesh, where the order of the vertices is kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    progression: Option<String>,
+}
+
+/// One change of a job's state or progress.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct JobEvent {
+    #[schema(format = "uuid")]
+    id: String,
+    #[schema(schema_with = state)]
+    state: &'static str,
+    attempt: u32,
+    #[schema(format = "date-time")]
+    at: String,
+    progress: Option<JobProgress>,
+    links: JobLinks,
+}
+
+/// The schema of a state.
+fn state() -> utoipa::openapi::schema::Object {
+    utoipa::openapi::ObjectBuilder::new()
+        .schema_type(utoipa::openapi::Type::String)
+        .enum_values(Some(State::NAMES.iter().copied()))
+        .build()
+}
+
+impl From<&Record> for Job {
+    fn from(record: &Record) -> Self {
+        let mut links = JobLinks::of(record.id, record.state);
+        if record.mesh.as_ref().is_some_and(|mesh| mesh.progression.is_some()) {
+            links.progression = Some(format!("{}/mesh?format=progression", path(record.id)));
+        }
+        Self {
+            id: record.id.to_string(),
+            state: record.state.name(),
+            attempt: record.attempt,
+            max_attempts: MAX_ATTEMPTS,
+            created_at: record.created.to_string(),
+            started_at: moment(record.started),
+            finished_at: moment(record.finished),
+            expires_at: moment(record.expires),
+            parameters: MeshOptions::of_stored(&record.order).ok().map(|options| options.object()),
+            image: JobImage::from(&record.picture),
+            progress: JobProgress::of(record.state, record.progress.as_ref()),
+            mesh: record.mesh.as_ref().map(JobMesh::from),
+            timings_ms: record.mesh.as_ref().map(timings),
+            error: record.problem.as_ref().map(problem),
+            links,
+        }
+    }
+}
+
+impl JobEvent {
+    /// A change of the job of this name.
+    pub(super) fn new(id: JobId, event: &Event) -> Self {
+        Self {
+            id: id.to_string(),
+            state: event.state.name(),
+            attempt: event.attempt,
+            at: event.at.to_string(),
+            progress: JobProgress::of(event.state, event.progress.as_ref()),
+            links: JobLinks::of(id, event.state),
+        }
+    }
+}
+
+impl JobLinks {
+    fn of(id: JobId, state: State) -> Self {
+        let job = path(id);
+        let mesh = (state == State::Completed).then(|| format!("{job}/mesh"));
+        Self { events: format!("{job}/events"), job, mesh, progression: None }
+    }
+}
+
+impl From<&Picture> for JobImage {
+    fn from(picture: &Picture) -> Self {
+        let shape = &picture.shape;
+        Self {
+            width: shape.width,
+            height: shape.height,
+            components: shape.components,
+            precision: shape.precision,
+            bytes: picture.bytes,
+            sha256: picture.file_digest().to_string(),
+            weights: shape.weights.map(|KeptWeights { bytes, digest, .. }| JobWeights {
+                bytes,
+                sha256: digest.to_string(),
+            }),
+        }
+    }
+}
+
+impl JobProgress {
+    /// Only running work has a progress.
+    fn of(state: State, progress: Option<&Progressed>) -> Option<Self> {
+        let progress = progress.filter(|_| state == State::Running)?;
+        Some(Self { stage: progress.stage.clone(), fraction: progress.fraction })
+    }
+}
+
+impl From<&MeshFigures> for JobMesh {
+    fn from(figures: &MeshFigures) -> Self {
+        Self {
+            vertices: figures.vertices,
+            faces: figures.faces,
+            mse: figures.mse,
+            psnr_db: figures.psnr_db,
+            model_bytes: figures.bytes,
+            model_sha256: figures.model_digest().to_owned(),
+            progression_bytes: figures.progression.as_ref().map(|kept| kept.bytes),
+        }
+    }
 }
 
 /// Where a job is.
@@ -44,45 +221,8 @@ pub(super) fn path(id: JobId) -> String {
     format!("/v1/jobs/{id}")
 }
 
-/// Where there is more of a job, also every size of its mesh where the order of vertices is kept.
-fn links_of(record: &Record) -> Value {
-    let mut links = links(record.id, record.state);
-    if record.mesh.as_ref().is_some_and(|mesh| mesh.progression.is_some()) {
-        links["progression"] = format!("{}/mesh?format=progression", path(record.id)).into();
-    }
-    links
-}
-
-fn links(id: JobId, state: State) -> Value {
-    let path = path(id);
-    let mut links = json!({ "self": path, "events": format!("{path}/events") });
-    if state == State::Completed {
-        links["mesh"] = format!("{path}/mesh").into();
-    }
-    links
-}
-
 fn moment(moment: Option<Moment>) -> Option<String> {
     moment.map(|moment| moment.to_string())
-}
-
-/// What was ordered, each value of its type.
-fn parameters(order: &str) -> Value {
-    MeshOptions::of_stored(order).map_or(Value::Null, |options| Value::Object(options.object()))
-}
-
-fn image(picture: &Picture) -> Value {
-    json!({
-        "width": picture.shape.width,
-        "height": picture.shape.height,
-        "components": picture.shape.components,
-        "precision": picture.shape.precision,
-        "bytes": picture.bytes,
-        "sha256": picture.file_digest(),
-        "weights": picture.shape.weights.map(|weights| {
-            json!({ "bytes": weights.bytes, "sha256": weights.digest })
-        }),
-    })
 }
 
 /// The whole problem document, of which less may be stored.
@@ -90,29 +230,7 @@ fn problem(stored: &Value) -> Value {
     Problem::of_value(stored).map_or_else(|| stored.clone(), |problem| problem.value())
 }
 
-/// Only running work has a progress.
-fn progress(state: State, progress: Option<&Progress>) -> Value {
-    match progress {
-        Some(Progress { stage, fraction }) if state == State::Running => {
-            json!({ "stage": stage, "fraction": fraction })
-        }
-        _ => Value::Null,
-    }
-}
-
-fn mesh(figures: &MeshFigures) -> Value {
-    json!({
-        "vertices": figures.vertices,
-        "faces": figures.faces,
-        "mse": figures.mse,
-        "psnr_db": figures.psnr_db,
-        "model_bytes": figures.bytes,
-        "model_sha256": figures.model_digest(),
-        "progression_bytes": figures.progression.as_ref().map(|kept| kept.bytes),
-    })
-}
-
 fn timings(figures: &MeshFigures) -> Map<String, Value> {
-    let rounded = |took_ms: &f64| json!((took_ms * 1e3).round() / 1e3);
+    let rounded = |took_ms: &f64| ((took_ms * 1e3).round() / 1e3).into();
     figures.timings_ms.iter().map(|(stage, took)| (stage.clone(), rounded(took))).collect()
 }

@@ -4,7 +4,7 @@
 //! what it missed; one without hears what is known from the beginning. The stream ends with the
 //! event of a final state, and when the service stops.
 
-use super::document;
+use super::document::JobEvent;
 use crate::extract::fields::Few;
 use crate::problem::Problem;
 use crate::routes::Service;
@@ -19,7 +19,6 @@ use pixmesh_engine::Owner;
 use pixmesh_jobs::queue::Queue;
 use pixmesh_jobs::record::{Event as Change, JobId};
 use std::collections::VecDeque;
-use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
@@ -78,11 +77,10 @@ struct Follower {
 }
 
 impl Follower {
-    fn events(self) -> impl Stream<Item = Result<Event, Infallible>> {
+    fn events(self) -> impl Stream<Item = Result<Event, axum::Error>> {
         stream::unfold(self, |mut follower| async {
             let change = follower.next().await?;
-            let event = written(follower.id, &change);
-            Some((Ok(event), follower))
+            Some((written(follower.id, &change), follower))
         })
     }
 
@@ -105,11 +103,11 @@ impl Follower {
     }
 }
 
-fn written(id: JobId, change: &Change) -> Event {
+fn written(id: JobId, change: &Change) -> Result<Event, axum::Error> {
     let kind = if change.progress.is_some() { "progress" } else { "state" };
     Event::default()
         .id(change.revision.to_string())
         .event(kind)
         .retry(COME_BACK)
-        .data(document::of_event(id, change).to_string())
+        .json_data(JobEvent::new(id, change))
 }

@@ -1,6 +1,6 @@
 //! `GET /v1/jobs`: the caller's jobs, newest first.
 
-use super::document;
+use super::document::Job;
 use crate::extract::fields::Few;
 use crate::problem::{Kind, Problem};
 use crate::routes::Service;
@@ -11,8 +11,9 @@ use pixmesh_engine::Owner;
 use pixmesh_engine::params::whole_between;
 use pixmesh_jobs::queue::PageRequest;
 use pixmesh_jobs::record::{JobId, State as JobState};
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::sync::Arc;
+use utoipa::ToSchema;
 
 /// The parameters.
 pub(in crate::routes) const PARAMETERS: &[&str] = &["state", "limit", "cursor"];
@@ -20,15 +21,31 @@ pub(in crate::routes) const PARAMETERS: &[&str] = &["state", "limit", "cursor"];
 pub(in crate::routes) const MOST: u64 = 100;
 pub(in crate::routes) const DEFAULT: u64 = 20;
 
+/// Some of the caller's jobs, newest first.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct Jobs {
+    jobs: Vec<Job>,
+    /// Asks for the next page; null on the last one.
+    #[schema(required)]
+    cursor: Option<String>,
+    links: PageLinks,
+}
+
+/// The next page.
+#[derive(Serialize, ToSchema)]
+pub(in crate::routes) struct PageLinks {
+    next: Option<String>,
+}
+
 /// Answers with some of the jobs, and the cursor of the next page.
 ///
 /// # Errors
 /// Every refusal of parameters.
-pub async fn list(
+pub(in crate::routes) async fn list(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,
     request: Request,
-) -> Result<Json<Value>, Problem> {
+) -> Result<Json<Jobs>, Problem> {
     let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
     let state = parameters.get("state").map(state_named).transpose()?;
     let before = parameters.get("cursor").map(cursor).transpose()?;
@@ -36,11 +53,11 @@ pub async fn list(
     let limit = limit.transpose()?.unwrap_or(DEFAULT) as usize;
     let page = service.jobs.queue.list(&owner, PageRequest { state, before, limit }).await?;
     let next = page.next.map(|id| next_page(id, limit, state));
-    Ok(Json(json!({
-        "jobs": page.jobs.iter().map(document::of).collect::<Vec<_>>(),
-        "cursor": page.next.map(|id| id.to_string()),
-        "links": { "next": next },
-    })))
+    Ok(Json(Jobs {
+        jobs: page.jobs.iter().map(Job::from).collect(),
+        cursor: page.next.map(|id| id.to_string()),
+        links: PageLinks { next },
+    }))
 }
 
 fn next_page(id: JobId, limit: usize, state: Option<JobState>) -> String {

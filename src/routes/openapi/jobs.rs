@@ -1,20 +1,18 @@
 //! The part of the document about jobs, reconstructions and comparisons.
 //!
-//! Schemas are written as the JSON that they are; names and bounds come from the tables that the
-//! routes work by.
+//! Names and bounds come from the tables that the routes work by.
 
 use super::{content, form, mesh, query_parameter, refusal, text};
 use crate::extract::accept::pictures;
 use crate::routes::jobs::list;
 use pixmesh_engine::params::TABLE;
-use pixmesh_jobs::queue::MAX_ATTEMPTS;
 use pixmesh_jobs::record::State;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use serde_json::{Value, json};
 use utoipa::openapi::path::{HttpMethod, OperationBuilder, PathItem, PathsBuilder};
 use utoipa::openapi::request_body::{RequestBody, RequestBodyBuilder};
-use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
-use utoipa::openapi::{ContentBuilder, Ref, RefOr, Required, Response, ResponseBuilder, Schema};
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Required, Response, ResponseBuilder};
 
 /// Adds the paths.
 pub(super) fn paths(paths: PathsBuilder) -> PathsBuilder {
@@ -30,18 +28,6 @@ pub(super) fn paths(paths: PathsBuilder) -> PathsBuilder {
         .path("/v1/jobs/{id}/mesh", with(HttpMethod::Get, job_mesh()))
         .path("/v1/reconstructions", with(HttpMethod::Post, reconstruct()))
         .path("/v1/comparisons", with(HttpMethod::Post, compare()))
-}
-
-/// The schemas that the paths refer to, by name.
-pub(super) fn schemas() -> [(&'static str, RefOr<Schema>); 4] {
-    let schema =
-        |value: Value| serde_json::from_value(value).unwrap_or_else(|_| Object::default().into());
-    [
-        ("Job", schema(job())),
-        ("Jobs", schema(jobs())),
-        ("JobEvent", schema(job_event())),
-        ("Comparison", schema(comparison())),
-    ]
 }
 
 /// What `POST /v1/meshes` and `POST /v1/jobs` answer with when there is a job.
@@ -306,117 +292,6 @@ fn id() -> Value {
     json!({
         "name": "id", "in": "path", "required": true, "description": "The job's id",
         "schema": { "type": "string", "format": "uuid" }
-    })
-}
-
-fn object_or_null(properties: &Value) -> Value {
-    json!({ "type": ["object", "null"], "properties": properties })
-}
-
-fn moment_or_null() -> Value {
-    json!({ "type": ["string", "null"], "format": "date-time" })
-}
-
-fn progress() -> Value {
-    object_or_null(&json!({
-        "stage": { "type": "string" },
-        "fraction": { "type": "number", "minimum": 0, "maximum": 1 },
-    }))
-}
-
-fn links() -> Value {
-    let link = json!({ "type": "string" });
-    json!({
-        "type": "object",
-        "properties": { "self": link, "events": link, "mesh": link, "progression": link },
-    })
-}
-
-fn state() -> Value {
-    json!({ "type": "string", "enum": State::NAMES })
-}
-
-fn job() -> Value {
-    let count = json!({ "type": "integer", "minimum": 0 });
-    let figure = json!({ "type": ["number", "null"] });
-    let digest = json!({ "type": "string", "pattern": "^[0-9a-f]{64}$" });
-    json!({
-        "type": "object",
-        "description": "A job. Its error is a problem document; psnr_db is null for a perfect copy, \
-                        and progression_bytes where no order of the mesh's vertices is kept.",
-        "required": ["id", "state", "attempt", "max_attempts", "created_at", "links"],
-        "properties": {
-            "id": { "type": "string", "format": "uuid" },
-            "state": state(),
-            "attempt": { "type": "integer", "minimum": 0, "maximum": MAX_ATTEMPTS },
-            "max_attempts": count,
-            "created_at": { "type": "string", "format": "date-time" },
-            "started_at": moment_or_null(),
-            "finished_at": moment_or_null(),
-            "expires_at": moment_or_null(),
-            "parameters": { "type": ["object", "null"] },
-            "image": {
-                "type": "object",
-                "properties": {
-                    "width": count, "height": count, "components": count, "precision": count,
-                    "bytes": count, "sha256": digest,
-                    "weights": object_or_null(&json!({ "bytes": count, "sha256": digest })),
-                },
-            },
-            "progress": progress(),
-            "mesh": object_or_null(&json!({
-                "vertices": count, "faces": count, "mse": figure, "psnr_db": figure,
-                "model_bytes": count, "model_sha256": digest,
-                "progression_bytes": { "type": ["integer", "null"], "minimum": 0 },
-            })),
-            "timings_ms": { "type": ["object", "null"], "additionalProperties": { "type": "number" } },
-            "error": { "type": ["object", "null"] },
-            "links": links(),
-        },
-    })
-}
-
-fn jobs() -> Value {
-    json!({
-        "type": "object",
-        "required": ["jobs", "cursor", "links"],
-        "properties": {
-            "jobs": { "type": "array", "items": { "$ref": "#/components/schemas/Job" } },
-            "cursor": { "type": ["string", "null"] },
-            "links": { "type": "object", "properties": { "next": { "type": ["string", "null"] } } },
-        },
-    })
-}
-
-fn job_event() -> Value {
-    json!({
-        "type": "object",
-        "required": ["id", "state", "attempt", "at", "links"],
-        "properties": {
-            "id": { "type": "string", "format": "uuid" },
-            "state": state(),
-            "attempt": { "type": "integer", "minimum": 0 },
-            "at": { "type": "string", "format": "date-time" },
-            "progress": progress(),
-            "links": links(),
-        },
-    })
-}
-
-fn comparison() -> Value {
-    let count = json!({ "type": "integer", "minimum": 1 });
-    json!({
-        "type": "object",
-        "description": "Figures over all pixels and components. psnr_db is null for equal pictures, \
-                        ssim for pictures with a side under 11.",
-        "required": ["width", "height", "components", "precision", "identical", "mse"],
-        "properties": {
-            "width": count, "height": count, "components": count, "precision": count,
-            "identical": { "type": "boolean" },
-            "mse": { "type": "number", "minimum": 0 },
-            "psnr_db": { "type": ["number", "null"] },
-            "ssim": { "type": ["number", "null"], "minimum": -1, "maximum": 1 },
-        },
     })
 }
 
