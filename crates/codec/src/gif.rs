@@ -2,6 +2,8 @@
 //!
 //! The palette becomes RGB of 8 bits. There is an alpha component when the frame has a transparent
 //! colour or does not cover the screen; what it does not cover is transparent, as browsers show it.
+//! The decoder is that of `gif`, since `image` makes RGBA of every frame and takes no file that ends
+//! early.
 //!
 //! Literature: CompuServe, "Graphics Interchange Format, Version 89a", 1990.
 

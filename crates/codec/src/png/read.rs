@@ -1,4 +1,4 @@
-//! The PNG reader.
+//! The PNG reader, on the decoder of `png`: `image` makes 8 bits of fewer and has no rows to stop at.
 //!
 //! Samples are taken raw: 1, 2, 4, 8 or 16 bits of gray stay such, gAMA, sRGB and cICP change
 //! nothing. A palette becomes RGB of 8 bits; transparency, be it of the palette or of one colour,
