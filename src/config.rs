@@ -14,7 +14,7 @@ pub use container::{BESIDE_BUDGET, memory_limit};
 use pixmesh_jobs::Terms;
 use pixmesh_jobs::blobs::BlobEngine;
 use pixmesh_jobs::fairness::Caps;
-use pixmesh_jobs::nats::settings::BrokerSettings;
+use pixmesh_jobs::nats::settings::{BrokerSettings, QueueEngine};
 pub use quantity::{ByteSize, Period};
 pub use trace::TraceSettings;
 
@@ -267,7 +267,10 @@ impl JobSettings {
     /// The store of pictures and results.
     #[must_use]
     pub fn blob_engine(&self) -> BlobEngine {
-        let default = if self.broker.is_shared() { BlobEngine::Broker } else { BlobEngine::File };
+        let default = match self.broker.queue {
+            QueueEngine::Nats(_) => BlobEngine::Broker,
+            QueueEngine::Embedded | QueueEngine::Postgres(_) => BlobEngine::File,
+        };
         self.blobs.clone().unwrap_or(default)
     }
 
@@ -275,19 +278,29 @@ impl JobSettings {
     fn check(&self) -> Result<(), Box<dyn Error>> {
         let blobs = self.blob_engine();
         match (self.broker.is_shared(), blobs == BlobEngine::File) {
-            (true, true) => {
-                Err("--blobs file is a store of one node, and --queue nats://... one of \
-                                 many: name --blobs file:///FOLDER, s3://BUCKET or nats"
+            (true, true) => Err(format!(
+                "--blobs file is a store of one node, and --queue {} one of many: name a store that \
+                 all nodes have by --blobs s3://BUCKET or --blobs file:///FOLDER",
+                self.broker
+            )
+            .into()),
+            (true, false)
+                if blobs == BlobEngine::Broker
+                    && matches!(self.broker.queue, QueueEngine::Postgres(_)) =>
+            {
+                Err("--blobs nats is the store of --queue nats://...: name --blobs s3://BUCKET or \
+                     --blobs file:///FOLDER"
                     .into())
             }
             (false, false) => Err(format!(
                 "--blobs {blobs} is a store of many nodes, and --queue embedded one of one node: \
-                 name --queue nats://HOST:PORT too"
+                 name --queue postgres://HOST:PORT/DATABASE too"
             )
             .into()),
             (false, true) if self.no_worker => {
                 Err("--no-worker leaves the jobs of --queue embedded \
-                                                    undone: name --queue nats://HOST:PORT"
+                                                    undone: name --queue \
+                                                    postgres://HOST:PORT/DATABASE"
                     .into())
             }
             _ if self.job_lease.0 < SHORTEST_LEASE => {

@@ -48,6 +48,12 @@ impl Digest {
         Self(hash.finalize().into())
     }
 
+    /// Its bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+
     /// That of several texts, none of which can run into the next.
     #[must_use]
     pub fn of_texts(texts: &[&str]) -> Self {

@@ -88,13 +88,13 @@ impl Blobs {
         Ok(Self { store, folder, holds: Arc::default(), health: Arc::default() })
     }
 
-    /// The blobs in a store that nodes share; `broker` is the queue's.
+    /// The blobs in a store that nodes share; `broker` is the queue's, where it has one.
     ///
     /// # Errors
     /// When the store cannot be used, or is none that nodes share.
     pub async fn shared(
         engine: &BlobEngine,
-        broker: &Broker,
+        broker: Option<&Broker>,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let store: Arc<dyn ObjectStore> = match engine {
             BlobEngine::File => return Err("--blobs file is a store of one node".into()),
@@ -105,7 +105,10 @@ impl Blobs {
                 Arc::new(store.map_err(|error| named(error.to_string()))?.with_fsync(true))
             }
             BlobEngine::S3(address) => s3(address).await?,
-            BlobEngine::Broker => Arc::new(BrokerBucket::open(broker).await?),
+            BlobEngine::Broker => {
+                let broker = broker.ok_or("--blobs nats is the store of --queue nats://...")?;
+                Arc::new(BrokerBucket::open(broker).await?)
+            }
         };
         let (holds, health) = (Arc::default(), Arc::default());
         let blobs = Self { store, folder: None, holds, health };

@@ -14,7 +14,7 @@ mod row;
 mod schema;
 mod submit;
 mod sweep;
-mod watchers;
+pub(crate) mod watchers;
 mod writer;
 
 use super::folder::DataFolder;

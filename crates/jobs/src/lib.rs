@@ -24,6 +24,7 @@
 //! | [`fairness`] | whose job is next |
 //! | [`embedded`] | the queue in an SQLite database of this process |
 //! | [`nats`] | the queue in a broker that many nodes share |
+//! | [`postgres`] | the queue in a PostgreSQL database that many nodes share |
 //! | [`blobs`] | pictures and meshes, by the digest of their bytes |
 //! | [`folder`] | the folder of both, which one process has at a time |
 //! | [`durations`] | how long jobs took of late |
@@ -38,6 +39,7 @@ pub mod embedded;
 pub mod fairness;
 pub mod folder;
 pub mod nats;
+pub mod postgres;
 pub mod queue;
 pub mod record;
 pub mod retention;
@@ -54,6 +56,7 @@ use embedded::Embedded;
 use folder::DataFolder;
 use nats::settings::BrokerSettings;
 use nats::{Broker, Nats};
+use postgres::Postgres;
 pub use queue::{Queue, QueueError, Submitted, Terms};
 use record::NewJob;
 use std::error::Error;
@@ -95,8 +98,14 @@ impl Jobs {
         if !broker.is_shared() {
             return Self::in_folder(settings).map_err(|error| error.to_string().into());
         }
+        if let Some(database) = broker.postgres() {
+            let blobs = Blobs::shared(&settings.blobs, None).await?;
+            let queue = Postgres::open(&database, terms).await;
+            let queue = queue.map_err(|error| format!("--queue {broker}: {error}"))?;
+            return Ok(Self { queue: Arc::new(queue), blobs, durations: Arc::default() });
+        }
         let connected = Broker::connect(broker).await?;
-        let blobs = Blobs::shared(&settings.blobs, &connected).await?;
+        let blobs = Blobs::shared(&settings.blobs, Some(&connected)).await?;
         let queue = Nats::open(connected, terms).await;
         let queue = queue.map_err(|error| format!("--queue {broker}: {error}"))?;
         Ok(Self { queue: Arc::new(queue), blobs, durations: Arc::default() })

@@ -7,14 +7,14 @@ use tokio::sync::{Notify, watch};
 
 /// Everybody who waits.
 #[derive(Debug, Default)]
-pub(super) struct Watchers {
+pub(crate) struct Watchers {
     jobs: Mutex<HashMap<JobId, watch::Sender<()>>>,
     work: Notify,
 }
 
 /// Hears of the changes of one job.
 #[derive(Debug)]
-pub(super) struct Subscription {
+pub(crate) struct Subscription {
     watchers: Arc<Watchers>,
     job: JobId,
     receiver: Option<watch::Receiver<()>>,
@@ -22,27 +22,27 @@ pub(super) struct Subscription {
 
 /// What a commit changed, for those who wait.
 #[derive(Debug, Default)]
-pub(super) struct Changes {
+pub(crate) struct Changes {
     /// These jobs.
-    pub(super) jobs: Vec<JobId>,
+    pub(crate) jobs: Vec<JobId>,
     /// There may be something to claim.
-    pub(super) work: bool,
+    pub(crate) work: bool,
 }
 
 impl Watchers {
     /// Hears of a job's changes from now on.
-    pub(super) fn subscribe(self: &Arc<Self>, job: JobId) -> Subscription {
+    pub(crate) fn subscribe(self: &Arc<Self>, job: JobId) -> Subscription {
         let receiver = self.jobs().entry(job).or_default().subscribe();
         Subscription { watchers: Arc::clone(self), job, receiver: Some(receiver) }
     }
 
     /// Waits until there may be something to claim.
-    pub(super) async fn work(&self) {
+    pub(crate) async fn work(&self) {
         self.work.notified().await;
     }
 
     /// Tells those who wait what was committed.
-    pub(super) fn tell(&self, changes: &Changes) {
+    pub(crate) fn tell(&self, changes: &Changes) {
         let jobs = self.jobs();
         for sender in changes.jobs.iter().filter_map(|job| jobs.get(job)) {
             sender.send_replace(());
@@ -53,6 +53,12 @@ impl Watchers {
         }
     }
 
+    /// Has everybody look who waits.
+    pub(crate) fn tell_all(&self) {
+        self.jobs().values().for_each(|sender| sender.send_replace(()));
+        self.work.notify_one();
+    }
+
     fn jobs(&self) -> MutexGuard<'_, HashMap<JobId, watch::Sender<()>>> {
         self.jobs.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -60,7 +66,7 @@ impl Watchers {
 
 impl Subscription {
     /// Waits for a change after the last one heard of.
-    pub(super) async fn changed(&mut self) {
+    pub(crate) async fn changed(&mut self) {
         if let Some(receiver) = &mut self.receiver {
             let _ = receiver.changed().await;
         }

@@ -112,7 +112,7 @@ mod three_servers {
     async fn what_is_kept_is_on_three_servers() {
         let Some(engine) = engine("three") else { return };
         let queue = opened(&engine).await;
-        Blobs::shared(&BlobEngine::Broker, &queue.broker).await.unwrap();
+        Blobs::shared(&BlobEngine::Broker, Some(&queue.broker)).await.unwrap();
         let bucket = format!("OBJ_{}", queue.broker.stream_name("blobs-store"));
         let bucket = queue.broker.context.get_stream_no_info(bucket).await.unwrap();
         let tables = [&queue.streams.work, &queue.streams.jobs, &queue.streams.blobs];

@@ -115,7 +115,7 @@ async fn whoever_wants_a_blob_reads_the_copy_that_replaces_the_one_begun() {
     let digest = pixmesh_engine::digest::Digest::of(&bytes);
     let place = crate::blobs::place(digest);
     bucket.put(&place, bytes.clone().into()).await.unwrap();
-    let blobs = crate::blobs::Blobs::shared(&crate::blobs::BlobEngine::Broker, &broker);
+    let blobs = crate::blobs::Blobs::shared(&crate::blobs::BlobEngine::Broker, Some(&broker));
     let blobs = blobs.await.unwrap();
     lose_pieces(&broker).await;
     let reading = tokio::spawn(async move { blobs.get(digest).await });

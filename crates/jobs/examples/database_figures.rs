@@ -1,0 +1,243 @@
+//! Measures what a PostgreSQL database does as the queue of two nodes. It makes a schema of its own and
+//! deletes it at the end; one million jobs take about 1.5 GB.
+//!
+//! `cargo run --release -p pixmesh-jobs --example database_figures -- --url postgres://NAME@HOST/DB`
+#![allow(clippy::print_stdout, reason = "the figures are what it is for")]
+
+use clap::Parser;
+use pixmesh_engine::Owner;
+use pixmesh_engine::digest::Digest;
+use pixmesh_jobs::fairness::Caps;
+use pixmesh_jobs::postgres::{Postgres, PostgresSettings};
+use pixmesh_jobs::queue::{Outcome, PageRequest, Queue, Submitted, Terms};
+use pixmesh_jobs::record::{JobId, MeshFigures, NewJob, Picture, PictureShape, State};
+use sqlx::{AssertSqlSafe, PgPool};
+use std::error::Error;
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// How long each rate is measured.
+const TIME: Duration = Duration::from_secs(5);
+/// Callers at the same time, on both nodes together.
+const AT_A_TIME: usize = 128;
+/// The schema of the tables.
+const SCHEMA: &str = "pixmesh_figures";
+
+#[derive(Parser)]
+struct Flags {
+    /// Address of the database.
+    #[arg(long)]
+    url: String,
+    /// Jobs among which lists are asked for.
+    #[arg(long, default_value = "1000000")]
+    jobs: usize,
+}
+
+type Done<T> = Result<T, Box<dyn Error + Send + Sync>>;
+
+#[tokio::main]
+async fn main() -> Done<()> {
+    let flags = Flags::parse();
+    let pool = PgPool::connect(&flags.url).await?;
+    println!("{:<52}{:>12}", "what", "figure");
+    let nodes = fresh(&pool, &flags.url).await?;
+    submissions(&nodes, "anonymous", |_| Owner::Anonymous).await;
+    submissions(&nodes, "of 100 owners", |n| Owner::named(&format!("owner-{}", n % 100))).await;
+    claims(&nodes, "claims with completions/s").await;
+    for owners in [10, 10_000] {
+        let nodes = fresh(&pool, &flags.url).await?;
+        fill(&pool, 50_000, owners, "0", "NULL").await?;
+        claims(&nodes, &format!("the same, {owners} owners waiting")).await;
+        let nodes = fresh(&pool, &flags.url).await?;
+        fill(&pool, 20_000, owners, "0", "NULL").await?;
+        let began = Instant::now();
+        for _ in 0..500 {
+            nodes[0].claim().await?;
+        }
+        row(
+            &format!("ms a claim alone, {owners} owners waiting"),
+            began.elapsed().as_secs_f64() * 2.0,
+        );
+    }
+    let nodes = fresh(&pool, &flags.url).await?;
+    fill(
+        &pool,
+        flags.jobs,
+        100,
+        "n / 100 % 5",
+        "CASE WHEN n / 100 % 5 >= 2 THEN now() + interval '1 day' END",
+    )
+    .await?;
+    lists(&nodes[0]).await?;
+    let bytes: i64 = sqlx::query_scalar(AssertSqlSafe(format!(
+        "SELECT pg_total_relation_size('{SCHEMA}.jobs')"
+    )))
+    .fetch_one(&pool)
+    .await?;
+    row("bytes a job, indexes included", bytes as f64 / flags.jobs as f64);
+    let began = Instant::now();
+    for _ in 0..100 {
+        nodes[0].stats().await?;
+    }
+    row("ms the counts of what waits and runs", began.elapsed().as_secs_f64() * 10.0);
+    let nodes = fresh(&pool, &flags.url).await?;
+    fill(&pool, 100_000, 100, "2", "now() - interval '1 second'").await?;
+    let (began, mut expired) = (Instant::now(), 0);
+    while expired < 100_000 {
+        expired += nodes[0].sweep().await?.expired;
+    }
+    row("expired jobs/s", expired as f64 / began.elapsed().as_secs_f64());
+    sqlx::raw_sql(AssertSqlSafe(format!("DROP SCHEMA {SCHEMA} CASCADE"))).execute(&pool).await?;
+    Ok(())
+}
+
+/// Two nodes at new tables.
+async fn fresh(pool: &PgPool, url: &str) -> Done<[Arc<Postgres>; 2]> {
+    let dropped = format!("DROP SCHEMA IF EXISTS {SCHEMA} CASCADE");
+    sqlx::raw_sql(AssertSqlSafe(dropped)).execute(pool).await?;
+    let caps = Caps { queued: 1 << 30, queued_per_owner: 1 << 30, running_per_owner: 1 << 30 };
+    let hour = Duration::from_hours(1);
+    let terms = Terms {
+        caps,
+        lease: hour,
+        result_ttl: hour,
+        idempotency_ttl: hour,
+        gone_ttl: hour,
+        look_again: Duration::from_secs(1),
+    };
+    let settings = PostgresSettings {
+        url: url.into(),
+        direct_url: None,
+        ca: None,
+        certificate: None,
+        key: None,
+        password_file: None,
+        max_connections: NonZeroU32::MIN.saturating_add(7),
+        schema: SCHEMA.into(),
+    };
+    let [one, other] =
+        [Postgres::open(&settings, terms).await?, Postgres::open(&settings, terms).await?];
+    Ok([Arc::new(one), Arc::new(other)])
+}
+
+/// Jobs in the table, as if they had been submitted.
+async fn fill(pool: &PgPool, jobs: usize, owners: usize, state: &str, expires: &str) -> Done<()> {
+    sqlx::raw_sql(AssertSqlSafe(format!(
+        "INSERT INTO {SCHEMA}.jobs (id, owner, state, attempt, fence, cancel_requested, order_query,
+                                    image_digest, image_bytes, image_shape, created_at, revision,
+                                    history, mesh, mesh_digest, finished_at, expires_at)
+         SELECT (lpad(to_hex(n), 12, '0') || '7000' || substr(md5(n::text), 1, 16))::uuid,
+                'owner-' || n % {owners}, {state}, 0, 0, false, 'density=2', sha256(n::text::bytea),
+                1000, '{{\"width\":2,\"height\":2,\"components\":1,\"precision\":8}}', now(), 1,
+                ARRAY[1, 1700000000000, 0, 0], NULL,
+                CASE WHEN {state} = 2 THEN sha256((-n)::text::bytea) END,
+                CASE WHEN {state} >= 2 THEN now() END, {expires}
+         FROM generate_series(1, {jobs}) AS n;
+         INSERT INTO {SCHEMA}.doors SELECT 'owner-' || n, door
+         FROM generate_series(0, {owners} - 1) AS n, (VALUES (0), (1)) AS doors (door);
+         UPDATE {SCHEMA}.tallies SET queued = {jobs} WHERE slot = 0"
+    )))
+    .execute(pool)
+    .await?;
+    sqlx::raw_sql(AssertSqlSafe(format!("VACUUM ANALYZE {SCHEMA}.jobs"))).execute(pool).await?;
+    Ok(())
+}
+
+async fn submissions(nodes: &[Arc<Postgres>; 2], of: &str, owner: fn(usize) -> Owner) {
+    let mut took = at_once(nodes, move |node, n| async move {
+        let submitted = node.submit(job(owner(n))).await;
+        matches!(submitted, Ok(Submitted::Created(_)))
+    })
+    .await;
+    row(&format!("submissions/s, {of}"), took.len() as f64 / TIME.as_secs_f64());
+    took.sort();
+    row("  p99 ms", ms(took[took.len() * 99 / 100]));
+}
+
+async fn claims(nodes: &[Arc<Postgres>; 2], what: &str) {
+    let took = at_once(nodes, |node, n| async move {
+        let Ok(Some(claim)) = node.claim().await else { return false };
+        node.finish(claim.lease, Outcome::Completed(figures(n))).await.is_ok()
+    })
+    .await;
+    row(what, took.len() as f64 / TIME.as_secs_f64());
+}
+
+/// How long each took of what many do again and again on both nodes.
+async fn at_once<F>(
+    nodes: &[Arc<Postgres>; 2],
+    act: impl Fn(Arc<Postgres>, usize) -> F + Clone + Send + 'static,
+) -> Vec<Duration>
+where
+    F: Future<Output = bool> + Send,
+{
+    let (until, count) = (Instant::now() + TIME, Arc::new(AtomicUsize::new(0)));
+    let caller = |n: usize| {
+        let (node, count, act) = (Arc::clone(&nodes[n % 2]), Arc::clone(&count), act.clone());
+        tokio::spawn(async move {
+            let mut took = Vec::new();
+            while Instant::now() < until {
+                let began = Instant::now();
+                if act(Arc::clone(&node), count.fetch_add(1, Ordering::Relaxed)).await {
+                    took.push(began.elapsed());
+                }
+            }
+            took
+        })
+    };
+    let mut took = Vec::new();
+    for caller in (0..AT_A_TIME).map(caller).collect::<Vec<_>>() {
+        took.extend(caller.await.unwrap_or_default());
+    }
+    took
+}
+
+async fn lists(node: &Postgres) -> Done<()> {
+    let filters = std::iter::once(None).chain(State::ALL.map(Some));
+    for state in filters {
+        let (mut took, mut before) = (Vec::new(), None);
+        for n in 0..300 {
+            let owner = Owner::named(&format!("owner-{}", n % 100));
+            let began = Instant::now();
+            let page = node.list(&owner, PageRequest { state, before, limit: 100 }).await?;
+            took.push(began.elapsed());
+            before = page.next.filter(|_| n % 10 != 9);
+        }
+        took.sort();
+        let name = state.map_or("any state", State::name);
+        row(&format!("ms p99 a list of 100, {name}"), ms(took[took.len() * 99 / 100]));
+    }
+    Ok(())
+}
+
+fn job(owner: Owner) -> NewJob {
+    let id = JobId::new();
+    let shape =
+        PictureShape { width: 512, height: 512, components: 3, precision: 8, weights: None };
+    let picture = Picture { digest: Digest::of(id.as_bytes()), bytes: 1000, shape };
+    NewJob { id, owner, order: "density=2".into(), picture, idempotency_key: None }
+}
+
+fn figures(n: usize) -> MeshFigures {
+    MeshFigures {
+        digest: Digest::of(&n.to_be_bytes()).to_string(),
+        bytes: 5,
+        vertices: 4,
+        faces: 2,
+        mse: 0.25,
+        psnr_db: Some(54.15),
+        timings_ms: vec![("decode".into(), 1.5)],
+        progression: None,
+        chunks: Vec::new(),
+    }
+}
+
+fn ms(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e3
+}
+
+fn row(what: &str, figure: f64) {
+    println!("{what:<52}{figure:>12.1}");
+}

@@ -1,0 +1,224 @@
+//! Several nodes at the same queue.
+
+use super::*;
+use crate::queue::MAX_ATTEMPTS;
+use crate::record::State;
+use serde_json::json;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Nodes claim all jobs at once, and tell whose jobs ran at the same time at most.
+async fn claim_all(nodes: &[Arc<Postgres>], jobs: usize) -> BTreeMap<Owner, usize> {
+    let running = Arc::new(Mutex::new((BTreeMap::<Owner, usize>::new(), BTreeMap::new())));
+    let done = Arc::new(Mutex::new(BTreeSet::new()));
+    let worker = |node: Arc<Postgres>| {
+        let (running, done) = (Arc::clone(&running), Arc::clone(&done));
+        async move {
+            while done.lock().unwrap().len() < jobs {
+                let Some(claim) = node.claim().await.unwrap() else {
+                    sleep(Duration::from_millis(5)).await;
+                    continue;
+                };
+                {
+                    let (now, most) = &mut *running.lock().unwrap();
+                    let running = now.entry(claim.owner.clone()).or_default();
+                    *running += 1;
+                    let most: &mut usize = most.entry(claim.owner.clone()).or_default();
+                    *most = (*most).max(*running);
+                }
+                sleep(Duration::from_millis(10)).await;
+                *running.lock().unwrap().0.get_mut(&claim.owner).unwrap() -= 1;
+                let finish = node.finish(claim.lease, Outcome::Failed(json!({}))).await.unwrap();
+                assert_eq!(finish, Finish::Committed(State::Failed));
+                assert!(done.lock().unwrap().insert(claim.lease.job), "twice");
+            }
+        }
+    };
+    let workers =
+        nodes.iter().flat_map(|node| (0..8).map(|_| tokio::spawn(worker(Arc::clone(node)))));
+    futures_util::future::join_all(workers.collect::<Vec<_>>())
+        .await
+        .into_iter()
+        .for_each(Result::unwrap);
+    running.lock().unwrap().1.clone()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_job_is_claimed_twice_and_caps_hold() {
+    for is_pooled in [false, true] {
+        let Some(engine) = engine("claims", is_pooled) else { return };
+        let caps = Caps { running_per_owner: 3, ..terms().caps };
+        let terms = Terms { caps, ..terms() };
+        let mut nodes = Vec::new();
+        for _ in 0..3 {
+            nodes.push(Arc::new(engine.opened(terms).await));
+        }
+        let owners = ["", "a", "b", "c"].map(Owner::of_stored);
+        let images: Vec<String> = (0..40).map(|n| n.to_string()).collect();
+        for owner in &owners {
+            let jobs = images.iter().map(|image| submit(&*nodes[0], owner, image));
+            futures_util::future::join_all(jobs).await;
+        }
+        let most = claim_all(&nodes, 160).await;
+        for owner in &owners[1..] {
+            assert_eq!(most[owner], 3, "{owner}");
+        }
+        assert!(most[&Owner::Anonymous] > 3);
+        assert_eq!(nodes[1].stats().await.unwrap(), Stats::default());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_more_jobs_of_an_owner_wait_than_may() {
+    let Some(engine) = engine("queued", false) else { return };
+    let terms = Terms { caps: Caps { queued_per_owner: 25, ..terms().caps }, ..terms() };
+    let nodes = [engine.opened(terms).await, engine.opened(terms).await];
+    let owner = Owner::named("a");
+    let submissions = (0..100).map(|n| nodes[n % 2].submit(job(&owner, &n.to_string())));
+    let submitted = futures_util::future::join_all(submissions).await;
+    let created = submitted.iter().filter(|done| matches!(done, Ok(Submitted::Created(_))));
+    assert_eq!(created.count(), 25);
+    assert!(submitted.iter().all(Result::is_ok));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_word_given_to_two_nodes_at_once_is_one_job() {
+    let Some(engine) = engine("words", false) else { return };
+    let nodes = [engine.opened(terms()).await, engine.opened(terms()).await];
+    let with_word =
+        |_| NewJob { idempotency_key: Some("word".into()), ..job(&Owner::Anonymous, "i") };
+    let submissions = (0..40).map(|n| nodes[n % 2].submit(with_word(n)));
+    let submitted = futures_util::future::join_all(submissions).await;
+    let id = |done: &Result<Submitted, QueueError>| match done {
+        Ok(Submitted::Created(record) | Submitted::Existing(record)) => record.id,
+        other => panic!("{other:?}"),
+    };
+    let ids: BTreeSet<JobId> = submitted.iter().map(id).collect();
+    assert_eq!(ids.len(), 1);
+    assert_eq!(nodes[0].stats().await.unwrap().queued, 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_whose_lease_ran_out_changes_nothing() {
+    let Some(engine) = engine("fence", false) else { return };
+    let terms = Terms { lease: Duration::from_millis(200), ..terms() };
+    let [slow, other] = [engine.opened(terms).await, engine.opened(terms).await];
+    let id = submit(&slow, &Owner::Anonymous, "image").await;
+    let lost = slow.claim().await.unwrap().unwrap().lease;
+    sleep(2 * terms.lease).await;
+    assert_eq!(other.sweep().await.unwrap().requeued, 1);
+    let lease = other.claim().await.unwrap().unwrap().lease;
+    assert_eq!(lease.job, id);
+    let late = slow.finish(lost, Outcome::Failed(json!({}))).await.unwrap();
+    assert_eq!(late, Finish::Fenced);
+    assert_eq!(slow.renew(lost, None).await.unwrap(), Renewal::Lost);
+    assert_eq!(other.renew(lease, None).await.unwrap(), Renewal::Ok);
+    // An acknowledgement may be lost: who ends a job once more hears the same.
+    for _ in 0..2 {
+        let finish = other.finish(lease, Outcome::Cancelled).await.unwrap();
+        assert_eq!(finish, Finish::Committed(State::Cancelled));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_change_on_another_node_is_heard_of_within_200_ms() {
+    let Some(engine) = engine("heard", false) else { return };
+    let hour = Terms { look_again: Duration::from_hours(1), ..terms() };
+    let [one, other] = [engine.opened(hour).await, engine.opened(hour).await].map(Arc::new);
+    let owner = Owner::named("a");
+    let id = submit(&*one, &owner, "image").await;
+    let mut took = Vec::new();
+    for _ in 0..20 {
+        let after = other.events(&owner, id, 0).await.unwrap().last().unwrap().revision;
+        let follower = tokio::spawn({
+            let (other, owner) = (Arc::clone(&other), owner.clone());
+            async move {
+                other.events(&owner, id, after).await.unwrap();
+                Instant::now()
+            }
+        });
+        sleep(Duration::from_millis(50)).await;
+        let began = Instant::now();
+        let lease = one.claim().await.unwrap().unwrap().lease;
+        took.push(timeout(Duration::from_secs(60), follower).await.unwrap().unwrap() - began);
+        one.finish(lease, Outcome::HandedBack).await.unwrap();
+    }
+    took.sort();
+    assert!(took[took.len() / 2] < Duration::from_millis(200), "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_last_attempt_waits_on_one_node_and_others_go_on() {
+    let Some(engine) = engine("aside", false) else { return };
+    let [busy, other] = [engine.opened(terms()).await, engine.opened(terms()).await];
+    let poison = submit(&busy, &Owner::named("a"), "poison").await;
+    for _ in 1..MAX_ATTEMPTS {
+        let lease = busy.claim().await.unwrap().unwrap().lease;
+        busy.finish(lease, Outcome::Retry(json!({}))).await.unwrap();
+    }
+    let first = submit(&busy, &Owner::named("b"), "first").await;
+    let second = submit(&busy, &Owner::named("b"), "second").await;
+    let runs = busy.claim().await.unwrap().unwrap().lease;
+    assert_eq!(runs.job, first);
+    assert_eq!(busy.claim().await.unwrap(), None, "something runs");
+    assert_eq!(other.claim().await.unwrap().unwrap().lease.job, second);
+    assert_eq!(other.claim().await.unwrap(), None, "the first node has set it aside");
+    busy.finish(runs, Outcome::Cancelled).await.unwrap();
+    let last = busy.claim().await.unwrap().unwrap();
+    assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nodes_with_other_schemas_know_nothing_of_each_other() {
+    let Some(engine) = engine("schemas", false) else { return };
+    let one = engine.opened(terms()).await;
+    submit(&one, &Owner::Anonymous, "image").await;
+    let elsewhere = settings(engine.server.0.url(), "schemas-other");
+    let other = Postgres::open(&elsewhere, terms()).await.unwrap();
+    assert_eq!(other.claim().await.unwrap(), None);
+    assert_eq!(other.stats().await.unwrap(), Stats::default());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_node_knows_how_long_jobs_take() {
+    let Some(engine) = engine("mean", false) else { return };
+    let [one, other] = [engine.opened(terms()).await, engine.opened(terms()).await];
+    assert_eq!(other.mean_duration_s(None).await.unwrap(), None);
+    assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(2.5));
+    assert_eq!(other.mean_duration_s(Some(4.0)).await.unwrap(), Some(4.0));
+    // The first has done nothing since: what it knows is old.
+    assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(4.0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
+    let Some(engine) = engine("damaged", false) else { return };
+    let queue = engine.opened(terms()).await;
+    let owner = Owner::Anonymous;
+    let damaged = submit(&queue, &owner, "damaged").await;
+    let whole = submit(&queue, &owner, "whole").await;
+    let table = format!("\"{}\".jobs", engine.schema);
+    engine
+        .server
+        .0
+        .run_sql(&format!("UPDATE {table} SET image_shape = '{{' WHERE id = '{damaged}'"));
+    assert_eq!(queue.claim().await.unwrap(), None);
+    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, whole);
+    let request = PageRequest { state: None, before: None, limit: 10 };
+    let page = queue.list(&owner, request).await.unwrap();
+    assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [whole]);
+    let Stats { queued, running, .. } = queue.stats().await.unwrap();
+    assert_eq!((queued, running), (0, 1), "the damaged one has come to its end");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_the_database_refuses_spoils_nothing_beside_it() {
+    let Some(engine) = engine("refused", false) else { return };
+    let queue = engine.opened(terms()).await;
+    let order = |n: usize| if n == 5 { "a\0b".into() } else { "density=2".to_owned() };
+    let submissions =
+        (0..20).map(|n| queue.submit(NewJob { order: order(n), ..job(&Owner::Anonymous, "i") }));
+    let submitted = futures_util::future::join_all(submissions).await;
+    let refused: Vec<usize> = (0..20).filter(|&n| submitted[n].is_err()).collect();
+    assert_eq!(refused, [5]);
+    assert!(matches!(submitted[5], Err(QueueError::Storage(_))));
+}
