@@ -12,7 +12,6 @@ named_values! {
     ///
     /// ```
     /// use pixmesh_meshing::Stage;
-    ///
     /// assert!(Stage::Density < Stage::Triangulate);
     /// assert_eq!(Stage::Simplify.name(), "simplify");
     /// ```
@@ -47,7 +46,6 @@ named_values! {
 ///
 /// ```
 /// use pixmesh_meshing::{Cancelled, MeshingError};
-///
 /// assert_eq!(MeshingError::from(Cancelled).to_string(), "cancelled");
 /// ```
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
@@ -116,6 +114,33 @@ pub(crate) fn sort<T: Ord + Copy>(
         elements.sort_unstable();
         return Ok(());
     }
+    let below = split(elements, poll)?;
+    let (lower, upper) = elements.split_at_mut(below);
+    sort(lower, poll)?;
+    sort(upper, poll)
+}
+
+/// Puts the elements of the lowest ranks, `rank` in number, before all others, with the same polls
+/// as [`sort`]; returns the element of that rank.
+pub(crate) fn select<T: Ord + Copy>(
+    mut elements: &mut [T],
+    mut rank: usize,
+    poll: &dyn Fn() -> Result<(), Cancelled>,
+) -> Result<T, Cancelled> {
+    while elements.len() > POINTS_PER_POLL {
+        let below = split(elements, poll)?;
+        let (lower, upper) = elements.split_at_mut(below);
+        (elements, rank) = if rank < below { (lower, rank) } else { (upper, rank - below) };
+    }
+    poll()?;
+    Ok(*elements.select_nth_unstable(rank).1)
+}
+
+/// Puts the elements below a pivot before all others; returns how many these are.
+fn split<T: Ord + Copy>(
+    elements: &mut [T],
+    poll: &dyn Fn() -> Result<(), Cancelled>,
+) -> Result<usize, Cancelled> {
     // The median of the sample leaves a 128th of the elements or more at each side.
     let mut sample: Vec<T> = elements.iter().step_by(64).copied().collect();
     let middle = sample.len() / 2;
@@ -129,9 +154,7 @@ pub(crate) fn sort<T: Ord + Copy>(
         elements.swap(i, below);
         below += usize::from(is_below);
     }
-    let (lower, upper) = elements.split_at_mut(below);
-    sort(lower, poll)?;
-    sort(upper, poll)
+    Ok(below)
 }
 
 /// Polls a control once in [`POINTS_PER_POLL`] steps.
@@ -155,9 +178,10 @@ impl<'a> Poller<'a> {
     #[inline]
     pub(crate) fn step(&mut self, count: usize) -> Result<(), Cancelled> {
         self.steps += count;
-        if self.steps < POINTS_PER_POLL {
-            return Ok(());
-        }
+        if self.steps < POINTS_PER_POLL { Ok(()) } else { self.poll() }
+    }
+
+    pub(crate) fn poll(&mut self) -> Result<(), Cancelled> {
         self.steps = 0;
         self.control.poll(self.stage, self.done, self.total)
     }
@@ -185,7 +209,6 @@ impl<F: Fn(Stage, usize, usize) -> (Stage, usize, usize) + Sync> Control for Tra
 ///
 /// ```
 /// use pixmesh_meshing::{Control, OnThreads};
-///
 /// let all = std::thread::available_parallelism()?;
 /// assert_eq!(OnThreads((), all).threads(), all);
 /// # Ok::<(), std::io::Error>(())
@@ -224,6 +247,11 @@ impl Control for () {
 pub(crate) mod tests {
     use super::*;
     use std::sync::Mutex;
+
+    /// A poller that never cancels.
+    pub(crate) fn poller() -> Poller<'static> {
+        Poller::new(&(), Stage::Check, 0, 0)
+    }
 
     /// What a kernel reported: the stage, the steps done and the steps in total.
     pub(crate) type Report = (Stage, usize, usize);
@@ -268,6 +296,21 @@ pub(crate) mod tests {
                 "{reports:?}"
             );
             reports.into_iter().map(|(_, done, _)| done).collect()
+        }
+    }
+
+    #[test]
+    fn selects_in_parts() {
+        let count = 1 << 18;
+        for rank in [0, 1, 70_000, count - 1] {
+            let mut numbers: Vec<u32> =
+                (0..count).map(|i: u32| i.wrapping_mul(0x9E37_79B1)).collect();
+            let recorder = Recorder::default();
+            let poll = || recorder.poll(Stage::Check, 0, 1);
+            let found = select(&mut numbers, rank as usize, &poll).unwrap();
+            assert!(numbers[..rank as usize].iter().all(|&below| below < found), "{rank}");
+            assert!(numbers[rank as usize..].iter().all(|&above| above >= found), "{rank}");
+            assert!(recorder.reports().len() > 4);
         }
     }
 

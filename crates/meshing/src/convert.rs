@@ -6,8 +6,7 @@ use image::{DynamicImage, ImageBuffer, Luma, LumaA, Rgb, Rgba};
 impl TryFrom<&DynamicImage> for Image {
     type Error = ImageError;
 
-    /// Takes the channels as components, alpha among them, with 8 or 16 bits; floating-point
-    /// samples become 16 bits.
+    /// Takes the channels, alpha too, as components of 8 or 16 bits; floats become 16 bits.
     ///
     /// ```
     /// let decoded = image::DynamicImage::new_rgb8(3, 2);

@@ -9,7 +9,6 @@ use thiserror::Error;
 ///
 /// ```
 /// use pixmesh_meshing::{Image, MeshingError, Method, Target, mesh_image};
-///
 /// let four_points = Image::from_top_down(2, 2, 8, vec![vec![0; 4]])?;
 /// let refused = mesh_image(&four_points, &Method::Med.parameters(Target::Size(9)), &());
 /// assert!(matches!(refused, Err(MeshingError::Parameter(_))));

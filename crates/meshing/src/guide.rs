@@ -10,8 +10,7 @@ use std::borrow::Cow;
 /// An image that guides the choice of points: the image to mesh, or a gray picture of it.
 pub(crate) struct Guided<'a> {
     pub(crate) image: Cow<'a, Image>,
-    /// Parameters for this image: of a gray picture those for one component, with the structural
-    /// similarity as weights.
+    /// Parameters for this image, a gray one or not, with the structural similarity as weights.
     pub(crate) parameters: Parameters,
 }
 
@@ -44,7 +43,6 @@ impl<'a> Guided<'a> {
     }
 }
 
-/// The parameters of a colour method for the gray picture that guides it.
 fn on_gray(parameters: Parameters) -> Parameters {
     let policy = parameters.policy.of_one_component();
     let error_metric = parameters.error_metric.of_one_component();

@@ -19,7 +19,6 @@ pub const MAX_POINTS: usize = u32::MAX as usize / 6;
 ///
 /// ```
 /// use pixmesh_meshing::Point;
-///
 /// let [first, second, third] = [(0, 3), (7, 3), (0, 4)].map(|(x, y)| Point::new(x, y));
 /// assert!(first < second && second < third); // by row, then column
 /// ```
@@ -44,7 +43,6 @@ impl Point {
 ///
 /// ```
 /// use pixmesh_meshing::{Image, Shape};
-///
 /// let image = Image::from_top_down(3, 2, 8, vec![vec![0; 6]])?;
 /// assert_eq!(image.shape(), Shape { width: 3, height: 2, component_count: 1, precision: 8 });
 /// # Ok::<(), pixmesh_meshing::ImageError>(())
@@ -73,7 +71,6 @@ impl fmt::Display for Shape {
 ///
 /// ```
 /// use pixmesh_meshing::{Fidelity, Image, MeshingError};
-///
 /// let image = |width| Image::from_top_down(width, 2, 8, vec![vec![0; 2 * width]]);
 /// let refused = Fidelity::between(&image(2)?, &image(3)?, &());
 /// assert!(matches!(refused, Err(MeshingError::Shape(_))));
@@ -98,7 +95,6 @@ impl ShapeMismatch {
 ///
 /// ```
 /// use pixmesh_meshing::Image;
-///
 /// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 20, 30, 40]])?;
 /// assert_eq!(image.row(0, 0), [30, 40]); // row 0 is the bottom row
 /// # Ok::<(), pixmesh_meshing::ImageError>(())
@@ -113,7 +109,6 @@ pub struct Image {
 ///
 /// ```
 /// use pixmesh_meshing::{Image, ImageError};
-///
 /// let short = Image::from_top_down(3, 2, 8, vec![vec![0; 5]]);
 /// assert_eq!(short, Err(ImageError::SampleCount { component: 0, actual: 5, expected: 6 }));
 /// ```
@@ -159,15 +154,13 @@ impl Image {
         self.shape
     }
 
-    /// Makes an image of components whose rows run from the top to the bottom, as decoders give
-    /// them.
+    /// Makes an image of components with rows from the top to the bottom, as decoders give them.
     ///
     /// Each component has `width * height` samples in `0..=2^precision - 1`.
     ///
     /// # Errors
-    /// When a side is under 2 or over [`MAX_SIDE`], there are more than [`MAX_POINTS`] points, the
-    /// precision is not 1..=16, there is no component, or a component has the wrong length or a
-    /// sample out of range.
+    /// When a side is under 2 or over [`MAX_SIDE`], there are more than [`MAX_POINTS`] points or no
+    /// component, the precision is not 1..=16, or a component has a wrong length or sample.
     pub fn from_top_down(
         width: usize,
         height: usize,
@@ -183,8 +176,7 @@ impl Image {
 
     /// Makes an image of components whose rows run from the bottom to the top.
     ///
-    /// `components[c][y * width + x]` is the sample of component `c` at `(x, y)`, in
-    /// `0..=2^precision - 1`.
+    /// `components[c][y * width + x]`, in `0..=2^precision - 1`, is a sample of component `c`.
     ///
     /// # Errors
     /// As [`from_top_down`](Self::from_top_down).

@@ -2,15 +2,19 @@
 //!
 //! Only the calling thread polls the caller's [`Control`]; when that cancels, all threads stop.
 
-use crate::control::{Cancelled, Control, OnThreads, Stage};
-use std::num::NonZeroUsize;
+use crate::control::{Cancelled, Control, Stage, Translated};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Builder};
+use std::time::Duration;
 
 const LEAST_SHARE: usize = 512;
 
 const LEAST_ROWS: usize = 128;
+
+/// How long the calling thread waits for the others between two polls.
+const PATIENCE: Duration = Duration::from_millis(5);
 
 /// The control of a helper thread: it cancels once the calling thread's work is cancelled.
 struct CancelledElsewhere<'a>(&'a AtomicBool);
@@ -22,11 +26,11 @@ impl Control for CancelledElsewhere<'_> {
 }
 
 /// Calls `work` once for each share, on at most `control.threads()` threads, the calling thread
-/// among them. Work on the calling thread polls `control`. Work on a helper thread polls whether
-/// the calling thread was cancelled. No share begins after a cancellation.
+/// among them. Work on the calling thread polls `control`, as does waiting for the others. Work on
+/// a helper thread polls whether the calling thread was cancelled. No share begins after a
+/// cancellation.
 ///
-/// The result of a share must not depend on its thread. Fewer threads run if the system starts no
-/// more.
+/// The result of a share must not depend on its thread. The system may start fewer threads.
 pub(crate) fn share_out<S: Send>(
     shares: impl ExactSizeIterator<Item = S> + Send,
     control: &dyn Control,
@@ -56,28 +60,41 @@ fn share_out_on<S: Send>(
     };
     // The calling thread returns a cancellation; helper threads only stop.
     let help = || _ = work_on_shares(&CancelledElsewhere(&is_cancelled));
+    // The last report of the calling thread, which it repeats while it waits.
+    let last = Mutex::new(None);
+    let translate = |stage, done, total| {
+        *last.lock().unwrap_or_else(PoisonError::into_inner) = Some((stage, done, total));
+        (stage, done, total)
+    };
+    let (working, finished) = channel::<()>();
     thread::scope(|scope| {
         // If one thread does not start, the next one does not either.
-        (0..helper_count).all(|_| new_thread().spawn_scoped(scope, help).is_ok());
-        work_on_shares(control).inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed))
+        (0..helper_count).all(|_| {
+            let working = working.clone();
+            let help = move || (help(), drop(working));
+            new_thread().spawn_scoped(scope, help).is_ok()
+        });
+        drop(working);
+        let mut result = work_on_shares(&Translated { control, translate });
+        while result.is_ok() && finished.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+            let last = *last.lock().unwrap_or_else(PoisonError::into_inner);
+            result = last.map_or(Ok(()), |(stage, done, total)| control.poll(stage, done, total));
+        }
+        result.inspect_err(|_| is_cancelled.store(true, Ordering::Relaxed))
     })
 }
 
-/// Calls `work` on corresponding parts of two slices of one length, on at most this many threads,
-/// without cancellation. The result of an element must not depend on the part that holds it.
+/// Calls `work` on corresponding parts of two slices of one length, with the control that
+/// [`share_out`] gives its thread. The result of an element must not depend on its part.
 pub(crate) fn in_parallel<A: Sync, B: Send>(
     input: &[A],
     output: &mut [B],
-    threads: NonZeroUsize,
-    work: impl Fn(&[A], &mut [B]) + Sync,
-) {
-    let share = input.len().div_ceil(threads.get()).max(LEAST_SHARE);
+    control: &dyn Control,
+    work: impl Fn(&[A], &mut [B], &dyn Control) -> Result<(), Cancelled> + Sync,
+) -> Result<(), Cancelled> {
+    let share = input.len().div_ceil(control.threads().get()).max(LEAST_SHARE);
     let shares = input.chunks(share).zip(output.chunks_mut(share));
-    let work = |(input, output): (&[A], &mut [B]), _: &dyn Control| {
-        work(input, output);
-        Ok(())
-    };
-    let _ = share_out(shares, &OnThreads((), threads), work);
+    share_out(shares, control, |(input, output), control| work(input, output, control))
 }
 
 /// Calls `work` on bands of whole rows of a field, with the number of the band's first row, the
@@ -96,7 +113,10 @@ pub(crate) fn in_row_bands<T: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::OnThreads;
     use crate::control::tests::Recorder;
+    use std::num::NonZeroUsize;
+    use std::sync::Barrier;
     use std::sync::atomic::AtomicUsize;
 
     const THREADS: NonZeroUsize = NonZeroUsize::new(8).unwrap();
@@ -130,6 +150,24 @@ mod tests {
     }
 
     #[test]
+    fn caller_polls_while_it_waits() {
+        let (caller, both) = (thread::current().id(), Barrier::new(2));
+        let control = OnThreads(Recorder::cancelling_at(3), THREADS);
+        let work = |_, control: &dyn Control| {
+            control.poll(Stage::Density, 1, 2)?;
+            both.wait();
+            // Only the cancellation ends the helper's share.
+            while thread::current().id() != caller {
+                control.poll(Stage::Density, 0, 2)?;
+                thread::yield_now();
+            }
+            Ok(())
+        };
+        assert_eq!(share_out(0..2, &control, work), Err(Cancelled));
+        assert_eq!(control.0.done(Stage::Density, 2), [1; 4]);
+    }
+
+    #[test]
     fn helper_threads_take_shares() {
         let caller = thread::current().id();
         let is_helped = AtomicBool::new(false);
@@ -150,11 +188,12 @@ mod tests {
         let input: Vec<u32> = (0..5000).collect();
         for threads in [1, 2, 3, 16] {
             let mut output = vec![0; input.len()];
-            in_parallel(&input, &mut output, NonZeroUsize::new(threads).unwrap(), |from, to| {
-                for (&from, to) in from.iter().zip(to) {
-                    *to += 2 * from;
-                }
-            });
+            let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
+            let double = |from: &[u32], to: &mut [u32], _: &dyn Control| {
+                from.iter().zip(to).for_each(|(&from, to)| *to += 2 * from);
+                Ok(())
+            };
+            assert_eq!(in_parallel(&input, &mut output, &control, double), Ok(()));
             assert!(output.iter().zip(&input).all(|(&to, &from)| to == 2 * from));
         }
     }

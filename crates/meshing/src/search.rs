@@ -16,8 +16,7 @@ const MOST_MESHES: usize = 64;
 /// Tries mesh sizes from [`MIN_SIZE`] to `all` until the smallest size that keeps a bound and the
 /// largest that does not are neighbours, or differ by at most one part in `precision`.
 ///
-/// `keeps` makes a mesh of a size and returns whether it keeps the bound. The mesh of `all` points
-/// counts as keeping it.
+/// `keeps` makes a mesh of a size and returns whether it keeps the bound, as all points would.
 pub(crate) fn bisect_size<E>(
     all: usize,
     precision: usize,

@@ -4,9 +4,9 @@
 //! the code.
 
 mod refinement {
-    use crate::face_error::ErrorEvaluator;
+    use crate::control::tests::poller;
+    use crate::face_error::tests::evaluator_of;
     use crate::image::{Image, Point, corner_points};
-    use crate::parameters::choices::ErrorMetric;
     use crate::refinement::refine;
     use crate::refinement::tests::{measured, shaded};
     use std::collections::BTreeSet;
@@ -21,7 +21,7 @@ mod refinement {
     #[test]
     fn errors_of_each_effort() {
         let image = shaded(64);
-        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = evaluator_of(&image);
         let errors: Vec<u64> = (0..=9)
             .map(|effort| {
                 let mut mesh = measured(&measure, &image, scattered());
@@ -44,8 +44,9 @@ mod refinement {
         let components = shaded.components().iter().map(finer).collect();
         let image = Image::from_bottom_up(64, 64, 12, components).unwrap();
         let errors = [true, false].map(|has_model| {
-            let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
-            let measure = if has_model { evaluator.with_model() } else { evaluator };
+            let evaluator = evaluator_of(&image);
+            let measure =
+                if has_model { evaluator.with_model(&mut poller()).unwrap() } else { evaluator };
             let mut mesh = measured(&measure, &image, scattered());
             refine(&mut mesh, 1, &()).unwrap();
             mesh.triangulation.total_error

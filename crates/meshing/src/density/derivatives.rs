@@ -5,7 +5,7 @@
 //! smoothing kernel convolved with a difference kernel. With double convolution the smoothed
 //! component is cropped to the image and extended again before it is differentiated. Stencils hold
 //! whole numbers, so up to smoothing order 17 every value of a component of up to 16 bits is exact;
-//! beyond, it is rounded in the same way on every machine. One division at the end applies the unit.
+//! beyond, it is rounded in the same way on every machine. A division at the end applies the unit.
 //!
 //! [`BinomialRow`] is the fast path for binomial smoothing of order 3 in both directions, the
 //! default. The test `fast_path_equals_specification` ties the two.
@@ -16,7 +16,6 @@ use crate::parameters::Parameters;
 use crate::parameters::choices::{Boundary, Policy, Smoothing, SmoothingDirection};
 use fearless_simd::{Level, Simd, dispatch};
 
-/// A kernel of odd length along each axis.
 #[derive(Clone, Debug, PartialEq)]
 struct Stencil {
     x: Vec<f64>,
@@ -39,7 +38,6 @@ pub(crate) struct Filter {
     boundary: Boundary,
 }
 
-/// No smoothing and no difference.
 const IDENTITY: &[f64] = &[1.0];
 /// Twice the first derivative.
 const FIRST_DIFFERENCE: &[f64] = &[-1.0, 0.0, 1.0];
@@ -140,7 +138,6 @@ impl<'a> Derivatives<'a> {
     }
 }
 
-/// The correlation of an extended component of `height` rows with a stencil.
 struct Correlation<'a> {
     stencil: &'a Stencil,
     height: usize,
@@ -186,8 +183,7 @@ fn weights(kernel: &[f64]) -> impl Iterator<Item = (usize, &f64)> {
     kernel.iter().enumerate().filter(|(_, weight)| **weight != 0.0)
 }
 
-/// The index of the sample at position `at` of an axis of `length` extended beyond its ends; `None`
-/// for zero.
+/// The index of the sample at position `at` of an axis extended beyond its ends; `None` for zero.
 fn extended_index(at: isize, length: usize, boundary: Boundary) -> Option<usize> {
     let last = length as isize - 1;
     if (0..=last).contains(&at) {
@@ -242,8 +238,7 @@ const RADIUS: usize = 2;
 pub(crate) struct BinomialRow {
     boundary: Boundary,
     level: Level,
-    /// Column sums of five rows, extended sideways: with the weights of smoothing, of the first and
-    /// of the second derivative.
+    /// Column sums, extended sideways: with the weights of smoothing, first and second derivative.
     sums: [Vec<i32>; 3],
     /// The rows beyond a border that is extended by zeros.
     zeros: Vec<u16>,
@@ -264,7 +259,6 @@ impl BinomialRow {
         })
     }
 
-    /// The operator on row `y` of a component, written to `values`.
     pub(crate) fn evaluate(
         &mut self,
         significance: Significance,
@@ -290,7 +284,6 @@ impl BinomialRow {
     }
 }
 
-/// Sums each column of five rows with three sets of weights.
 #[inline(always)]
 fn sum_five_rows<S: Simd>(_: S, [a, b, c, d, e]: [&[u16]; 5], sums: &mut [Vec<i32>; 3]) {
     let width = a.len();
@@ -330,16 +323,12 @@ fn operate<S: Simd>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Stage;
+    use crate::control::tests::poller;
     use crate::parameters::Target;
     use proptest::prelude::*;
 
     fn parameters() -> Parameters {
         Parameters::default().target(Target::Size(4))
-    }
-
-    fn poller() -> Poller<'static> {
-        Poller::new(&(), Stage::Density, 0, 0)
     }
 
     /// All derivatives of a component, divided by their unit.

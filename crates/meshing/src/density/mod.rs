@@ -16,8 +16,7 @@ use crate::parallel::in_row_bands;
 use crate::parameters::Parameters;
 use crate::parameters::choices::{Guide, Policy, PscTie};
 
-/// Added to the largest significance before it divides, so that an image without any detail has
-/// density 0 and not 0/0.
+/// Added to the largest significance before it divides: an image without detail has density 0.
 const NORMALISATION_FLOOR: f64 = 1e-12;
 
 /// How dense sample points should be: the significance of each lattice point over the largest. One
@@ -119,8 +118,7 @@ impl Density {
         Ok(density)
     }
 
-    /// The fields, each with one number in `0.0..=1.0` for each lattice point of the image, row by
-    /// row from the bottom.
+    /// The fields, a number in `0.0..=1.0` for each lattice point, row by row from the bottom.
     #[must_use]
     pub fn fields(&self) -> &[Vec<f64>] {
         &self.fields
@@ -160,8 +158,7 @@ fn is_flat(image: &Image, control: &dyn Control) -> Result<bool, Cancelled> {
     Ok(true)
 }
 
-/// The largest of numbers that are not negative; sixteen at a time, which the machine compares side
-/// by side.
+/// The largest of numbers that are not negative, sixteen at a time in the machine's vectors.
 fn maximum(values: &[f64]) -> f64 {
     let (chunks, rest) = values.as_chunks::<16>();
     let mut lanes = [0.0; 16];

@@ -15,14 +15,11 @@ pub(crate) struct DerivativeRow {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Significance {
-    /// Maximum-magnitude second-order directional derivative.
     Mmsodd,
-    /// Magnitude of the Laplacian.
     Mol,
 }
 
 impl Significance {
-    /// The operator on one row of derivatives, written to `values`.
     pub(crate) fn evaluate(self, row: &DerivativeRow, divisor: f64, values: &mut [f64]) {
         let derivatives = row.xx.iter().zip(&row.yy).zip(&row.xy);
         for (value, ((&xx, &yy), &xy)) in values.iter_mut().zip(derivatives) {
@@ -35,8 +32,7 @@ impl Significance {
 }
 
 /// The maximum-magnitude second-order directional derivative, `|a| + b` with `a = (xx + yy) / 2`
-/// and `b = sqrt((xx - yy)^2 / 4 + m^2)`, of two second derivatives and `xy`, four times the mixed
-/// derivative `m`.
+/// and `b = sqrt((xx - yy)^2 / 4 + m^2)`, where `xy` is four times the mixed derivative `m`.
 ///
 /// With a binomial kernel everything under the root is exact, so only the root and the sum are
 /// rounded, once each, whatever the order of the operations.
@@ -46,7 +42,6 @@ pub(crate) fn mmsodd(xx: f64, yy: f64, xy: f64) -> f64 {
     ((xx + yy).abs() + (difference * difference + 0.25 * (xy * xy)).sqrt()) * 0.5
 }
 
-/// The magnitude of the Laplacian.
 #[inline(always)]
 pub(crate) fn laplacian(xx: f64, yy: f64, _: f64) -> f64 {
     (xx + yy).abs()
@@ -55,7 +50,6 @@ pub(crate) fn laplacian(xx: f64, yy: f64, _: f64) -> f64 {
 /// The sum over components of their gradients' outer products: `xx`, `yy` and `xy`.
 pub(crate) type GradientTensor = [f64; 3];
 
-/// Adds the first derivatives of a component's row to the row's tensors.
 pub(crate) fn add_gradients(row: &DerivativeRow, tensors: &mut [GradientTensor]) {
     for ([xx, yy, xy], (&fx, &fy)) in tensors.iter_mut().zip(row.xx.iter().zip(&row.yy)) {
         *xx += fx * fx;
@@ -67,8 +61,7 @@ pub(crate) fn add_gradients(row: &DerivativeRow, tensors: &mut [GradientTensor])
 /// The length of the gradient of several components taken as one vector field.
 ///
 /// Silvano Di Zenzo, "A note on the gradient of a multi-image", 1986: the square root of the larger
-/// eigenvalue of the tensor `[xx xy; xy yy]`. Where `xx = yy` the thesis's published results ignore
-/// `xy`; `tie` says whether to do so.
+/// eigenvalue of the tensor `[xx xy; xy yy]`. `tie` says whether to ignore `xy` where `xx = yy`.
 pub(crate) fn vector_gradient([xx, yy, xy]: GradientTensor, tie: PscTie) -> f64 {
     let difference = xx - yy;
     let spread = if difference == 0.0 && tie == PscTie::Published {

@@ -1,11 +1,11 @@
 //! Evaluation of changes: what a removal or an insertion would do to the error of a mesh.
 
+use crate::control::{Cancelled, Poller};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::triangulation::hole::{HoleFiller, HoleTriangle};
 
-/// Evaluates changes; its buffers are used again for each.
 pub(crate) struct Evaluator<M> {
     pub(crate) measure: M,
     /// The star of the vertex evaluated last, and the positions of its link's vertices.
@@ -46,14 +46,15 @@ impl<M: FaceMeasure> Evaluator<M> {
         &mut self,
         triangulation: &DynamicTriangulation,
         vertex: u32,
-    ) -> i64 {
+        poller: &mut Poller<'_>,
+    ) -> Result<i64, Cancelled> {
         self.gather_star(triangulation, vertex);
         let Self { boundary, filler, faces, .. } = self;
         let corners = |triangle: &HoleTriangle| triangle.map(|i| boundary[i as usize]);
         faces.clear();
         faces.extend(filler.fill(boundary).iter().map(corners));
-        let after = self.measure.errors_below(faces, u64::MAX, &mut self.errors);
-        after as i64 - triangulation.error_of(&self.star.triangles) as i64
+        let after = self.measure.errors_below(faces, u64::MAX, &mut self.errors, poller)?;
+        Ok(after as i64 - triangulation.error_of(&self.star.triangles) as i64)
     }
 
     /// By how much the error would change with a vertex at a position in the image, if by less than
@@ -64,8 +65,9 @@ impl<M: FaceMeasure> Evaluator<M> {
         at: Point,
         hint: u32,
         limit: i64,
-    ) -> Option<i64> {
-        self.fan_change(triangulation, at, hint, None, limit).ok().flatten()
+        poller: &mut Poller<'_>,
+    ) -> Result<Option<i64>, Cancelled> {
+        Ok(self.fan_change(triangulation, at, hint, None, limit, poller)?.ok().flatten())
     }
 
     /// The same for a detached vertex whose faces had the error `detached`, against the error
@@ -77,15 +79,16 @@ impl<M: FaceMeasure> Evaluator<M> {
         hint: u32,
         detached: Option<u64>,
         limit: i64,
-    ) -> Result<Option<i64>, LeavesPatch> {
+        poller: &mut Poller<'_>,
+    ) -> Result<Result<Option<i64>, LeavesPatch>, Cancelled> {
         let Self { measure, star, cavity, faces, errors, .. } = self;
-        let slot = triangulation.locate(at, hint).ok_or(LeavesPatch)?;
+        let Some(slot) = triangulation.locate(at, hint) else { return Ok(Err(LeavesPatch)) };
         if triangulation.corners(slot).contains(&at) {
-            return Ok(None);
+            return Ok(Ok(None));
         }
         triangulation.cavity(at, slot, cavity);
         if cavity.touches_patch_boundary() {
-            return Err(LeavesPatch);
+            return Ok(Err(LeavesPatch));
         }
         let fill = detached.map_or(&[][..], |_| star.fill());
         let replaced = cavity.triangles.iter().filter(|slot| !fill.contains(slot));
@@ -95,7 +98,7 @@ impl<M: FaceMeasure> Evaluator<M> {
         let point = |v: u32| triangulation.points[v as usize];
         faces.extend(cavity.edges().map(|(from, to)| [point(from), point(to), at]));
         let most = limit.saturating_add_unsigned(before).max(0) as u64;
-        let change = measure.errors_below(faces, most, errors) as i64 - before as i64;
-        Ok((change < limit).then_some(change))
+        let change = measure.errors_below(faces, most, errors, poller)? as i64 - before as i64;
+        Ok(Ok((change < limit).then_some(change)))
     }
 }

@@ -18,15 +18,12 @@ pub(crate) const PATCH_BOUNDARY: u32 = NONE - 1;
 
 /// A triangulation as arrays of half-edges, with an error for each face.
 ///
-/// Slot `t` has the half-edges `3t`, `3t + 1`, `3t + 2`, counter-clockwise; the slot of a removed
-/// triangle is free and has [`NONE`] as origins. Vertices keep their indices; one that is not in
-/// the mesh has no outgoing half-edge.
+/// Slot `t` has the half-edges `3t`, `3t + 1`, `3t + 2`, counter-clockwise; a free slot has
+/// [`NONE`] as origins. Vertices keep their indices; one not in the mesh has no outgoing half-edge.
 pub(crate) struct DynamicTriangulation {
     pub(crate) points: Vec<Point>,
-    /// Vertex at which each half-edge begins.
     pub(crate) origins: Vec<u32>,
-    /// The opposite of each half-edge: [`NONE`] on the border of the image, [`PATCH_BOUNDARY`] on
-    /// that of a patch.
+    /// The opposite of each half-edge, [`NONE`] on the border, [`PATCH_BOUNDARY`] on a patch's.
     pub(crate) twins: Vec<u32>,
     /// A half-edge that begins at each vertex; on the border of the image the one without twin.
     pub(crate) outgoing: Vec<u32>,
@@ -38,13 +35,11 @@ pub(crate) struct DynamicTriangulation {
     pub(super) top: i32,
 }
 
-/// The link of a vertex, or the boundary of a cavity: a polygon, counter-clockwise, and the
-/// triangles inside.
+/// The link of a vertex or the boundary of a cavity, counter-clockwise, with the triangles inside.
 #[derive(Default)]
 pub(crate) struct Link {
     pub(crate) triangles: Vec<u32>,
-    /// The vertices. An open link, that of a vertex on the border of the image, has one vertex more
-    /// than edges.
+    /// The vertices. An open link, that of a vertex on the border, has one vertex more than edges.
     pub(crate) vertices: Vec<u32>,
     /// For each edge its half-edge outside of the polygon.
     pub(crate) outer: Vec<u32>,
@@ -146,7 +141,6 @@ impl DynamicTriangulation {
         self.outgoing[vertex as usize] != NONE && !self.is_corner(self.points[vertex as usize])
     }
 
-    /// The error of a slot's face, 0 of a free slot.
     #[inline]
     pub(crate) fn face_error(&self, slot: u32) -> u64 {
         self.face_errors[slot as usize]
@@ -272,8 +266,7 @@ impl DynamicTriangulation {
         Some(h / 3)
     }
 
-    /// Gathers the cavity of a position, which is no vertex and lies in `slot`: the triangles whose
-    /// circumcircles contain it.
+    /// Gathers the cavity of a position in `slot`: the triangles whose circumcircles contain it.
     ///
     /// They are connected and have no vertex inside, so each is reached over one edge only. At the
     /// border of the image the link is open.
@@ -310,8 +303,7 @@ impl DynamicTriangulation {
     }
 
     /// Inserts a vertex that is not in the mesh at a position with this [`cavity`](Self::cavity).
-    /// `fan` becomes the slots of its triangles, in the order of the link's edges; their errors are
-    /// given in this order.
+    /// `fan` becomes the slots of its triangles, in the order of the link's edges and of `errors`.
     pub(super) fn insert(
         &mut self,
         vertex: u32,

@@ -9,7 +9,7 @@ pub(crate) mod half_edges;
 pub(crate) mod moves;
 pub(crate) mod patches;
 
-use crate::control::{Cancelled, Control, Stage, Translated};
+use crate::control::{Cancelled, Control, Poller, Stage, Translated};
 use crate::dynamic_mesh::evaluator::Evaluator;
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::face_error::FaceMeasure;
@@ -24,7 +24,7 @@ const CHANGES_PER_SHARE: usize = 64;
 /// its faces and what measures them.
 pub(crate) struct MeasuredMesh<M> {
     pub(crate) triangulation: DynamicTriangulation,
-    evaluator: Evaluator<M>,
+    pub(crate) evaluator: Evaluator<M>,
     pub(crate) fan: Vec<u32>,
     tentative: TentativeMove,
 }
@@ -54,10 +54,12 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         let triangulation = DynamicTriangulation::new(triangulation, size, &control)?;
         let slots: Vec<u32> = (0..triangulation.slot_count() as u32).collect();
         let mut mesh = Self::of_parts(triangulation, measure);
-        let error = |evaluator: &mut Evaluator<M>, triangulation: &DynamicTriangulation, slot| {
-            evaluator.measure.error(triangulation.corners(slot))
-        };
-        for (slot, error) in (0..).zip(mesh.evaluate_all(&slots, error, &control)?) {
+        let errors = mesh.evaluate_all(
+            &slots,
+            |evaluator, mesh, slot, poller| evaluator.measure.error(mesh.corners(slot), poller),
+            &control,
+        )?;
+        for (slot, error) in (0..).zip(errors) {
             mesh.triangulation.set_face_error(slot, error);
         }
         Ok(mesh)
@@ -72,20 +74,24 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         self.evaluator.measure.model_pixels().is_some()
     }
 
-    /// Evaluates something of each of some vertices or slots, on all threads; the result does not
-    /// depend on their number.
-    pub(crate) fn evaluate_all<T: Clone + Default + Send>(
+    /// Evaluates something of each of some vertices or slots, the same on any number of threads.
+    pub(crate) fn evaluate_all<T: Clone + Default + Send, F>(
         &self,
         items: &[u32],
-        evaluate: impl Fn(&mut Evaluator<M>, &DynamicTriangulation, u32) -> T + Sync,
+        evaluate: F,
         control: &dyn Control,
-    ) -> Result<Vec<T>, Cancelled> {
+    ) -> Result<Vec<T>, Cancelled>
+    where
+        F: Fn(&mut Evaluator<M>, &DynamicTriangulation, u32, &mut Poller) -> Result<T, Cancelled>,
+        F: Sync,
+    {
         let mut results = vec![T::default(); items.len()];
         let work = |(items, results): (&[u32], &mut [T]), control: &dyn Control| {
             let mut evaluator = Evaluator::new(self.evaluator.measure.clone());
+            let mut poller = Poller::new(control, Stage::Refine, 0, 1);
             for (&item, result) in items.iter().zip(results) {
-                control.poll(Stage::Refine, 0, 1)?;
-                *result = evaluate(&mut evaluator, &self.triangulation, item);
+                poller.poll()?;
+                *result = evaluate(&mut evaluator, &self.triangulation, item, &mut poller)?;
             }
             Ok(())
         };
@@ -94,31 +100,37 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         Ok(results)
     }
 
-    /// By how much the error would change with a vertex at a vacant position, if by less than
-    /// `limit`; `hint` is a slot near it. `None` too where another vertex is.
-    pub(crate) fn insertion_change(&mut self, at: Point, hint: u32, limit: i64) -> Option<i64> {
-        self.evaluator.insertion_change(&self.triangulation, at, hint, limit)
-    }
-
     /// Removes a movable vertex, and returns by how much the error changed. Its neighbours were
     /// those of [`link`](Self::link).
-    pub(crate) fn remove(&mut self, vertex: u32) -> i64 {
-        let change = self.evaluator.removal_change(&self.triangulation, vertex);
+    pub(crate) fn remove(
+        &mut self,
+        vertex: u32,
+        poller: &mut Poller<'_>,
+    ) -> Result<i64, Cancelled> {
+        let change = self.evaluator.removal_change(&self.triangulation, vertex, poller)?;
         let Evaluator { star, filler, errors, .. } = &mut self.evaluator;
         self.triangulation.remove(vertex, star, &filler.triangles, errors);
-        change
+        Ok(change)
     }
 
     /// Adds a vertex, unless there is one at this position already; `hint` is a slot near it. Its
     /// neighbours are those of [`new_link`](Self::new_link).
-    pub(crate) fn add_vertex(&mut self, at: Point, hint: u32) -> Option<u32> {
-        self.insertion_change(at, hint, i64::MAX)?;
+    pub(crate) fn add_vertex(
+        &mut self,
+        at: Point,
+        hint: u32,
+        poller: &mut Poller<'_>,
+    ) -> Result<Option<u32>, Cancelled> {
+        let Self { triangulation, evaluator, .. } = self;
+        if evaluator.insertion_change(triangulation, at, hint, i64::MAX, poller)?.is_none() {
+            return Ok(None);
+        }
         let vertex = self.triangulation.points.len() as u32;
         self.triangulation.points.push(at);
         self.triangulation.outgoing.push(NONE);
         let Evaluator { cavity, errors, .. } = &self.evaluator;
         self.triangulation.insert(vertex, at, cavity, errors, &mut self.fan);
-        Some(vertex)
+        Ok(Some(vertex))
     }
 
     /// The neighbours that the last vertex removed or moved had before.

@@ -4,6 +4,7 @@
 //! face of the fill is measured only where it would stay, and at most once. The move is then
 //! committed at the best position, where the errors of the faces are known, or rolled back.
 
+use crate::control::{Cancelled, Poller};
 use crate::dynamic_mesh::evaluator::{Evaluator, LeavesPatch};
 use crate::dynamic_mesh::{MeasuredMesh, TentativeMove};
 use crate::face_error::FaceMeasure;
@@ -11,7 +12,6 @@ use crate::image::Point;
 
 const UNMEASURED: u64 = u64::MAX;
 
-/// Which of the positions that lower the error a vertex moves to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Acceptance {
     First,
@@ -44,17 +44,19 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         count: usize,
         tolerance: f32,
         candidates: &mut Vec<(f32, Point)>,
-    ) -> bool {
+        poller: &mut Poller<'_>,
+    ) -> Result<bool, Cancelled> {
         candidates.clear();
         let Self { triangulation, evaluator, tentative, .. } = self;
         let Evaluator { measure, star, boundary, .. } = evaluator;
-        let unweighted = |&slot: &u32| {
-            measure.unweighted_error(triangulation.corners(slot), triangulation.face_error(slot))
-        };
-        let error: u64 = star.triangles.iter().map(unweighted).sum();
-        let Some(pixels) = measure.model_pixels() else { return false };
+        let mut error = 0;
+        for &slot in &star.triangles {
+            let (corners, weighted) = (triangulation.corners(slot), triangulation.face_error(slot));
+            error += measure.unweighted_error(corners, weighted, poller)?;
+        }
+        let Some(pixels) = measure.model_pixels() else { return Ok(false) };
         let from = triangulation.points[tentative.vertex as usize];
-        let Some(model) = pixels.model(from, boundary, star.outer.len()) else { return false };
+        let Some(model) = pixels.model(from, boundary, star.outer.len()) else { return Ok(false) };
         let mut limit = tolerance * error as f32;
         for &(dx, dy) in offsets {
             let to = Point::new(from.x + dx, from.y + dy);
@@ -71,11 +73,11 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
                 }
             }
         }
-        true
+        Ok(true)
     }
 
-    /// Moves the selected vertex to one of some positions if that lowers the error. Positions of
-    /// other vertices and positions outside of the image are skipped.
+    /// Moves the selected vertex to one of some positions if that lowers the error. Skips positions
+    /// of other vertices and those outside of the image. Detaches the vertex if it is cancelled.
     ///
     /// The neighbours before are then those of [`link`](Self::link), the new ones those of
     /// [`new_link`](Self::new_link).
@@ -83,17 +85,18 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         &mut self,
         positions: impl Iterator<Item = Point>,
         acceptance: Acceptance,
-    ) -> Outcome {
+        poller: &mut Poller<'_>,
+    ) -> Result<Outcome, Cancelled> {
         self.detach();
         let (mut limit, mut best) = (0, None);
         for position in positions {
             if !self.triangulation.holds(position) {
                 continue;
             }
-            match self.change_at(position, limit) {
+            match self.change_at(position, limit, poller)? {
                 Err(LeavesPatch) => {
                     self.roll_back();
-                    return Outcome::LeavesPatch;
+                    return Ok(Outcome::LeavesPatch);
                 }
                 Ok(None) => continue,
                 Ok(Some(change)) => (limit, best) = (change, Some(position)),
@@ -106,10 +109,10 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
         }
         let Some(position) = best else {
             self.roll_back();
-            return Outcome::Stayed;
+            return Ok(Outcome::Stayed);
         };
         self.commit(position);
-        Outcome::Moved
+        Ok(Outcome::Moved)
     }
 
     fn detach(&mut self) {
@@ -126,21 +129,29 @@ impl<M: FaceMeasure> MeasuredMesh<M> {
 
     /// By how much the error will have changed when the detached vertex is inserted at a position,
     /// if by less than `limit`; `None` too where another vertex is.
-    fn change_at(&mut self, at: Point, limit: i64) -> Result<Option<i64>, LeavesPatch> {
+    fn change_at(
+        &mut self,
+        at: Point,
+        limit: i64,
+        poller: &mut Poller<'_>,
+    ) -> Result<Result<Option<i64>, LeavesPatch>, Cancelled> {
         let Self { triangulation, evaluator, tentative, .. } = self;
         let hint = evaluator.star.triangles[0];
         let detached = Some(tentative.errors_before.iter().sum());
-        let change = evaluator.fan_change(triangulation, at, hint, detached, limit)?;
-        let Some(mut change) = change else { return Ok(None) };
+        let mut change =
+            match evaluator.fan_change(triangulation, at, hint, detached, limit, poller)? {
+                Ok(Some(change)) => change,
+                none => return Ok(none),
+            };
         let Evaluator { measure, star, cavity, .. } = evaluator;
         for &slot in star.fill().iter().filter(|slot| !cavity.triangles.contains(slot)) {
             if triangulation.face_error(slot) == UNMEASURED {
-                let error = measure.error(triangulation.corners(slot));
+                let error = measure.error(triangulation.corners(slot), poller)?;
                 triangulation.set_face_error(slot, error);
             }
             change += triangulation.face_error(slot) as i64;
         }
-        Ok((change < limit).then_some(change))
+        Ok(Ok((change < limit).then_some(change)))
     }
 
     fn commit(&mut self, at: Point) {

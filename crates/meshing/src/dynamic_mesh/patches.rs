@@ -5,7 +5,7 @@
 //! patches change, so a changed patch fits into the rest. A move that would replace a triangle at
 //! the boundary of a patch is not made: a patch has the triangles that the whole mesh would have.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Stage, select};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, PATCH_BOUNDARY, poll_at};
 use crate::face_error::FaceMeasure;
@@ -116,20 +116,21 @@ fn halve(
     let mut blocks = vec![vertices];
     for _ in 0..halvings {
         let mut halves = Vec::with_capacity(2 * blocks.len());
-        for mut block in blocks {
+        for block in blocks {
             control.poll(Stage::Refine, 0, 1)?;
             let extent = |axis: usize| {
                 let values = || block.iter().map(|&v| coordinates(v)[axis]);
                 values().max().unwrap_or(0) - values().min().unwrap_or(0)
             };
             let across = usize::from(extent(1) > extent(0));
-            let key = |v: &u32| (coordinates(*v)[across], coordinates(*v)[1 - across]);
-            let middle = block.len() / 2;
+            let key = |&v: &u32| (coordinates(v)[across], coordinates(v)[1 - across], v);
+            let mut keys: Vec<_> = block.iter().map(key).collect();
+            let middle = keys.len() / 2;
             if middle > 0 {
-                block.select_nth_unstable_by_key(middle, key);
+                select(&mut keys, middle, &|| control.poll(Stage::Refine, 0, 1))?;
             }
-            let high = block.split_off(middle);
-            halves.extend([block, high]);
+            let (low, high) = keys.split_at(middle);
+            halves.extend([low, high].map(|half| half.iter().map(|&(.., v)| v).collect()));
         }
         blocks = halves;
     }

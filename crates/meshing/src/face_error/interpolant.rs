@@ -29,7 +29,6 @@ pub(crate) const PLANE_PRECISION: u8 = 8;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interpolant {
     double_area: i64,
-    /// `1 / (4 double_area)`.
     quarter_reciprocal: f64,
     at_origin: i64,
     /// Change of the numerator from one column to the next.
@@ -39,7 +38,6 @@ pub(crate) struct Interpolant {
 }
 
 impl Interpolant {
-    /// The interpolant of `samples` at the vertices of a counter-clockwise face.
     #[inline]
     pub(crate) fn new([a, b, c]: [Point; 3], samples: [u16; 3]) -> Self {
         let double_area = orientation(a, b, c);
@@ -54,8 +52,7 @@ impl Interpolant {
         Self { double_area, quarter_reciprocal, at_origin, per_column, per_row }
     }
 
-    /// Sum of the squared differences between the rounded interpolant and the `samples` of row
-    /// `y` from column `x` on.
+    /// Sum of its squared differences from the `samples` of row `y` from column `x` on.
     #[inline(always)]
     pub(crate) fn squared_error(&self, x: i32, y: i32, samples: &[u16]) -> u64 {
         let mut sum = 0;
@@ -78,8 +75,7 @@ impl Interpolant {
         self.for_each_value(x, y, samples.len(), |i, value| samples[i] = value as u16);
     }
 
-    /// Calls `use_value(i, value)` with the rounded interpolant at `(x + i, y)` for `count` pixels
-    /// of the face.
+    /// Calls `use_value(i, value)` with the rounded interpolant at `(x + i, y)` for `count` pixels.
     #[inline(always)]
     fn for_each_value(&self, x: i32, y: i32, count: usize, mut use_value: impl FnMut(usize, i32)) {
         let start = self.at_origin + self.per_column * i64::from(x) + self.per_row * i64::from(y);
@@ -123,7 +119,6 @@ pub(crate) struct Plane<S: Simd> {
 }
 
 impl<S: Simd> Plane<S> {
-    /// The interpolants of samples at the vertices of a counter-clockwise small face.
     #[inline(always)]
     pub(crate) fn new(
         simd: S,

@@ -21,7 +21,6 @@ const RED_DIFFERENCE: [i64; 3] = [500_000, -418_688, -81_312];
 
 pub(crate) struct Run<'a> {
     pub(crate) image: &'a Image,
-    /// Indices `y * width + x`.
     pub(crate) pixels: Range<usize>,
     /// The weight of each of these pixels; without weights each counts once.
     pub(crate) weights: Option<&'a [u8]>,
@@ -68,7 +67,6 @@ impl ErrorMetric {
         sum
     }
 
-    /// Integers in one unit of the error of one pixel.
     fn per_unit(self, component_count: usize) -> f64 {
         match self {
             Self::MeanCompSe | Self::MeanCompAe | Self::Ssim => component_count as f64,
@@ -105,8 +103,7 @@ impl Run<'_> {
         components.map(of_component).sum()
     }
 
-    /// Sums a function of the colors before and after; the absolute differences of images without
-    /// colors.
+    /// Sums a function of the colors before and after; without colors the absolute differences.
     fn sum_colors(&self, after: &[Vec<u16>], of_colors: impl Fn([u16; 3], [u16; 3]) -> u64) -> u64 {
         let [red, green, blue, ..] = after else {
             return self.sum_components(after, |difference| difference);
@@ -125,7 +122,6 @@ impl Run<'_> {
     }
 }
 
-/// The difference of the luma, an integer like the luma itself.
 fn luma_difference(before: [u16; 3], after: [u16; 3]) -> u64 {
     luma_of(before).abs_diff(luma_of(after)).into()
 }

@@ -12,22 +12,19 @@ pub(crate) mod pixels_of_face;
 pub(crate) mod quadratic_model;
 mod squared;
 
-use crate::control::Cancelled;
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::face_error::interpolant::Interpolant;
 use crate::face_error::metrics::Run;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::face_error::quadratic_model::ModelPixels;
 use crate::face_error::squared::Pixels;
 use crate::image::{Image, Point};
 use crate::parallel::in_parallel;
 use crate::parameters::choices::ErrorMetric;
-use crate::triangulation::predicates::orientation;
 use fearless_simd::{Level, Simd, dispatch};
-use std::num::NonZeroUsize;
 
-/// Faces measured between two polls, at most, and twice the area that ends a part.
+/// Faces measured between two polls, at most; large faces poll too.
 const FACES_PER_PART: usize = 8192;
-const DOUBLE_AREA_PER_PART: i64 = 1 << 21;
 
 pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
@@ -39,35 +36,45 @@ enum Kind<'a> {
     /// The squared error of at most four components of at most 8 bits.
     Squared(Pixels),
     /// The squared error of any other image.
-    SquaredWide { model: Option<Pixels<u16>> },
-    /// Any metric, times the weights of pixels.
-    ByPixel { metric: ErrorMetric, weights: Option<&'a [u8]>, model: Option<Pixels> },
+    SquaredWide {
+        model: Option<Pixels<u16>>,
+    },
+    ByPixel {
+        metric: ErrorMetric,
+        weights: Option<&'a [u8]>,
+        model: Option<Pixels>,
+    },
 }
 
 impl<'a> ErrorEvaluator<'a> {
     /// Evaluates errors by a metric, times the weight of each pixel where there are weights.
-    pub(crate) fn new(image: &'a Image, metric: ErrorMetric, weights: Option<&'a [u8]>) -> Self {
+    pub(crate) fn new(
+        image: &'a Image,
+        metric: ErrorMetric,
+        weights: Option<&'a [u8]>,
+        poller: &mut Poller<'_>,
+    ) -> Result<Self, Cancelled> {
         let kind = if weights.is_some() || !metric.is_squared_difference() {
             Kind::ByPixel { metric, weights, model: None }
         } else {
-            Pixels::new(image).map_or(Kind::SquaredWide { model: None }, Kind::Squared)
+            Pixels::new(image, poller)?.map_or(Kind::SquaredWide { model: None }, Kind::Squared)
         };
-        Self { image, kind, level: Level::new() }
+        Ok(Self { image, kind, level: Level::new() })
     }
 
     /// The same with pixels for the quadratic model where the errors have no such pixels: for
     /// squared errors with weights, which the model ignores, and above 8 bits.
-    pub(crate) fn with_model(mut self) -> Self {
+    pub(crate) fn with_model(mut self, poller: &mut Poller<'_>) -> Result<Self, Cancelled> {
         match &mut self.kind {
-            Kind::SquaredWide { model } => *model = Pixels::new(self.image),
+            Kind::SquaredWide { model } => *model = Pixels::new(self.image, poller)?,
             Kind::ByPixel { metric, weights: Some(_), model }
                 if metric.is_squared_difference() || *metric == ErrorMetric::Ssim =>
             {
-                *model = Pixels::new(self.image);
+                *model = Pixels::new(self.image, poller)?;
             }
             Kind::Squared(_) | Kind::ByPixel { .. } => {}
         }
-        self
+        Ok(self)
     }
 
     pub(crate) fn pixel_count(&self) -> usize {
@@ -75,61 +82,60 @@ impl<'a> ErrorEvaluator<'a> {
     }
 
     /// Measures `count` faces on several threads, and gives their errors part by part in order to
-    /// `use_part`. A part has at most 8192 faces and ends with the face that takes its area beyond
-    /// a million pixels; `poll` is called before each part with the number of faces measured.
+    /// `use_part`. Polls report the number of faces measured before the part.
     pub(crate) fn for_each_part(
         &self,
         count: usize,
         corners: impl Fn(usize) -> [Point; 3],
-        threads: NonZeroUsize,
-        poll: impl Fn(usize) -> Result<(), Cancelled>,
+        control: &dyn Control,
         mut use_part: impl FnMut(&[u64]),
     ) -> Result<(), Cancelled> {
-        let (mut first, mut faces, mut errors) = (0, Vec::new(), Vec::new());
-        while first < count {
-            poll(first)?;
-            faces.clear();
-            let mut double_area = 0;
-            for face in (first..count).take(FACES_PER_PART).map(&corners) {
-                double_area += orientation(face[0], face[1], face[2]);
-                faces.push(face);
-                if double_area > DOUBLE_AREA_PER_PART {
-                    break;
-                }
-            }
-            errors.resize(faces.len(), 0);
-            in_parallel(&faces, &mut errors, threads, |faces, errors| {
+        for first in (0..count).step_by(FACES_PER_PART) {
+            control.poll(Stage::Measure, first, count)?;
+            let faces: Vec<_> = (first..count).take(FACES_PER_PART).map(&corners).collect();
+            let mut errors = vec![0; faces.len()];
+            in_parallel(&faces, &mut errors, control, |faces, errors, control| {
+                let poller = &mut Poller::new(control, Stage::Measure, first, count);
                 let mut measured = Vec::with_capacity(faces.len());
-                FaceErrors::new(self).errors(faces, &mut measured);
+                FaceErrors::new(self).errors_below(faces, u64::MAX, &mut measured, poller)?;
                 errors.copy_from_slice(&measured);
-            });
+                Ok(())
+            })?;
             use_part(&errors);
-            first += faces.len();
         }
         Ok(())
     }
 }
 
 /// The error of a face, a whole number that depends on the positions of its vertices alone. A clone
-/// measures the same errors on another thread.
+/// measures the same errors on another thread. The pixels of a large face are steps of the poller.
+/// A measure defines one of the two functions by which faces are measured.
 pub(crate) trait FaceMeasure: Clone + Send + Sync {
     /// Sum of the errors of the lattice points of a counter-clockwise face.
-    fn error(&mut self, corners: [Point; 3]) -> u64;
+    fn error(&mut self, corners: [Point; 3], poller: &mut Poller<'_>) -> Result<u64, Cancelled> {
+        self.errors_below(&[corners], u64::MAX, &mut Vec::with_capacity(1), poller)
+    }
 
-    /// Measures faces in order until the sum of their errors reaches `limit`. Returns the sum, which
-    /// is exact below the limit; the last error may be too low where the sum reaches it.
-    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+    /// Measures faces in order until the sum of their errors reaches `limit`. Returns the sum,
+    /// which is exact below the limit; the last error may be too low where the sum reaches it.
+    fn errors_below(
+        &mut self,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         let mut sum = 0;
         errors.clear();
         for &face in faces {
-            let error = self.error(face);
+            let error = self.error(face, poller)?;
             errors.push(error);
             sum += error;
             if sum >= limit {
                 break;
             }
         }
-        sum
+        Ok(sum)
     }
 
     /// The pixels of the quadratic model, where it predicts changes of the error.
@@ -138,8 +144,13 @@ pub(crate) trait FaceMeasure: Clone + Send + Sync {
     }
 
     /// The error without weights, whose changes the model predicts, of a face with some error.
-    fn unweighted_error(&mut self, _corners: [Point; 3], error: u64) -> u64 {
-        error
+    fn unweighted_error(
+        &mut self,
+        _corners: [Point; 3],
+        error: u64,
+        _poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
+        Ok(error)
     }
 }
 
@@ -148,9 +159,7 @@ pub(crate) trait FaceMeasure: Clone + Send + Sync {
 pub(crate) struct FaceErrors<'e> {
     evaluator: &'e ErrorEvaluator<'e>,
     interpolants: Vec<Interpolant>,
-    /// One row of approximations for each component.
     approximations: Vec<Vec<u16>>,
-    single: Vec<u64>,
 }
 
 impl<'e> FaceErrors<'e> {
@@ -160,30 +169,33 @@ impl<'e> FaceErrors<'e> {
             evaluator,
             interpolants: Vec::with_capacity(count),
             approximations: vec![Vec::new(); count],
-            single: Vec::with_capacity(1),
         }
     }
 
-    pub(crate) fn errors(&mut self, faces: &[[Point; 3]], errors: &mut Vec<u64>) {
-        self.errors_below(faces, u64::MAX, errors);
+    /// The error of a face with any values at its corners, one for each component.
+    pub(crate) fn error_of_values(
+        &mut self,
+        corners: [Point; 3],
+        values: [&[u16]; 3],
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
+        self.interpolate(corners, |c| values.map(|values| values[c]));
+        self.error_of_interpolants(corners, u64::MAX, poller)
     }
 
     /// The error of a face of any size; `limit` or more where it is not less.
-    fn error_of_any(&mut self, corners: [Point; 3], limit: u64) -> u64 {
-        self.interpolate_image(corners);
-        self.error_of_interpolants(corners, limit)
-    }
-
-    /// The error of a face with any values at its corners, one for each component.
-    pub(crate) fn error_of_values(&mut self, corners: [Point; 3], values: [&[u16]; 3]) -> u64 {
-        self.interpolate(corners, |c| values.map(|values| values[c]));
-        self.error_of_interpolants(corners, u64::MAX)
-    }
-
-    fn error_of_interpolants(&mut self, corners: [Point; 3], limit: u64) -> u64 {
+    fn error_of_interpolants(
+        &mut self,
+        corners: [Point; 3],
+        limit: u64,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
+        let level = self.evaluator.level;
         match self.evaluator.kind {
-            Kind::ByPixel { metric, weights, .. } => self.error_by_pixel(metric, weights, corners),
-            Kind::Squared(_) | Kind::SquaredWide { .. } => self.squared_error(corners, limit),
+            Kind::ByPixel { metric, weights, .. } => {
+                self.error_by_pixel(metric, weights, corners, poller)
+            }
+            _ => dispatch!(level, simd => self.squared_error(simd, corners, limit, poller)),
         }
     }
 
@@ -200,29 +212,33 @@ impl<'e> FaceErrors<'e> {
     }
 
     /// The squared error, row by row until it reaches `limit`.
-    fn squared_error(&self, corners: [Point; 3], limit: u64) -> u64 {
-        dispatch!(self.evaluator.level, simd => self.squared_error_by(simd, corners, limit))
-    }
-
     #[inline(always)]
-    fn squared_error_by<S: Simd>(&self, _: S, corners: [Point; 3], limit: u64) -> u64 {
+    fn squared_error<S: Simd>(
+        &self,
+        _: S,
+        corners: [Point; 3],
+        limit: u64,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         let (image, width) = (self.evaluator.image, self.evaluator.image.width());
         let mut sum = 0;
-        for_each_row(
+        try_for_each_row(
             corners,
             #[inline(always)]
             |y, first, end| {
                 if sum >= limit {
-                    return;
+                    return Ok(());
                 }
+                poller.step((end - first) as usize)?;
                 let row = y as usize * width;
                 let pixels = row + first as usize..row + end as usize;
                 for (interpolant, samples) in self.interpolants.iter().zip(image.components()) {
                     sum += interpolant.squared_error(first, y, &samples[pixels.clone()]);
                 }
+                Ok(())
             },
-        );
-        sum
+        )?;
+        Ok(sum)
     }
 
     /// The error by any metric. With weights and more than 8 bits the sum over the face is exact in
@@ -232,11 +248,13 @@ impl<'e> FaceErrors<'e> {
         metric: ErrorMetric,
         weights: Option<&[u8]>,
         corners: [Point; 3],
-    ) -> u64 {
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         let Self { evaluator: ErrorEvaluator { image, .. }, interpolants, approximations, .. } =
             self;
         let mut sum = 0u128;
-        for_each_row(corners, |y, first, end| {
+        try_for_each_row(corners, |y, first, end| {
+            poller.step((end - first) as usize)?;
             for (interpolant, row) in interpolants.iter().zip(approximations.iter_mut()) {
                 row.resize((end - first) as usize, 0);
                 interpolant.fill(first, y, row);
@@ -245,21 +263,21 @@ impl<'e> FaceErrors<'e> {
             let pixels = row + first as usize..row + end as usize;
             let weights = weights.map(|weights| &weights[pixels.clone()]);
             sum += u128::from(metric.error(&Run { image, pixels, weights }, approximations));
-        });
+            Ok(())
+        })?;
         let shift = weights.map_or(0, |_| metric.weighted_shift(image.precision()));
-        (sum >> shift) as u64
+        Ok((sum >> shift) as u64)
     }
 }
 
 impl FaceMeasure for FaceErrors<'_> {
-    fn error(&mut self, corners: [Point; 3]) -> u64 {
-        let mut single = std::mem::take(&mut self.single);
-        let error = self.errors_below(&[corners], u64::MAX, &mut single);
-        self.single = single;
-        error
-    }
-
-    fn errors_below(&mut self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
+    fn errors_below(
+        &mut self,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         let (evaluator, mut sum) = (self.evaluator, 0);
         errors.clear();
         while sum < limit
@@ -272,11 +290,12 @@ impl FaceMeasure for FaceErrors<'_> {
                     continue;
                 }
             }
-            let error = self.error_of_any(face, limit - sum);
+            self.interpolate_image(face);
+            let error = self.error_of_interpolants(face, limit - sum, poller)?;
             errors.push(error);
             sum += error;
         }
-        sum
+        Ok(sum)
     }
 
     fn model_pixels(&self) -> Option<&dyn ModelPixels> {
@@ -287,19 +306,34 @@ impl FaceMeasure for FaceErrors<'_> {
         }
     }
 
-    fn unweighted_error(&mut self, corners: [Point; 3], error: u64) -> u64 {
+    fn unweighted_error(
+        &mut self,
+        corners: [Point; 3],
+        error: u64,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         if !matches!(self.evaluator.kind, Kind::ByPixel { model: Some(_), .. }) {
-            return error;
+            return Ok(error);
         }
         self.interpolate_image(corners);
-        self.squared_error(corners, u64::MAX)
+        let level = self.evaluator.level;
+        dispatch!(level, simd => self.squared_error(simd, corners, u64::MAX, poller))
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use crate::control::POINTS_PER_POLL;
+    use crate::control::tests::{Recorder, poller};
+    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
+
+    /// What measures faces of an image by the squared error.
+    pub(crate) fn evaluator_of(image: &Image) -> ErrorEvaluator<'_> {
+        ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None, &mut poller()).unwrap()
+    }
 
     /// An image of scattered samples of all values.
     fn scattered(side: usize, component_count: usize, precision: u8) -> Image {
@@ -339,6 +373,31 @@ mod tests {
         sum
     }
 
+    #[test]
+    fn large_faces_poll_for_each_65536_pixels() {
+        let side = 1000;
+        let corners = [Point::new(0, 0), Point::new(999, 0), Point::new(0, 999)];
+        let weights = vec![1; side * side];
+        for (precision, metric, weights) in [
+            (8, ErrorMetric::MeanCompSe, None),
+            (9, ErrorMetric::MeanCompSe, None),
+            (8, ErrorMetric::YcbcrVecAe, None),
+            (8, ErrorMetric::Ssim, Some(&weights[..])),
+        ] {
+            let image = scattered(side, 3, precision);
+            let evaluator = ErrorEvaluator::new(&image, metric, weights, &mut poller()).unwrap();
+            let error = |recorder: &Recorder| {
+                let poller = &mut Poller::new(recorder, Stage::Measure, 0, 1);
+                FaceErrors::new(&evaluator).error(corners, poller)
+            };
+            let recorder = Recorder::default();
+            error(&recorder).unwrap();
+            let polls = recorder.reports().len();
+            assert!(polls >= side * side / 2 / POINTS_PER_POLL, "{metric}: {polls} polls");
+            assert_eq!(error(&Recorder::cancelling_at(polls - 1)), Err(Cancelled));
+        }
+    }
+
     proptest! {
         #[test]
         fn small_faces_have_the_error_of_large_ones(
@@ -347,11 +406,13 @@ mod tests {
             (component_count, precision) in (1usize..6, 1u8..10),
         ) {
             let image = scattered(90, component_count, precision);
-            let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+            let evaluator = evaluator_of(&image);
             let mut errors = FaceErrors::new(&evaluator);
             if let Some(corners) = face(corners.map(|(x, y)| (x / scale, y / scale))) {
-                let error = errors.error(corners);
-                prop_assert_eq!(error, errors.error_of_any(corners, u64::MAX));
+                let error = errors.error(corners, &mut poller()).unwrap();
+                errors.interpolate_image(corners);
+                let of_any = errors.error_of_interpolants(corners, u64::MAX, &mut poller());
+                prop_assert_eq!(of_any, Ok(error));
                 prop_assert_eq!(u128::from(error), squared_error(&image, corners, |_| 1));
             }
         }
@@ -367,17 +428,17 @@ mod tests {
                 let samples = (0..90 * 90).map(|i| if i % 90 < 70 { 5 } else { i as u16 % 64 });
                 image = image.with_components(vec![samples.collect(); component_count]);
             }
-            let evaluator =
-                ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+            let evaluator = evaluator_of(&image);
             let mut of_faces = FaceErrors::new(&evaluator);
             let faces: Vec<[Point; 3]> = corners.into_iter().filter_map(face).collect();
-            let exact: Vec<u64> = faces.iter().map(|&face| of_faces.error(face)).collect();
+            let exact = faces.iter().map(|&face| of_faces.error(face, &mut poller()));
+            let exact: Vec<u64> = exact.collect::<Result<_, _>>().unwrap();
             let total = exact.iter().sum::<u64>();
             let mut errors = vec![7];
-            of_faces.errors(&faces, &mut errors);
+            of_faces.errors_below(&faces, u64::MAX, &mut errors, &mut poller()).unwrap();
             prop_assert_eq!(&errors, &exact);
             let limit = total * percent / 100;
-            let sum = of_faces.errors_below(&faces, limit, &mut errors);
+            let sum = of_faces.errors_below(&faces, limit, &mut errors, &mut poller()).unwrap();
             let count = errors.len();
             prop_assert_eq!(sum, errors.iter().sum::<u64>());
             prop_assert_eq!(sum < limit, total < limit);
@@ -408,7 +469,8 @@ mod tests {
             };
             let components = vec![plane(&white), plane(&|i| !white(i)), plane(&|i| i % 3 == 0)];
             let image = Image::from_bottom_up(side, side, 8, components).unwrap();
-            let (pixels, mut errors) = (Pixels::new(&image).unwrap(), Vec::new());
+            let (pixels, mut errors) =
+                (Pixels::new(&image, &mut poller()).unwrap().unwrap(), Vec::new());
             pixels.errors(&[corners], u64::MAX, &mut errors);
             let expected = squared_error(&image, corners, |_| 1);
             assert_eq!(
@@ -425,7 +487,9 @@ mod tests {
         for precision in [5, 8, 9, 12, 16] {
             let image = scattered(8, 2, precision);
             let error = |metric, weights: Option<&[u8]>| {
-                FaceErrors::new(&ErrorEvaluator::new(&image, metric, weights)).error(corners)
+                let evaluator =
+                    ErrorEvaluator::new(&image, metric, weights, &mut poller()).unwrap();
+                FaceErrors::new(&evaluator).error(corners, &mut poller()).unwrap()
             };
             let exact = squared_error(&image, corners, |pixel| weights[pixel].into());
             assert!(exact > 0);
@@ -446,7 +510,10 @@ mod tests {
         let has_model = |component_count, precision, is_weighted: bool, metric| {
             let image = scattered(8, component_count, precision);
             let weights = is_weighted.then_some(&[3; 64][..]);
-            let evaluator = ErrorEvaluator::new(&image, metric, weights).with_model();
+            let evaluator = ErrorEvaluator::new(&image, metric, weights, &mut poller())
+                .unwrap()
+                .with_model(&mut poller())
+                .unwrap();
             FaceErrors::new(&evaluator).model_pixels().is_some()
         };
         let squared = ErrorMetric::MeanCompSe;

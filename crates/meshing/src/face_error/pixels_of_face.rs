@@ -85,14 +85,12 @@ pub(crate) fn try_for_each_row<E>(
     Ok(())
 }
 
-/// The column where an edge crosses a row, as quotient and remainder.
 struct EdgeWalk {
     /// The column at or left of the crossing.
     x: i32,
     /// Distance from `x` to the crossing, in units of `1 / rows`.
     rest: i32,
     columns_per_row: i32,
-    /// The remaining part of a column, in units of `1 / rows`.
     rest_per_row: i32,
     /// Rows between the ends of the edge, at least 1.
     rows: i32,
@@ -126,7 +124,6 @@ impl EdgeWalk {
 /// A face of at most [`MAX_EXTENT`] columns and rows: the edges that bound its rows.
 #[derive(Clone, Copy)]
 pub(crate) struct SmallFace {
-    /// From the lowest vertex to the highest.
     long: Slope,
     lower: Slope,
     upper: Slope,
@@ -136,7 +133,6 @@ pub(crate) struct SmallFace {
     pub(crate) bottom: i32,
     pub(crate) rows: i32,
     left: i32,
-    /// Columns from there to the greatest one.
     pub(crate) columns: i32,
 }
 
@@ -150,7 +146,6 @@ pub(crate) struct SmallFace {
 struct Slope {
     at_lower_end: i32,
     per_row: i32,
-    /// The column that crossings count from.
     origin: i32,
 }
 
@@ -223,7 +218,6 @@ impl Slope {
         Self { at_lower_end: self.at_lower_end.wrapping_sub(before), ..self }
     }
 
-    /// The columns at or left of the crossings.
     #[inline(always)]
     fn columns<S: Simd>(self, steps: i32x8<S>) -> i32x8<S> {
         ((steps * self.per_row + self.at_lower_end) >> FRACTION_BITS) + self.origin
@@ -242,6 +236,7 @@ fn by_row(corners: [Point; 3]) -> [Point; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::face_error::pixels_of_face::for_each_row;
     use crate::image::corner_points;
     use crate::triangulation::triangulate;
     use fearless_simd::{Level, dispatch};

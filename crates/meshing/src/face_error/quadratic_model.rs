@@ -13,8 +13,7 @@
 //!
 //! The model is a second-order Taylor polynomial: it is most accurate for short moves. It ranks
 //! candidate positions; the exact error decides on them. Rounded products of 16-bit samples are
-//! therefore good enough. As in [`squared`](crate::face_error::squared), every machine predicts the
-//! same numbers.
+//! good enough. As in [`squared`](crate::face_error::squared), all machines predict the same.
 
 use crate::face_error::interpolant::Plane;
 use crate::face_error::pixels_of_face::{ROWS, SmallFace};
@@ -24,9 +23,8 @@ use crate::triangulation::predicates::orientation;
 use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 
 pub(crate) trait ModelPixels {
-    /// The model of the error around a vertex whose link is `link`, counter-clockwise, with one
-    /// face between each of the first `face_count` neighbours and the next. `None` when one of
-    /// these faces is not small.
+    /// The model of the error around a vertex with this link, counter-clockwise, and a face after
+    /// each of the first `face_count` neighbours. `None` when one of these faces is not small.
     fn model(&self, vertex: Point, link: &[Point], face_count: usize) -> Option<QuadraticModel>;
 
     /// The samples of one pixel; those of missing components mean nothing.
@@ -66,8 +64,7 @@ pub(crate) struct QuadraticModel {
 }
 
 impl QuadraticModel {
-    /// The predicted change of the squared error when the vertex moves to a pixel of the samples
-    /// `after`.
+    /// The predicted change of the squared error by a move to a pixel of the samples `after`.
     #[inline]
     pub(crate) fn predicted_change(&self, to: Point, after: [f32; MAX_COMPONENTS]) -> f32 {
         let (x, y) = ((to.x - self.vertex.x) as f32, (to.y - self.vertex.y) as f32);
@@ -85,12 +82,10 @@ impl QuadraticModel {
 struct Sums<S: Simd> {
     /// First moments of the residuals; the same times the slope per column, and per row.
     moments: [f32x8<S>; 3],
-    /// Sums of the squared weights; the same times the slope per column, per row, and times the
-    /// three products of slopes.
+    /// Sums of the squared weights; the same times both slopes, and times their three products.
     weights: [f32x8<S>; 6],
 }
 
-/// The barycentric weight of a face's first vertex, in lanes.
 struct Weight<S: Simd> {
     at_a: f32x8<S>,
     per_column: f32,
@@ -120,7 +115,6 @@ impl<T: Sample> Pixels<T> {
         Some(sums.model::<STRIDE>(vertex, self.samples_at(vertex)))
     }
 
-    /// The sum over a face's pixels of the residuals times the weights.
     #[inline(always)]
     fn moment<S: Simd, const STRIDE: usize>(
         &self,
@@ -246,6 +240,7 @@ fn firsts<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::poller;
     use crate::face_error::pixels_of_face::for_each_row;
     use crate::image::Image;
     use proptest::prelude::*;
@@ -302,7 +297,7 @@ mod tests {
                 .map(|((x, y), distance)| Point::new(16 + x * distance, 16 + y * distance))
                 .collect();
             let to = Point::new(16 + dx, 16 + dy);
-            let wide = Pixels::<u16>::new(&image).unwrap();
+            let wide = Pixels::<u16>::new(&image, &mut poller()).unwrap().unwrap();
             let predicted = |pixels: &dyn ModelPixels| {
                 let model = pixels.model(vertex, &link, link.len()).unwrap();
                 model.predicted_change(to, pixels.samples_at(to))
@@ -312,7 +307,7 @@ mod tests {
             let tolerance = 1e-4 * f64::from(1u32 << bits).powi(2) * 32.0;
             prop_assert!((f64::from(found) - expected).abs() < tolerance, "{found}, {expected}");
             if bits == 8 {
-                let narrow = Pixels::<u8>::new(&image).unwrap();
+                let narrow = Pixels::<u8>::new(&image, &mut poller()).unwrap().unwrap();
                 prop_assert_eq!(predicted(&narrow), found);
             }
         }
@@ -321,7 +316,7 @@ mod tests {
     #[test]
     fn large_faces_have_no_model() {
         let image = Image::from_bottom_up(80, 80, 8, vec![vec![7; 6400]]).unwrap();
-        let pixels = Pixels::<u8>::new(&image).unwrap();
+        let pixels = Pixels::<u8>::new(&image, &mut poller()).unwrap().unwrap();
         let link = [(79, 2), (2, 79), (1, 1)].map(|(x, y)| Point::new(x, y));
         assert!(pixels.model(Point::new(20, 20), &link, 3).is_none());
     }

@@ -6,6 +6,7 @@
 //! The program chooses the instructions of its machine as it runs; on all of them each lane does
 //! the same operations in the same order.
 
+use crate::control::{Cancelled, POINTS_PER_POLL, Poller};
 use crate::face_error::interpolant::Plane;
 use crate::face_error::pixels_of_face::{MAX_EXTENT, ROWS, SmallFace, for_each_row};
 use crate::image::{Image, Point};
@@ -24,7 +25,6 @@ const PIXELS_PER_SUM: usize = 256;
 // A row's vectors leave the lanes capacity for eight rows at least.
 const _: () = assert!((MAX_EXTENT as usize * MAX_COMPONENTS / LANES + 1) * ROWS <= PIXELS_PER_SUM);
 
-/// A sample as [`Pixels`] stores it.
 pub(crate) trait Sample: Copy + Default + Into<f32> + Send + Sync {
     /// A sample that has no more bits than this type.
     fn of(sample: u16) -> Self;
@@ -76,18 +76,22 @@ pub(crate) struct Pixels<T = u8> {
 
 impl<T: Sample> Pixels<T> {
     /// The pixels of an image; `None` when it has more components or bits.
-    pub(crate) fn new(image: &Image) -> Option<Self> {
+    pub(crate) fn new(image: &Image, poller: &mut Poller<'_>) -> Result<Option<Self>, Cancelled> {
         let bits = 8 * size_of::<T>();
         if usize::from(image.precision()) > bits || image.component_count() > MAX_COMPONENTS {
-            return None;
+            return Ok(None);
         }
         let stride = image.component_count().next_power_of_two();
         let mut samples = vec![T::default(); image.pixel_count() * stride + SAMPLES_READ];
         for (c, component) in image.components().iter().enumerate() {
-            let stored = samples[c..].iter_mut().step_by(stride);
-            stored.zip(component).for_each(|(stored, &sample)| *stored = T::of(sample));
+            let pixels = samples.chunks_mut(stride * POINTS_PER_POLL);
+            for (pixels, component) in pixels.zip(component.chunks(POINTS_PER_POLL)) {
+                poller.poll()?;
+                let stored = pixels[c..].iter_mut().step_by(stride);
+                stored.zip(component).for_each(|(stored, &sample)| *stored = T::of(sample));
+            }
         }
-        Some(Self { level: Level::new(), width: image.width(), stride, samples })
+        Ok(Some(Self { level: Level::new(), width: image.width(), stride, samples }))
     }
 
     #[inline(always)]
@@ -110,9 +114,8 @@ impl<T: Sample> Pixels<T> {
 
 impl Pixels {
     /// Appends the errors of counter-clockwise faces to `errors` and returns their sum: sums over
-    /// pixels and components of the squared differences between the rounded interpolant and the
-    /// image. Stops before the first face that is not small and after the face with which the sum
-    /// reaches `limit`.
+    /// pixels and components of squared differences between the rounded interpolant and the image.
+    /// Stops before the first face that is not small, and where the sum reaches `limit`.
     pub(crate) fn errors(&self, faces: &[[Point; 3]], limit: u64, errors: &mut Vec<u64>) -> u64 {
         match self.stride {
             1 => dispatch!(self.level, simd => self.errors_by::<_, 1>(simd, faces, limit, errors)),
@@ -183,7 +186,6 @@ impl Pixels {
 struct Sum<S: Simd> {
     plane: Plane<S>,
     lanes: f32x8<S>,
-    /// The part of the sum that has left the lanes.
     total: u64,
 }
 

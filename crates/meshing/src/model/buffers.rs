@@ -50,7 +50,6 @@ impl Buffers {
     }
 }
 
-/// A sample vector as RGBA of 8 bits, to the nearest.
 fn color(samples: &[u16], largest: u16) -> [u8; 4] {
     let scaled = |&sample: &u16| {
         let largest = u32::from(largest);

@@ -58,7 +58,7 @@ impl FlatColors {
         let (count, width) = (image.component_count(), image.width());
         let mut poller = Poller::new(control, Stage::Rasterize, 0, mesh.faces().len());
         let mut colors = Vec::with_capacity(mesh.faces().len() * count);
-        let mut components = vec![vec![0; image.pixel_count()]; count];
+        let mut components: Vec<_> = (0..count).map(|_| vec![0; image.pixel_count()]).collect();
         let mut squared_error = 0;
         for (f, &face) in mesh.faces().iter().enumerate() {
             let corners = mesh.corners(face);
@@ -84,7 +84,6 @@ impl FlatColors {
     }
 }
 
-/// The cost of a face in steps, each of which is a pixel.
 const STEPS_PER_FACE: usize = 64;
 
 /// Sums over the pixels of a face, each times the pixel's weight; exact for any face.
@@ -187,19 +186,20 @@ fn running_sums<T: Copy>(
 }
 
 impl FaceMeasure for &RowSums {
-    fn error(&mut self, corners: [Point; 3]) -> u64 {
+    fn error(&mut self, corners: [Point; 3], _: &mut Poller<'_>) -> Result<u64, Cancelled> {
         let error = |c| {
             let sum = self.of_face(c, corners);
             sum.mean().map_or(0, |value| sum.squared_error(value))
         };
-        ((0..self.components.len()).map(error).sum::<u128>() >> self.shift) as u64
+        Ok(((0..self.components.len()).map(error).sum::<u128>() >> self.shift) as u64)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::tests::Recorder;
+    use crate::control::tests::{Recorder, poller};
+    use crate::face_error::pixels_of_face::for_each_row;
     use crate::image::corner_points;
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
@@ -275,7 +275,7 @@ mod tests {
                 }
                 // With weights the sums of 16 bits come in units of those of 8 bits.
                 let unit = if weights.is_some() { 1 << 16 } else { 1 };
-                prop_assert_eq!((&sums).error(corners), error / unit);
+                prop_assert_eq!((&sums).error(corners, &mut poller()), Ok(error / unit));
             }
         }
     }

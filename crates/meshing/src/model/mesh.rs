@@ -14,7 +14,6 @@ use thiserror::Error;
 ///
 /// ```
 /// use pixmesh_meshing::{Mesh, Point, Shape};
-///
 /// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
 /// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
 /// let faces = vec![[0, 1, 3], [0, 3, 2]];
@@ -35,7 +34,6 @@ pub struct Mesh {
 ///
 /// ```
 /// use pixmesh_meshing::{Mesh, MeshError, Point, Shape};
-///
 /// let shape = Shape { width: 2, height: 2, component_count: 1, precision: 8 };
 /// let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
 /// let turned = Mesh::new(shape, corners, vec![0; 4], vec![[0, 3, 1], [0, 3, 2]], &());

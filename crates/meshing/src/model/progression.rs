@@ -5,7 +5,7 @@
 //! determine the preferred-directions Delaunay triangulation. So one order holds the meshes of all
 //! sizes, each costs one triangulation, and their squared errors are known.
 
-use crate::control::{Cancelled, Control, Stage, Translated, collect};
+use crate::control::{Cancelled, Control, Poller, Stage, Translated, collect};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::error::MeshingError;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
@@ -25,7 +25,6 @@ use thiserror::Error;
 ///
 /// ```
 /// use pixmesh_meshing::{Image, Method, Progression, Target, mesh_image};
-///
 /// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
 /// let parameters = Method::Mgprfs.parameters(Target::Size(40));
 /// let mesh = mesh_image(&image, &parameters, &())?.mesh;
@@ -41,7 +40,6 @@ pub struct Progression {
     shape: Shape,
     points: Vec<Point>,
     samples: Vec<u16>,
-    /// The squared errors of the meshes of 4 points, of 5, and so on to all.
     squared_errors: Vec<u64>,
 }
 
@@ -49,7 +47,6 @@ pub struct Progression {
 ///
 /// ```
 /// use pixmesh_meshing::{Point, Progression, ProgressionError, Shape};
-///
 /// let shape = Shape { width: 2, height: 2, component_count: 1, precision: 8 };
 /// let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
 /// let smallest = Progression::from_parts(shape, corners, vec![0; 4], vec![0], &())?;
@@ -118,9 +115,8 @@ impl Progression {
         Ok(Self { shape, points, samples, squared_errors })
     }
 
-    /// A progression of its parts, as a file holds them: points by importance, the corners first by
-    /// row, then column; their samples, vertex by vertex; and the squared errors of the meshes of 4
-    /// points, of 5, and so on.
+    /// A progression of its parts: points by importance, the corners first by row, then column;
+    /// their samples, vertex by vertex; and the squared errors of the meshes of 4 points and more.
     ///
     /// # Errors
     /// When the shape, points or samples are not those of a mesh, the corners are not first, the
@@ -231,7 +227,8 @@ fn remove_all(
         remove_featureless(image, triangulation, surplus, true, control)?;
     let (size, bad_point_removal) = (MIN_SIZE, false);
     let rule = StopRule { size, bound: None, bad_point_removal, lists_removals: true };
-    let measure = ErrorEvaluator::new(image, metric, guided.weights());
+    let poller = &mut Poller::new(control, Stage::Simplify, 0, surplus);
+    let measure = ErrorEvaluator::new(image, metric, guided.weights(), poller)?;
     let Simplified { removals: others, error, .. } =
         simplify_by(image, &measure, triangulation, rule, Parallel::Exact, control)?;
     removals.extend(others);
@@ -254,13 +251,15 @@ fn measured_errors(
     ranks: &[usize],
     control: &dyn Control,
 ) -> Result<Vec<u64>, Cancelled> {
-    let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
+    let poller = &mut Poller::new(control, Stage::Measure, 0, ranks.len());
+    let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None, poller)?;
     let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
     let mut mesh = MeasuredMesh::new(sorted, sides, errors, Stage::Measure, control)?;
     let mut changes = Vec::with_capacity(ranks.len());
     for (done, &vertex) in ranks.iter().enumerate() {
-        control.poll(Stage::Measure, done, ranks.len())?;
-        changes.push(mesh.remove(vertex as u32));
+        poller.done = done;
+        poller.poll()?;
+        changes.push(mesh.remove(vertex as u32, poller)?);
     }
     Ok(squared_errors(mesh.triangulation.total_error, changes.into_iter()))
 }

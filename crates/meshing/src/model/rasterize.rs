@@ -35,7 +35,8 @@ pub fn rasterize(mesh: &Mesh, control: &dyn Control) -> Result<Image, Cancelled>
     let mut canvas = Canvas {
         mesh,
         width,
-        components: vec![vec![0; width * height + LANES]; component_count],
+        // Each allocated as zeros, which costs nothing until it is written.
+        components: (0..component_count).map(|_| vec![0; width * height + LANES]).collect(),
         poller: Poller::new(control, Stage::Rasterize, 0, total),
     };
     for (chunk, faces) in mesh.faces().chunks(FACES_PER_POLL).enumerate() {
@@ -76,7 +77,6 @@ impl Canvas<'_> {
         Ok(())
     }
 
-    /// Fills faces over samples of up to 8 bits.
     #[inline(always)]
     fn fill_small_faces<S: Simd>(&mut self, simd: S, faces: &[Face]) -> Result<(), Cancelled> {
         for &face in faces {

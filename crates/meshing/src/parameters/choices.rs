@@ -153,8 +153,8 @@ named_values! {
     /// The smoothing filter.
     ///
     /// ```
-    /// use pixmesh_meshing::{Parameters, parameters::Smoothing};
-    /// assert!(Parameters::default().smoothing(Smoothing::Mean).smoothing_order(5).check().is_ok());
+    /// use pixmesh_meshing::parameters::Smoothing;
+    /// assert_eq!("mean".parse(), Ok(Smoothing::Mean));
     /// ```
     "smoothing" Smoothing {
         /// Binomial weights; order 3 is 1/4, 1/2, 1/4.

@@ -15,7 +15,6 @@ named_values! {
     ///
     /// ```
     /// use pixmesh_meshing::{Method, Parameters, Target};
-    ///
     /// let method: Method = "mgprfs".parse()?;
     /// assert_eq!(method.parameters(Target::Percent(2.0)), Parameters::default());
     /// # Ok::<(), pixmesh_meshing::ParameterError>(())

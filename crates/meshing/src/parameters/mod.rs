@@ -42,7 +42,6 @@ pub const MAX_SMOOTHING_ORDER: usize = 21;
 ///
 /// ```
 /// use pixmesh_meshing::{Parameters, Target};
-///
 /// let refused = Parameters::default().target(Target::Psnr(-3.0)).check().unwrap_err();
 /// assert_eq!(refused.to_string(), "target_psnr is -3, but must lie in 0 to 200");
 /// ```
@@ -96,7 +95,6 @@ pub enum ParameterError {
 ///
 /// ```
 /// use pixmesh_meshing::{Parameters, Shape, Target};
-///
 /// let shape = Shape { width: 100, height: 50, component_count: 1, precision: 8 };
 /// let plan = |target| Parameters::default().target(target).plan(shape);
 /// assert_eq!(plan(Target::Percent(1.0)), plan(Target::Size(50)));
@@ -110,8 +108,7 @@ pub enum Target {
     Percent(f64),
     /// Number of vertices, from 4 to the number of lattice points.
     Size(usize),
-    /// At least this PSNR, in decibels: greedy removal stops before the first vertex whose removal
-    /// would lower it further.
+    /// At least this PSNR, in decibels: removal stops before a vertex would lower it further.
     Psnr(f64),
     /// At most this mean error per point in the unit of the error metric: greedy removal stops
     /// before the first vertex whose removal would raise it further.
@@ -133,7 +130,6 @@ impl Target {
 ///
 /// ```
 /// use pixmesh_meshing::{Parameters, Shape, Target, parameters::InitialSize};
-///
 /// let shape = Shape { width: 100, height: 50, component_count: 1, precision: 8 };
 /// let own = Parameters::default().target(Target::Size(30)).initial_size(InitialSize::Gamma(5.0));
 /// assert_eq!(own.plan(shape)?.initial_size, 150);
@@ -162,7 +158,6 @@ macro_rules! parameters {
         ///
         /// ```
         /// use pixmesh_meshing::{Method, Parameters, Target, parameters::Policy};
-        ///
         /// let own = Parameters::default().target(Target::Psnr(32.0)).policy(Policy::PsdAvgL);
         /// assert_eq!(own.initial_size, Method::Mgprfs.parameters(own.target).initial_size);
         /// ```
@@ -238,8 +233,7 @@ parameters! {
     values: Values = Values::Sampled;
     /// How the image is rebuilt from the mesh, which determines the errors of faces.
     reconstruction: Reconstruction = Reconstruction::Linear;
-    /// How greedy removal shares its work among threads. With a target quality removal ignores it
-    /// and takes the exact order.
+    /// How greedy removal shares its work among threads; with a target quality in the exact order.
     parallel: Parallel = Parallel::Exact;
     /// Seed of [`Generator::Random`] and [`Startup::Random`].
     seed: u64 = 0;
@@ -254,7 +248,6 @@ parameters! {
 ///
 /// ```
 /// use pixmesh_meshing::{Method, Shape, Target};
-///
 /// let shape = Shape { width: 512, height: 512, component_count: 3, precision: 8 };
 /// let plan = Method::Mgprfs.parameters(Target::Percent(2.0)).plan(shape)?;
 /// assert_eq!((plan.size, plan.initial_size), (5242, 20971));

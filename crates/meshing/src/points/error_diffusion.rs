@@ -20,16 +20,14 @@ use fearless_simd::{Level, Simd, dispatch, f64x2, f64x8, prelude::*};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// The most thresholds that the search tries; then it takes the one with the nearest number of
-/// points.
+/// The most thresholds tried; then the one with the nearest number of points is taken.
 const MAX_TRIES: usize = 60;
 
 /// The most groups of thresholds, each tried on one thread. A group takes two bytes for each
 /// lattice point, and more than two groups rarely save a pass.
 const MAX_GROUPS: usize = 2;
 
-/// The difference from the number of points asked for that ends the search, for one field and for
-/// several.
+/// The difference in points that ends the search, for one field and for several.
 const TOLERANCE_ONE_FIELD: usize = 10;
 const TOLERANCE_UNION: usize = 15;
 
@@ -69,20 +67,17 @@ pub(crate) fn diffuse_to_size(
     diffusion.marks_of(0)
 }
 
-/// What all passes share: the density, the options and the buffers.
 struct Diffusion<'a> {
     density: &'a Density,
     size: usize,
     is_serpentine: bool,
     weights: Weights,
     sums: Vec<f64>,
-    /// The errors that row 0 of each field starts with.
     initial_errors: Vec<Vec<f64>>,
     /// For each group of thresholds and each lattice point one bit for each threshold of the last
     /// pass, set where it chose the point.
     chosen: Vec<Vec<u16>>,
-    /// How many thresholds one thread tries in little more time than one. A lane of the last vector
-    /// is not used.
+    /// How many thresholds a thread tries in little more time than one; one lane is not used.
     group_size: usize,
     level: Level,
     control: &'a dyn Control,
@@ -194,8 +189,7 @@ impl<'a> Diffusion<'a> {
         result.map(|()| counts.concat())
     }
 
-    /// One pass over every field for each threshold of a group, fifteen at most; returns how many
-    /// points each one chose.
+    /// One pass over every field for up to fifteen thresholds; returns how many points each chose.
     fn run_group(
         &self,
         thresholds: &[f64],
@@ -229,7 +223,6 @@ impl<'a> Diffusion<'a> {
         Ok(counts)
     }
 
-    /// One pass over one field, adding its points to those chosen.
     #[inline(always)]
     fn run_field<S: Simd, const N: usize>(
         &self,

@@ -3,8 +3,8 @@
 //! Robert W. Floyd and Louis Steinberg, "An adaptive algorithm for spatial greyscale", 1976.
 //!
 //! Each point depends on the point before it, whatever the width of vectors. So a row is diffused
-//! for several thresholds at once, in the lanes of vectors: fifteen take little longer than one. All
-//! lanes do the same operations in the same order, so the results do not depend on their number.
+//! for several thresholds at once, in the lanes of vectors: fifteen take little longer than one.
+//! All lanes do the same operations in the same order, so results do not depend on their number.
 //! Both outcomes of a decision are computed before it is taken, which shortens the dependence.
 
 use crate::control::{Cancelled, Poller};
@@ -39,10 +39,9 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> Lanes<S, V, N> {
         self
     }
 
-    /// Chooses a point of this value where it reaches the threshold, and subtracts twice the
-    /// threshold from the chosen ones. Returns the error that is left and the value of the next
-    /// point, which receives the share `ahead` of the error; sets a bit of `chosen` for each
-    /// threshold that chooses the point.
+    /// Chooses a point of this value where it reaches the threshold, and sets its bit of `chosen`;
+    /// subtracts twice the threshold from the chosen ones. Returns the error that is left and the
+    /// value of the next point, which receives the share `ahead` of the error.
     #[inline(always)]
     fn decide(self, next: Self, ahead: V, thresholds: Self, chosen: &mut u16) -> (Self, Self) {
         let (mut error, mut error_if_chosen) = (self, self);
@@ -73,14 +72,12 @@ struct Shares {
     above_ahead: f64,
 }
 
-/// The shares of the points of a row, by their position.
 pub(crate) struct Weights {
     /// Of the first point of a row, which has no point behind it.
     first: Shares,
     inner: Shares,
     /// Of the last point of a row, which has no point ahead of it.
     last: Shares,
-    /// The share of the next point in the topmost row.
     ahead_in_last_row: f64,
 }
 
@@ -101,7 +98,6 @@ impl Weights {
     }
 }
 
-/// Diffuses rows of at least two points, one after the other.
 pub(crate) struct RowDiffusion<'a, L> {
     pub(crate) weights: &'a Weights,
     pub(crate) thresholds: L,
@@ -177,7 +173,6 @@ impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> RowDiffusion<'_, L
         Ok(())
     }
 
-    /// Diffuses the topmost row into itself, and marks the chosen points.
     #[inline(always)]
     pub(crate) fn diffuse_last(
         &mut self,

@@ -2,13 +2,12 @@
 //!
 //! Michael Garland and Paul S. Heckbert, "Fast polygonal approximation of terrains and height
 //! fields", 1995, repeatedly insert the point of largest error. Here the face of largest error gets
-//! a vertex, at its pixel of largest error or at the centroid of its squared error, whichever
-//! lowers the error of the mesh more.
+//! a vertex at its pixel of largest error or the centroid of the errors, whichever is better.
 
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::interpolant::Interpolant;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point, corner_points};
 use crate::parameters::choices::ErrorMetric;
@@ -36,10 +35,10 @@ pub(crate) fn inserted_points(
     control: &dyn Control,
 ) -> Result<Vec<Point>, Cancelled> {
     let corners = corner_points(image.width(), image.height()).to_vec();
-    let measure = ErrorEvaluator::new(image, metric, weights);
+    let mut poller = Poller::new(control, Stage::Insert, 0, size);
+    let measure = ErrorEvaluator::new(image, metric, weights, &mut poller)?;
     let (sides, errors) = (image.sides(), FaceErrors::new(&measure));
     let mesh = MeasuredMesh::new(corners, sides, errors, Stage::Insert, control)?;
-    let poller = Poller::new(control, Stage::Insert, 0, size);
     let mut insertion = Insertion { image, weights, mesh, demands: BinaryHeap::new(), poller };
     for slot in 0..insertion.mesh.triangulation.slot_count() as u32 {
         insertion.demand(slot);
@@ -81,18 +80,18 @@ impl Insertion<'_> {
             if self.mesh.triangulation.corners(slot) != corners {
                 continue;
             }
-            let (mut best, mut limit, [a, b, c]) = (None, i64::MAX, corners);
-            self.poller.step(STEPS_PER_INSERTION)?;
-            let (area, poller) = (orientation(a, b, c) as usize / 2, &mut self.poller);
+            let (mut best, mut limit) = (None, i64::MAX);
+            let Self { mesh: MeasuredMesh { triangulation, evaluator, .. }, poller, .. } = self;
+            poller.step(STEPS_PER_INSERTION)?;
             let tried = positions(self.image, self.weights, corners, poller)?;
-            for position in tried.into_iter().flatten() {
-                self.poller.step(area)?;
-                if let Some(change) = self.mesh.insertion_change(position, slot, limit) {
-                    (best, limit) = (Some(position), change);
+            for at in tried.into_iter().flatten() {
+                let change = evaluator.insertion_change(triangulation, at, slot, limit, poller)?;
+                if let Some(change) = change {
+                    (best, limit) = (Some(at), change);
                 }
             }
             let Some(position) = best else { continue };
-            self.mesh.add_vertex(position, slot);
+            self.mesh.add_vertex(position, slot, poller)?;
             for i in 0..self.mesh.fan.len() {
                 self.demand(self.mesh.fan[i]);
             }
@@ -110,7 +109,6 @@ fn positions(
     corners: [Point; 3],
     poller: &mut Poller<'_>,
 ) -> Result<[Option<Point>; 2], Cancelled> {
-    let mut polled = Ok(());
     let (mut sum, mut by_column, mut by_row) = (0u64, 0u128, 0u128);
     let interpolants: Vec<Interpolant> = (0..image.component_count())
         .map(|c| {
@@ -120,12 +118,9 @@ fn positions(
         .collect();
     let (mut approximation, mut errors) = (Vec::new(), Vec::new());
     let mut worst: Option<(u64, Point)> = None;
-    for_each_row(corners, |y, first, end| {
+    try_for_each_row(corners, |y, first, end| {
         let columns = first as usize..end as usize;
-        polled = polled.and_then(|()| poller.step(columns.len()));
-        if polled.is_err() {
-            return;
-        }
+        poller.step(columns.len())?;
         errors.clear();
         errors.resize(columns.len(), 0u64);
         approximation.resize(columns.len(), 0u16);
@@ -150,8 +145,8 @@ fn positions(
                 worst = Some((error, Point::new(x, y)));
             }
         }
-    });
-    polled?;
+        Ok(())
+    })?;
     let Some((_, worst)) = worst else { return Ok([None; 2]) };
     let half = u128::from(sum) / 2;
     let middle = |moment: u128| ((moment + half) / u128::from(sum)) as i32;
@@ -166,9 +161,10 @@ fn positions(
 mod tests {
     use super::*;
     use crate::control::POINTS_PER_POLL;
-    use crate::control::tests::Recorder;
+    use crate::control::tests::{Recorder, poller};
     use crate::face_error::FaceMeasure;
-    use crate::triangulation::{Face, triangulate};
+    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::triangulation::triangulate;
     use proptest::prelude::*;
 
     proptest! {
@@ -184,10 +180,11 @@ mod tests {
             let points = inserted_points(&image, metric, None, size, &()).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
             let faces = triangulate(&points);
-            let measure = ErrorEvaluator::new(&image, metric, None);
+            let measure = ErrorEvaluator::new(&image, metric, None, &mut poller()).unwrap();
             let mut errors = FaceErrors::new(&measure);
-            let corners = |face: &Face| face.map(|v| points[v as usize]);
-            let total: u64 = faces.iter().map(|face| errors.error(corners(face))).sum();
+            let corners = faces.iter().map(|face| face.map(|v| points[v as usize]));
+            let total: u64 =
+                corners.map(|corners| errors.error(corners, &mut poller()).unwrap()).sum();
             let count = points.len();
             prop_assert!(count == size || (count < size && total == 0));
         }

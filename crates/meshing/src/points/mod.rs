@@ -29,7 +29,6 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 ///
 /// ```
 /// use pixmesh_meshing::{Image, Parameters, parameters::Generator, sample_points};
-///
 /// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
 /// let grid = Parameters::default().generator(Generator::Uniform);
 /// assert_eq!(sample_points(&image, &grid, 9, &())?.len(), 9);
@@ -71,6 +70,7 @@ pub(crate) fn initial_points(
             diffuse_to_size(&density, size, parameters, control)?
         }
     };
+    poller.poll()?;
     for corner in corner_points(width, height) {
         marks[corner.y as usize * width + corner.x as usize] = 1;
     }
@@ -104,8 +104,7 @@ fn random_points(
     let (mut marks, mut stream) = (vec![0; all], ChaCha8Rng::seed_from_u64(seed));
     for bound in all - size..all - 4 {
         poller.step(1)?;
-        // The high half of a 128-bit product maps 64 random bits to 0..=bound, evenly but for
-        // a bias below 2^-24.
+        // The high half of a product maps 64 random bits to 0..=bound with a bias below 2^-24.
         let drawn = ((u128::from(stream.next_u64()) * (bound as u128 + 1)) >> 64) as usize;
         let chosen = if marks[inner(drawn)] == 0 { drawn } else { bound };
         marks[inner(chosen)] = 1;
@@ -140,16 +139,12 @@ fn uniform_points(
 mod tests {
     use super::*;
     use crate::control::POINTS_PER_POLL;
-    use crate::control::tests::Recorder;
+    use crate::control::tests::{Recorder, poller};
     use crate::parameters::Target;
     use crate::parameters::choices::Policy;
 
     fn count(chosen: &[u8]) -> usize {
         chosen.iter().map(|&mark| usize::from(mark)).sum()
-    }
-
-    fn poller() -> Poller<'static> {
-        Poller::new(&(), Stage::Triangulate, 0, 0)
     }
 
     fn random(width: usize, height: usize, size: usize, seed: u64) -> Vec<u8> {

@@ -8,14 +8,12 @@
 pub(crate) struct ThresholdSearch {
     size: usize,
     bracket: Bracket,
-    /// Of the thresholds of the steps so far, the one with the number of points nearest to `size`,
-    /// and the difference.
+    /// The threshold so far with the number of points nearest to `size`, and the difference.
     nearest: (f64, usize),
     /// All thresholds tried, ascending, with the number of points that each one chose.
     known: Vec<(f64, usize)>,
 }
 
-/// The threshold of a step, and the nearest ones around it.
 #[derive(Clone, Copy)]
 struct Bracket {
     threshold: f64,
@@ -35,7 +33,6 @@ impl ThresholdSearch {
         self.bracket.threshold
     }
 
-    /// The threshold of the steps so far with the number of points nearest to that asked for.
     pub(crate) fn nearest(&self) -> f64 {
         self.nearest.0
     }
@@ -102,7 +99,6 @@ impl ThresholdSearch {
 }
 
 impl Bracket {
-    /// The bracket after the threshold chose too many points, or too few.
     fn after(self, too_many: bool) -> Self {
         let Self { threshold, mut too_low, mut too_high } = self;
         if too_many {

@@ -16,7 +16,6 @@ const GAUSSIAN: [f64; SIDE / 2 + 1] = [
     0.003_865_920_139_472_807_6,
 ];
 
-/// Columns averaged between two polls of the control.
 const COLUMNS_PER_POLL: usize = 1024;
 
 /// The means of `N` fields at all positions of the window in one row of positions. It keeps one

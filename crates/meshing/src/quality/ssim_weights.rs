@@ -1,8 +1,7 @@
 //! Error weights that make the squared error follow structural similarity.
 //!
 //! Where an approximation is close to the image, a squared error lowers the structural similarity
-//! in inverse proportion to twice the variance under the window (see
-//! [`ssim`](crate::quality::ssim)).
+//! in inverse proportion to twice the variance under the window (see `ssim`).
 
 use crate::control::{Cancelled, Control, Stage};
 use crate::image::Image;

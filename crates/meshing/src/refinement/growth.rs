@@ -3,7 +3,7 @@
 //! This leaves a local minimum of relocation, where no single move lowers the error. If the error
 //! is not lower at the end, all of it is undone.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::patches::Cuts;
 use crate::face_error::FaceMeasure;
@@ -14,8 +14,7 @@ use crate::refinement::relocation::{Relocation, Search};
 /// Faces searched for insertion candidates, for each vertex to be inserted.
 const FACES_PER_VERTEX: usize = 3;
 
-/// Inserts `percent` of the vertices, relocates, removes as many and relocates again; undoes all of
-/// it unless the error falls.
+/// Inserts `percent` of the vertices, relocates, removes as many, relocates; or undoes all of it.
 pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     percent: usize,
@@ -43,7 +42,6 @@ pub(crate) fn grow_and_shrink<M: FaceMeasure>(
     Ok(())
 }
 
-/// Inserts up to `count` vertices at the best candidates, and returns how many.
 fn insert_best<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     count: usize,
@@ -51,13 +49,13 @@ fn insert_best<M: FaceMeasure>(
     control: &dyn Control,
 ) -> Result<usize, Cancelled> {
     let candidates = find_candidates(mesh, count * FACES_PER_VERTEX, control)?;
-    let mut inserted = 0;
+    let (mut inserted, mut poller) = (0, Poller::new(control, Stage::Refine, 0, 1));
     for candidate in candidates {
-        control.poll(Stage::Refine, 0, 1)?;
+        poller.poll()?;
         if inserted == count {
             break;
         }
-        if let Some(vertex) = candidate.insert(mesh) {
+        if let Some(vertex) = candidate.insert(mesh, &mut poller)? {
             relocation.add(vertex);
             relocation.mark_outdated(mesh.new_link());
             inserted += 1;

@@ -1,6 +1,6 @@
 //! Insertion candidates: positions where one more vertex would lower the error most.
 
-use crate::control::{Cancelled, Control, Stage, sort};
+use crate::control::{Cancelled, Control, Poller, Stage, select, sort};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::evaluator::Evaluator;
 use crate::dynamic_mesh::half_edges::DynamicTriangulation;
@@ -13,7 +13,6 @@ use std::cmp::Reverse;
 const WEIGHTS: [[i32; 3]; 7] =
     [[3, 3, 2], [4, 2, 2], [2, 4, 2], [2, 2, 4], [4, 4, 0], [0, 4, 4], [4, 0, 4]];
 
-/// A position in a face where a vertex would lower the error.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Candidate {
     pub(crate) gain: i64,
@@ -23,10 +22,13 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// Inserts a vertex if the face is still there and the position vacant.
-    pub(crate) fn insert<M: FaceMeasure>(&self, mesh: &mut MeasuredMesh<M>) -> Option<u32> {
+    pub(crate) fn insert<M: FaceMeasure>(
+        &self,
+        mesh: &mut MeasuredMesh<M>,
+        poller: &mut Poller<'_>,
+    ) -> Result<Option<u32>, Cancelled> {
         let is_current = mesh.triangulation.corners(self.slot) == self.corners;
-        if is_current { mesh.add_vertex(self.position, self.slot) } else { None }
+        if is_current { mesh.add_vertex(self.position, self.slot, poller) } else { Ok(None) }
     }
 }
 
@@ -37,7 +39,7 @@ pub(crate) fn find_candidates<M: FaceMeasure>(
     face_count: usize,
     control: &dyn Control,
 ) -> Result<Vec<Candidate>, Cancelled> {
-    let faces = worst_faces(&mesh.triangulation, face_count);
+    let faces = worst_faces(&mesh.triangulation, face_count, control)?;
     let found = mesh.evaluate_all(&faces, best_in_face, control)?;
     let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
     sort(&mut candidates, &|| control.poll(Stage::Refine, 0, 1))?;
@@ -49,28 +51,35 @@ fn best_in_face<M: FaceMeasure>(
     evaluator: &mut Evaluator<M>,
     triangulation: &DynamicTriangulation,
     slot: u32,
-) -> Option<Candidate> {
+    poller: &mut Poller<'_>,
+) -> Result<Option<Candidate>, Cancelled> {
     let corners = triangulation.corners(slot);
     let (mut limit, mut best) = (0, None);
     for weights in WEIGHTS {
         let position = weighted_mean(corners, weights);
-        if let Some(change) = evaluator.insertion_change(triangulation, position, slot, limit) {
+        let change = evaluator.insertion_change(triangulation, position, slot, limit, poller)?;
+        if let Some(change) = change {
             (limit, best) = (change, Some(position));
         }
     }
-    best.map(|position| Candidate { gain: -limit, position, slot, corners })
+    Ok(best.map(|position| Candidate { gain: -limit, position, slot, corners }))
 }
 
 /// Slots of the faces of largest error, not of faces without error.
-fn worst_faces(triangulation: &DynamicTriangulation, count: usize) -> Vec<u32> {
+fn worst_faces(
+    triangulation: &DynamicTriangulation,
+    count: usize,
+    control: &dyn Control,
+) -> Result<Vec<u32>, Cancelled> {
     let slots = 0..triangulation.slot_count() as u32;
-    let mut errors: Vec<u64> = slots.clone().map(|slot| triangulation.face_error(slot)).collect();
+    let error = |slot| (Reverse(triangulation.face_error(slot)), slot);
+    let mut errors: Vec<(Reverse<u64>, u32)> = slots.clone().map(error).collect();
     let mut least = 1;
     if count < errors.len() {
-        let (_, error, _) = errors.select_nth_unstable_by_key(count, |&error| Reverse(error));
-        least = (*error).max(least);
+        let poll = || control.poll(Stage::Refine, 0, 1);
+        least = select(&mut errors, count, &poll)?.0.0.max(least);
     }
-    slots.filter(|&slot| triangulation.face_error(slot) >= least).collect()
+    Ok(slots.filter(|&slot| triangulation.face_error(slot) >= least).collect())
 }
 
 /// The lattice point nearest to a weighted mean of a face's vertices, weights in eighths.
@@ -85,7 +94,9 @@ fn weighted_mean(corners: [Point; 3], weights: [i32; 3]) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refinement::tests::{evaluator_of, measured, picture, sum_of_errors};
+    use crate::control::tests::poller;
+    use crate::face_error::tests::evaluator_of;
+    use crate::refinement::tests::{measured, picture, sum_of_errors};
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
 
@@ -126,8 +137,9 @@ mod tests {
             for candidate in &found {
                 prop_assert_eq!(candidate.gain, gain(candidate.position));
                 let mut mesh = measured(&evaluator, &image, points.clone());
-                prop_assert!(candidate.insert(&mut mesh).is_some());
-                prop_assert_eq!(mesh.triangulation.total_error as i64, before as i64 - candidate.gain);
+                prop_assert!(candidate.insert(&mut mesh, &mut poller()).unwrap().is_some());
+                let after = mesh.triangulation.total_error;
+                prop_assert_eq!(after as i64, before as i64 - candidate.gain);
             }
             let gains: Vec<i64> = found.iter().map(|candidate| candidate.gain).collect();
             prop_assert_eq!(gains, expected);
@@ -141,7 +153,7 @@ mod tests {
         let evaluator = evaluator_of(&image);
         let mut mesh = measured(&evaluator, &image, points);
         let found = find_candidates(&mesh, usize::MAX, &()).unwrap();
-        assert!(found[0].insert(&mut mesh).is_some());
-        assert_eq!(found[0].insert(&mut mesh), None);
+        assert!(found[0].insert(&mut mesh, &mut poller()).unwrap().is_some());
+        assert_eq!(found[0].insert(&mut mesh, &mut poller()), Ok(None));
     }
 }

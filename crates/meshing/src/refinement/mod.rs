@@ -53,9 +53,10 @@ pub(crate) fn refine<M: FaceMeasure>(
 pub(crate) mod tests {
     use super::*;
     use crate::control::Stage;
+    use crate::control::tests::poller;
+    use crate::face_error::tests::evaluator_of;
     use crate::face_error::{ErrorEvaluator, FaceErrors};
     use crate::image::{Image, Point, corner_points};
-    use crate::parameters::choices::ErrorMetric;
     use crate::refinement::relocation::Search;
     use crate::triangulation::Face;
     use proptest::prelude::*;
@@ -87,11 +88,6 @@ pub(crate) mod tests {
         (image, points.into_iter().collect())
     }
 
-    /// What faces of an image are measured against.
-    pub(super) fn evaluator_of(image: &Image) -> ErrorEvaluator<'_> {
-        ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None)
-    }
-
     /// The measured triangulation of points given by row, then column.
     pub(crate) fn measured<'m>(
         evaluator: &'m ErrorEvaluator<'m>,
@@ -106,7 +102,10 @@ pub(crate) mod tests {
     pub(super) fn sum_of_errors(image: &Image, points: &[Point], faces: &[Face]) -> u64 {
         let evaluator = evaluator_of(image);
         let mut errors = FaceErrors::new(&evaluator);
-        faces.iter().map(|face| errors.error(face.map(|v| points[v as usize]))).sum()
+        faces
+            .iter()
+            .map(|face| errors.error(face.map(|v| points[v as usize]), &mut poller()).unwrap())
+            .sum()
     }
 
     proptest! {
@@ -122,7 +121,8 @@ pub(crate) mod tests {
             let mut mesh = measured(&evaluator, &image, points);
             let mut relocation = Relocation::new(&mesh, &()).unwrap();
             for _ in 0..4 {
-                let (error, before) = (mesh.triangulation.total_error, mesh.triangulation.sorted(&()));
+                let error = mesh.triangulation.total_error;
+                let before = mesh.triangulation.sorted(&());
                 grow_and_shrink(&mut mesh, 30, Search::Exhaustive, &mut relocation, &()).unwrap();
                 prop_assert!(mesh.triangulation.total_error <= error);
                 if mesh.triangulation.total_error == error {

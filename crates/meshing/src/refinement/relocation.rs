@@ -17,7 +17,6 @@ use crate::removal::tile_order::tile_order;
 use crate::triangulation::NONE;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Positions that a predicted search tries at most.
 const CANDIDATES: usize = 3;
 
 /// A predicted search tries positions with a predicted rise of the error below this part of the
@@ -57,7 +56,6 @@ pub(crate) struct Relocation {
 }
 
 impl Relocation {
-    /// Visits every vertex in the first pass.
     pub(crate) fn new<M: FaceMeasure>(
         mesh: &MeasuredMesh<M>,
         control: &dyn Control,
@@ -166,8 +164,7 @@ impl Relocation {
         }
     }
 
-    /// Visits the pending vertices in order. Those that a patch boundary keeps from moving stay
-    /// pending.
+    /// Visits the pending vertices in order. Those that a patch boundary holds stay pending.
     fn visit_in_order<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
@@ -175,6 +172,7 @@ impl Relocation {
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
         let (near, far) = (window(1), window(2));
+        let poller = &mut Poller::new(control, Stage::Refine, 0, 1);
         for i in 0..self.order.len() {
             let vertex = self.order[i];
             if !std::mem::take(&mut self.is_pending[vertex as usize])
@@ -183,11 +181,11 @@ impl Relocation {
             {
                 continue;
             }
-            control.poll(Stage::Refine, 0, 1)?;
+            poller.poll()?;
             let outcome = match search {
                 _ if !mesh.begin_move(vertex) => Outcome::LeavesPatch,
-                Search::Predicted => self.move_as_predicted(mesh, vertex, &near, &far),
-                Search::Exhaustive => move_to_best(mesh, vertex, &far),
+                Search::Predicted => self.move_as_predicted(mesh, vertex, &near, &far, poller)?,
+                Search::Exhaustive => move_to_best(mesh, vertex, &far, poller)?,
             };
             match outcome {
                 Outcome::Moved => {
@@ -201,23 +199,24 @@ impl Relocation {
         Ok(())
     }
 
-    /// Moves the selected vertex by [`Search::Predicted`].
     fn move_as_predicted<M: FaceMeasure>(
         &mut self,
         mesh: &mut MeasuredMesh<M>,
         vertex: u32,
         near: &[(i32, i32)],
         far: &[(i32, i32)],
-    ) -> Outcome {
-        let is_predicted = mesh.find_candidates(far, CANDIDATES, TOLERANCE, &mut self.candidates);
+        poller: &mut Poller<'_>,
+    ) -> Result<Outcome, Cancelled> {
+        let candidates = &mut self.candidates;
+        let is_predicted = mesh.find_candidates(far, CANDIDATES, TOLERANCE, candidates, poller)?;
         if !is_predicted && !self.skips_unpredicted {
-            return move_to_best(mesh, vertex, near);
+            return move_to_best(mesh, vertex, near, poller);
         }
         if self.candidates.is_empty() {
-            return Outcome::Stayed;
+            return Ok(Outcome::Stayed);
         }
         let positions = self.candidates.iter().map(|&(_, position)| position);
-        mesh.move_vertex(positions, Acceptance::First)
+        mesh.move_vertex(positions, Acceptance::First, poller)
     }
 }
 
@@ -226,10 +225,11 @@ fn move_to_best<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     vertex: u32,
     offsets: &[(i32, i32)],
-) -> Outcome {
+    poller: &mut Poller<'_>,
+) -> Result<Outcome, Cancelled> {
     let from = mesh.triangulation.points[vertex as usize];
     let positions = offsets.iter().map(|&(dx, dy)| Point::new(from.x + dx, from.y + dy));
-    mesh.move_vertex(positions, Acceptance::Best)
+    mesh.move_vertex(positions, Acceptance::Best, poller)
 }
 
 /// The offsets in columns and rows to all points of a square window but its centre, the nearest

@@ -7,6 +7,7 @@
 //! that depend on the data: a misprediction costs about 40 instructions. The [`FillCache`] has the
 //! errors of most triangles. The other new faces around a vertex are measured together.
 
+use crate::control::{Cancelled, Poller};
 use crate::face_error::{ErrorEvaluator, FaceErrors, FaceMeasure};
 use crate::image::Point;
 use crate::removal::star::{CACHED_TRIANGLES, FillCache, InlineReplacement, Packed, Stars};
@@ -18,13 +19,13 @@ const MOST_CACHED: usize = CACHED_TRIANGLES + 2;
 pub(crate) struct Neighbour {
     pub(crate) vertex: u32,
     pub(crate) star: Packed,
-    /// By how much its own removal would change the error; `None` for a corner of the image, which
-    /// is never removed.
+    /// By how much its own removal would change the error; `None` for a corner of the image.
     pub(crate) change: Option<i64>,
 }
 
 pub(crate) struct Evaluator<'m> {
     errors: FaceErrors<'m>,
+    pub(crate) poller: Poller<'m>,
     batch: Batch,
     filler: HoleFiller,
     /// The directed edges of a fill that is not cached as a whole, by indices of the boundary, in
@@ -36,9 +37,10 @@ pub(crate) struct Evaluator<'m> {
 }
 
 impl<'m> Evaluator<'m> {
-    pub(crate) fn new(measure: &'m ErrorEvaluator<'m>) -> Self {
+    pub(crate) fn new(measure: &'m ErrorEvaluator<'m>, poller: Poller<'m>) -> Self {
         Self {
             errors: FaceErrors::new(measure),
+            poller,
             batch: Batch::default(),
             filler: HoleFiller::default(),
             edges: Vec::new(),
@@ -48,13 +50,17 @@ impl<'m> Evaluator<'m> {
     }
 
     /// By how much the error changes when a vertex is removed, and the cache of its fill.
-    pub(crate) fn evaluate(&mut self, vertex: u32, stars: &Stars<'_>) -> (i64, FillCache) {
+    pub(crate) fn evaluate(
+        &mut self,
+        vertex: u32,
+        stars: &Stars<'_>,
+    ) -> Result<(i64, FillCache), Cancelled> {
         let mut star = stars.packed(vertex);
         let cache = star.record.fill;
         self.batch.clear();
         self.batch.add(&mut star, &cache, Shift::NONE, stars, &mut self.filler);
-        self.batch.measure(&mut self.errors);
-        (Batch::finish(&mut star, &mut self.batch.errors.iter()), star.record.fill)
+        self.batch.measure(&mut self.errors, &mut self.poller)?;
+        Ok((Batch::finish(&mut star, &mut self.batch.errors.iter()), star.record.fill))
     }
 
     pub(crate) fn prepare(
@@ -62,7 +68,7 @@ impl<'m> Evaluator<'m> {
         vertex: u32,
         stars: &Stars<'_>,
         neighbours: &mut Vec<Neighbour>,
-    ) {
+    ) -> Result<(), Cancelled> {
         let hole = stars.neighbours(vertex);
         stars.prefetch(hole);
         self.batch.clear();
@@ -82,7 +88,7 @@ impl<'m> Evaluator<'m> {
             };
             self.replace(vertex, hole, third, stars, neighbours);
         } else {
-            self.list_edges(vertex, stars);
+            self.list_edges(vertex, stars)?;
             let edges = std::mem::take(&mut self.edges);
             let third = |from: usize, to: usize| {
                 edges[edges.partition_point(|(ends, _)| *ends < [from, to])].1
@@ -90,13 +96,14 @@ impl<'m> Evaluator<'m> {
             self.replace(vertex, hole, third, stars, neighbours);
             self.edges = edges;
         }
-        self.batch.measure(&mut self.errors);
+        self.batch.measure(&mut self.errors, &mut self.poller)?;
         let mut errors = self.batch.errors.iter();
         for Neighbour { star, change, .. } in neighbours {
             if let Some(change) = change {
                 *change = Batch::finish(star, &mut errors);
             }
         }
+        Ok(())
     }
 
     /// Gives all neighbours of a vertex, the boundary of its hole, their new stars; `third` returns
@@ -143,7 +150,7 @@ impl<'m> Evaluator<'m> {
         }
     }
 
-    fn list_edges(&mut self, vertex: u32, stars: &Stars<'_>) {
+    fn list_edges(&mut self, vertex: u32, stars: &Stars<'_>) -> Result<(), Cancelled> {
         let boundary: Vec<Point> =
             stars.neighbours(vertex).iter().map(|&v| stars.point(v)).collect();
         let cache = &stars.record(vertex).fill;
@@ -153,13 +160,14 @@ impl<'m> Evaluator<'m> {
             let (is_cached, error) = cached_error(cache, Shift::NONE, corners);
             let error = match is_cached {
                 true => error.into(),
-                false => self.errors.error(corners.map(|at| boundary[at])),
+                false => self.errors.error(corners.map(|at| boundary[at]), &mut self.poller)?,
             };
             let [a, b, c] = corners;
             let sides = [([a, b], c), ([b, c], a), ([c, a], b)];
             self.edges.extend(sides.map(|(ends, third)| (ends, (third, error))));
         }
         self.edges.sort_unstable();
+        Ok(())
     }
 }
 
@@ -303,15 +311,19 @@ impl Batch {
         self.errors.push(error.into());
     }
 
-    fn measure(&mut self, errors: &mut FaceErrors<'_>) {
-        errors.errors(&self.faces, &mut self.face_errors);
+    fn measure(
+        &mut self,
+        errors: &mut FaceErrors<'_>,
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
+        errors.errors_below(&self.faces, u64::MAX, &mut self.face_errors, poller)?;
         for (&index, &error) in self.indices.iter().zip(&self.face_errors) {
             self.errors[index as usize] = error;
         }
+        Ok(())
     }
 
-    /// Caches the errors of the next hole, that of a star, and returns by how much filling it
-    /// changes the error.
+    /// Caches the errors of a star's hole; returns by how much filling it changes the error.
     #[inline]
     fn finish<'e>(star: &mut Packed, errors: &mut impl Iterator<Item = &'e u64>) -> i64 {
         let mut sum = 0;

@@ -6,11 +6,9 @@ use crate::removal::star::{AllStars, Star, Stars, Vertices};
 use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 use std::collections::HashMap;
 
-/// How many steps of a [`Poller`] the star of a vertex counts.
 const STEPS_PER_STAR: usize = 8;
 
-/// The stars of a triangulation's vertices, of which vertex `v` is `vertices.ranks[v]`, with the
-/// errors of its triangles.
+/// The stars of a triangulation with these errors of its triangles; vertex `v` is `ranks[v]` there.
 pub(crate) fn stars_of(
     triangulation: &Triangulation,
     vertices: Vertices,

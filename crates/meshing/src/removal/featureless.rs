@@ -12,8 +12,8 @@
 //! vertices stay near a feature, so a vertex counts as featureless only at some distance from the
 //! nearest feature: in few photographs is any vertex so far away, and these keep the order of rows.
 
-use crate::control::{Cancelled, Control, Poller, Stage};
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
+use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::image::{Image, Point, corner_points};
 use crate::removal::greedy::Removal;
 use crate::removal::tile_order::tile_order;
@@ -24,8 +24,6 @@ use crate::triangulation::Triangulation;
 /// Of the photographs of the golden set, `kodim23` has the largest areas of one color: 0.2 % of its
 /// vertices are 1 edge or more away from a feature, 0.01 % are 5 away, and none is 6 away.
 const LEAST_DISTANCE: usize = 6;
-
-const FACES_PER_POLL: usize = 8192;
 
 /// Removes at most `surplus` featureless vertices of a triangulation of `image`, and lists them
 /// where `lists_removals` says so.
@@ -69,11 +67,12 @@ fn featureless_vertices(
 ) -> Result<Vec<bool>, Cancelled> {
     let Triangulation { points, origins, .. } = triangulation;
     let (faces, _) = origins.as_chunks::<3>();
+    let poller = &mut Poller::new(control, Stage::Triangulate, points.len(), points.len());
     let mut is_far = vec![true; points.len()];
-    for faces in faces.chunks(FACES_PER_POLL) {
-        control.poll(Stage::Triangulate, points.len(), points.len())?;
+    for faces in faces.chunks(POINTS_PER_POLL) {
+        poller.poll()?;
         for face in faces {
-            if !holds_one_color(image, face.map(|v| points[v as usize])) {
+            if !holds_one_color(image, face.map(|v| points[v as usize]), poller)? {
                 face.iter().for_each(|&v| is_far[v as usize] = false);
             }
         }
@@ -83,8 +82,8 @@ fn featureless_vertices(
             break;
         }
         let was_far = is_far.clone();
-        for faces in faces.chunks(FACES_PER_POLL) {
-            control.poll(Stage::Triangulate, points.len(), points.len())?;
+        for faces in faces.chunks(POINTS_PER_POLL) {
+            poller.poll()?;
             for face in faces {
                 if face.iter().any(|&v| !was_far[v as usize]) {
                     face.iter().for_each(|&v| is_far[v as usize] = false);
@@ -101,23 +100,29 @@ fn featureless_vertices(
 }
 
 /// Whether the vertices of a face and all lattice points that belong to it have one color.
-fn holds_one_color(image: &Image, corners: [Point; 3]) -> bool {
+fn holds_one_color(
+    image: &Image,
+    corners: [Point; 3],
+    poller: &mut Poller<'_>,
+) -> Result<bool, Cancelled> {
     let width = image.width();
-    image.components().iter().all(|samples| {
+    let mut is_one = true;
+    for samples in image.components() {
         let [sample, second, third] = corners.map(|p| samples[p.y as usize * width + p.x as usize]);
-        let mut is_one = sample == second && sample == third;
+        is_one = is_one && sample == second && sample == third;
         if is_one {
-            for_each_row(corners, |y, first, end| {
+            try_for_each_row(corners, |y, first, end| {
                 let row = &samples[y as usize * width..][first as usize..end as usize];
+                poller.step(row.len())?;
                 is_one = is_one && row.iter().all(|&other| other == sample);
-            });
+                Ok(())
+            })?;
         }
-        is_one
-    })
+    }
+    Ok(is_one)
 }
 
-/// Unmarks some of `marked` marks until `count` are left, those unmarked evenly spread along an
-/// order of all vertices.
+/// Unmarks some of `marked` marks, evenly along an order of all vertices, until `count` are left.
 fn thin(marks: &mut [bool], marked: usize, count: usize, order: &[u32]) {
     let marked_before = |i: usize| i as u64 * count as u64 / marked as u64;
     let mut i = 0;
@@ -133,6 +138,7 @@ fn thin(marks: &mut [bool], marked: usize, count: usize, order: &[u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::poller;
     use crate::dynamic_mesh::MeasuredMesh;
     use crate::face_error::{ErrorEvaluator, FaceErrors};
     use crate::parameters::choices::ErrorMetric;
@@ -219,7 +225,8 @@ mod tests {
             let weights: Vec<u8> = (0..WIDTH * HEIGHT).map(|i| (i * 31 % 256) as u8).collect();
             let initial = triangulation_of(|i| i.wrapping_mul(seed | 1) % 20 < density);
             let count = initial.points.len();
-            let measure = ErrorEvaluator::new(&image, metric, weighted.then_some(&weights));
+            let weights = weighted.then_some(&weights[..]);
+            let measure = ErrorEvaluator::new(&image, metric, weights, &mut poller()).unwrap();
             let errors = FaceErrors::new(&measure);
             let points = initial.points.clone();
             let mut mesh =
@@ -230,7 +237,7 @@ mod tests {
             prop_assert_eq!(left.points.len() + removals.len(), count);
             for Removal { point, change } in removals {
                 let vertex = points.binary_search(&point).unwrap();
-                prop_assert_eq!((mesh.remove(vertex as u32), change), (0, 0));
+                prop_assert_eq!((mesh.remove(vertex as u32, &mut poller()), change), (Ok(0), 0));
             }
             let meshed = mesh.triangulation.sorted(&()).unwrap();
             let faces = left.faces(&()).unwrap();

@@ -14,7 +14,6 @@ use crate::removal::star::{INLINE_CAPACITY, Stars};
 /// Stands for the change of a vertex that waits for a larger group.
 const WAITS: i64 = i64::MAX;
 
-/// Removes vertices in the exact order until the rule says stop.
 pub(crate) fn remove_in_order(
     stars: Stars<'_>,
     queues: &mut [RemovalQueue],
@@ -23,10 +22,10 @@ pub(crate) fn remove_in_order(
     control: &dyn Control,
 ) -> Result<(), Cancelled> {
     let vertices = stars.vertices;
-    let mut group = Group::new(stars, queues, measure);
+    let mut group = Group::new(stars, queues, measure, progress.poller(control));
     loop {
-        progress.poll(control)?;
-        match group.remove_next(0, |first| !progress.must_stop(first.change)) {
+        group.evaluator.poller.done = progress.done();
+        match group.remove_next(0, |first| !progress.must_stop(first.change))? {
             Some(removed) => progress.record(vertices.points[removed.vertex as usize], removed),
             None => return Ok(()),
         }
@@ -37,7 +36,6 @@ pub(crate) struct Group<'t, 'm> {
     stars: Stars<'t>,
     queues: &'t mut [RemovalQueue],
     evaluator: Evaluator<'m>,
-    /// The neighbours of the last vertex removed.
     neighbours: Vec<Neighbour>,
     /// The entries, as they were, of vertices that wait for a larger group.
     waiting: Vec<Entry>,
@@ -48,8 +46,9 @@ impl<'t, 'm> Group<'t, 'm> {
         stars: Stars<'t>,
         queues: &'t mut [RemovalQueue],
         measure: &'m ErrorEvaluator<'m>,
+        poller: Poller<'m>,
     ) -> Self {
-        let evaluator = Evaluator::new(measure);
+        let evaluator = Evaluator::new(measure, poller);
         Self { stars, queues, evaluator, neighbours: Vec::new(), waiting: Vec::new() }
     }
 
@@ -60,27 +59,28 @@ impl<'t, 'm> Group<'t, 'm> {
         &mut self,
         tile: usize,
         accepts: impl Fn(Entry) -> bool,
-    ) -> Option<Entry> {
+    ) -> Result<Option<Entry>, Cancelled> {
+        self.evaluator.poller.poll()?;
         while let Some(first) = self.queues[tile].first()
             && accepts(first)
         {
             let (stars, tiles) = (&self.stars, self.queues.len());
             if stars.neighbours(first.vertex).iter().all(|&v| stars.tile_of(v) < tiles) {
-                self.remove_first(tile, first.vertex);
-                return Some(first);
+                self.remove_first(tile, first.vertex)?;
+                return Ok(Some(first));
             }
             self.queues[tile].change(first.vertex, WAITS);
             self.waiting.push(first);
         }
-        None
+        Ok(None)
     }
 
     /// Removes the first vertex of a tile, fills its hole and gives its neighbours their new keys.
     #[inline]
-    fn remove_first(&mut self, tile: usize, vertex: u32) {
+    fn remove_first(&mut self, tile: usize, vertex: u32) -> Result<(), Cancelled> {
         self.queues[tile].remove_first();
         self.prefetch_next(tile);
-        self.evaluator.prepare(vertex, &self.stars, &mut self.neighbours);
+        self.evaluator.prepare(vertex, &self.stars, &mut self.neighbours)?;
         for Neighbour { vertex, star, change } in self.neighbours.drain(..) {
             self.stars.write(vertex, star);
             if let Some(change) = change {
@@ -88,6 +88,7 @@ impl<'t, 'm> Group<'t, 'm> {
             }
         }
         self.stars.remove(vertex);
+        Ok(())
     }
 
     /// Prefetches what the next removals of a tile probably need: the stars around the first vertex
@@ -131,7 +132,6 @@ pub(crate) struct StopRule {
 ///
 /// ```
 /// use pixmesh_meshing::{Image, Method, Target, mesh_image};
-///
 /// let image = Image::from_top_down(16, 16, 8, vec![(0..=255).collect()])?;
 /// let parameters = Method::Mgpr.parameters(Target::Size(40)).lists_removals(true);
 /// let made = mesh_image(&image, &parameters, &())?;
@@ -149,17 +149,13 @@ pub struct Removal {
 
 pub(crate) struct Progress {
     rule: StopRule,
-    /// Vertices to remove, unless a bound ends removal before.
     surplus: usize,
     remaining: usize,
-    /// Sum of the errors of all faces.
     pub(crate) error: u64,
-    /// The removals in order, where they are listed.
     pub(crate) removals: Vec<Removal>,
 }
 
 impl Progress {
-    /// Progress at the start, with `count` vertices.
     pub(crate) fn new(rule: StopRule, count: usize, error: u64) -> Self {
         let surplus = count.saturating_sub(rule.size);
         let removals = Vec::with_capacity(if rule.lists_removals { surplus } else { 0 });
@@ -170,13 +166,12 @@ impl Progress {
         self.remaining.saturating_sub(self.rule.size)
     }
 
-    pub(crate) fn poll(&self, control: &dyn Control) -> Result<(), Cancelled> {
-        control.poll(Stage::Simplify, self.surplus - self.surplus_left(), self.surplus)
+    fn done(&self) -> usize {
+        self.surplus - self.surplus_left()
     }
 
     pub(crate) fn poller<'c>(&self, control: &'c dyn Control) -> Poller<'c> {
-        let done = self.surplus - self.surplus_left();
-        Poller::new(control, Stage::Simplify, done, self.surplus)
+        Poller::new(control, Stage::Simplify, self.done(), self.surplus)
     }
 
     pub(crate) fn must_stop(&self, change: i64) -> bool {
@@ -188,7 +183,6 @@ impl Progress {
         rule.bound.is_some_and(|most| error > most)
     }
 
-    /// Counts the removal of the vertex at `point`, and lists it where removals are listed.
     pub(crate) fn record(&mut self, point: Point, removed: Entry) {
         if self.rule.lists_removals {
             self.removals.push(Removal { point, change: removed.change });
@@ -221,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn stops_before_the_first_removal_that_breaks_the_bound() {
+    fn stops_before_a_removal_that_breaks_the_bound() {
         let progress = progress(Some(60), false);
         assert!(!progress.must_stop(10) && progress.must_stop(11) && !progress.must_stop(-50));
     }
@@ -237,7 +231,8 @@ mod tests {
         }
         let mut progress = progress(None, true);
         for removed in 0..6 {
-            assert_eq!(progress.poll(&Expected(removed.min(4))), Err(Cancelled));
+            let expected = Expected(removed.min(4));
+            assert_eq!(progress.poller(&expected).poll(), Err(Cancelled));
             assert_eq!(progress.surplus_left(), 4_usize.saturating_sub(removed));
             progress.record(Point::new(1, 1), Entry { change: 0, rank: 0, vertex: 0 });
         }

@@ -4,11 +4,11 @@
 //! without the bound, and then repeated on a mesh that counts the faces that break the bound; they
 //! end before the first removal that makes such a face.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::FaceMeasure;
 use crate::face_error::interpolant::Interpolant;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::image::{Image, Point};
 use crate::removal::Removal;
 
@@ -25,9 +25,11 @@ pub(crate) fn removals_within(
         removals.iter().filter_map(|removal| points.binary_search(&removal.point).ok()).collect();
     let violations = Violations { image, most };
     let mut mesh = MeasuredMesh::new(points, image.sides(), violations, Stage::Measure, control)?;
+    let poller = &mut Poller::new(control, Stage::Measure, 0, numbers.len());
     for (made, &vertex) in numbers.iter().enumerate() {
-        control.poll(Stage::Measure, made, numbers.len())?;
-        if mesh.triangulation.total_error > 0 || mesh.remove(vertex as u32) > 0 {
+        poller.done = made;
+        poller.poll()?;
+        if mesh.triangulation.total_error > 0 || mesh.remove(vertex as u32, poller)? > 0 {
             return Ok(made);
         }
     }
@@ -43,22 +45,24 @@ struct Violations<'a> {
 
 impl FaceMeasure for Violations<'_> {
     /// 1 for a face that breaks the bound, 0 for one that keeps it.
-    fn error(&mut self, corners: [Point; 3]) -> u64 {
+    fn error(&mut self, corners: [Point; 3], poller: &mut Poller<'_>) -> Result<u64, Cancelled> {
         let image = self.image;
         let mut approximation = Vec::new();
         let mut breaks = false;
         for (c, _) in image.components().iter().enumerate() {
             let samples = corners.map(|p| image.sample(c, p.x as usize, p.y as usize));
             let interpolant = Interpolant::new(corners, samples);
-            for_each_row(corners, |y, first, end| {
+            try_for_each_row(corners, |y, first, end| {
+                poller.step((end - first) as usize)?;
                 let original = &image.row(c, y as usize)[first as usize..end as usize];
                 approximation.resize(original.len(), 0);
                 interpolant.fill(first, y, &mut approximation);
                 let mut pairs = original.iter().zip(&approximation);
                 breaks |= pairs.any(|(a, b)| a.abs_diff(*b) > self.most);
-            });
+                Ok(())
+            })?;
         }
-        breaks.into()
+        Ok(breaks.into())
     }
 }
 

@@ -3,8 +3,7 @@
 //! Laurent Demaret and Armin Iske, "Advances in digital image compression by adaptive thinning",
 //! 2004, remove from a Delaunay triangulation of an image's points, again and again, the least
 //! significant one. The significance of a vertex is the change of the error over the faces that its
-//! removal replaces, with rounded interpolants, in whole numbers. A removal changes the keys of the
-//! vertex's neighbours alone, about six.
+//! removal replaces, in whole numbers. A removal changes the keys of its neighbours, some six.
 //!
 //! `greedy` is the loop, `queue` the order, `candidate` the evaluation, `star` the mesh. `start`
 //! evaluates all vertices for the first time; `partition` lets threads remove from tiles.
@@ -40,9 +39,7 @@ pub(crate) struct Simplified {
     pub(crate) points: Vec<Point>,
     /// The faces, counter-clockwise, each beginning with its smallest vertex, in ascending order.
     pub(crate) faces: Vec<Face>,
-    /// The removals in order, where the rule lists them.
     pub(crate) removals: Vec<Removal>,
-    /// The sum of errors over the image, in the metric's whole numbers.
     pub(crate) error: u64,
 }
 
@@ -75,7 +72,10 @@ fn finish(
 ) -> Result<Simplified, Cancelled> {
     let Start { mut stars, mut queues, mut progress } = start;
     remove_in_order(stars.whole(), &mut queues, measure, &mut progress, control)?;
-    let (points, faces) = mesh_of(&stars.whole(), &mut progress.poller(control))?;
+    let poller = &mut progress.poller(control);
+    let (points, faces) = mesh_of(&stars.whole(), poller)?;
+    drop((stars, queues));
+    poller.poll()?;
     Ok(Simplified { points, faces, removals: progress.removals, error: progress.error })
 }
 

@@ -9,7 +9,7 @@
 //!
 //! Tiles and limits follow from the image and the parameters, not from the number of threads.
 
-use crate::control::{Cancelled, Control, Poller};
+use crate::control::{Cancelled, Control, Poller, select};
 use crate::face_error::ErrorEvaluator;
 use crate::parallel::share_out;
 use crate::removal::greedy::{Group, Progress, StopRule};
@@ -48,9 +48,6 @@ const PART_OF_TILE_AT_LEAST: usize = 512;
 /// round cannot exceed them. The rest is made in the exact order.
 const LEAST_PART: usize = 128;
 
-/// One in this many entries is in the sample from which a round's limit is estimated.
-const SAMPLE_SPACING: usize = 64;
-
 /// The binary digits of a vertex's number within its tile; `None` for too few vertices, or when the
 /// number of removals is not known.
 pub(crate) fn tile_digits(vertex_count: usize, rule: StopRule) -> Option<u32> {
@@ -62,7 +59,6 @@ pub(crate) fn tile_digits(vertex_count: usize, rule: StopRule) -> Option<u32> {
     (rule.bound.is_none() && is_large && surplus > vertex_count / LEAST_PART).then_some(digits)
 }
 
-/// Removes vertices tile by tile until few removals remain.
 pub(crate) fn remove_in_rounds(
     start: &mut Start,
     measure: &ErrorEvaluator<'_>,
@@ -74,7 +70,8 @@ pub(crate) fn remove_in_rounds(
     let least = (count * size / LEAST_PART).max(PART_OF_ROUND);
     while progress.surplus_left() >= least {
         let poller = &mut progress.poller(control);
-        let limit = limit(queues, progress.surplus_left() / PART_OF_ROUND, poller)?;
+        let poll = || progress.poller(control).poll();
+        let limit = limit(queues, progress.surplus_left() / PART_OF_ROUND, &poll)?;
         let mut quotas = quotas(queues, limit, size, poller)?;
         let levels = std::iter::successors(Some(1), |tiles| Some(tiles * GROWTH));
         for tiles in levels.take_while(|&tiles| tiles < count).chain([count]) {
@@ -82,8 +79,8 @@ pub(crate) fn remove_in_rounds(
             let mut removed = vec![Vec::new(); count.div_ceil(tiles)];
             let groups = stars.groups(tiles).zip(parts).zip(&mut removed);
             share_out(groups, control, |((stars, (queues, quotas)), removed), control| {
-                let mut group = Group::new(stars, queues, measure);
-                *removed = remove_below(limit, &mut group, quotas, progress, control)?;
+                let mut group = Group::new(stars, queues, measure, progress.poller(control));
+                *removed = remove_below(limit, &mut group, quotas)?;
                 group.end_waiting();
                 Ok(())
             })?;
@@ -97,36 +94,14 @@ pub(crate) fn remove_in_rounds(
 fn limit(
     queues: &[RemovalQueue],
     count: usize,
-    poller: &mut Poller<'_>,
+    poll: &dyn Fn() -> Result<(), Cancelled>,
 ) -> Result<Entry, Cancelled> {
-    let mut sample = Vec::new();
+    let mut entries = Vec::with_capacity(queues.iter().map(RemovalQueue::len).sum());
     for queue in queues {
-        poller.step(queue.len())?;
-        sample.extend(queue.entries().step_by(SAMPLE_SPACING));
+        poll()?;
+        entries.extend(queue.entries());
     }
-    sample.sort_unstable();
-    let estimate = count / SAMPLE_SPACING;
-    let mut margin = 1 + sample.len() / SAMPLE_SPACING;
-    loop {
-        // Without a sampled entry on one side, the range is open there.
-        let low = estimate.checked_sub(margin).and_then(|i| sample.get(i));
-        let high = sample.get(estimate + margin);
-        let (mut below, mut within) = (0, Vec::new());
-        for queue in queues {
-            poller.step(queue.len())?;
-            for entry in queue.entries().filter(|entry| high.is_none_or(|high| entry < high)) {
-                if low.is_some_and(|low| entry < *low) {
-                    below += 1;
-                } else {
-                    within.push(entry);
-                }
-            }
-        }
-        match count.checked_sub(below) {
-            Some(rank) if rank < within.len() => return Ok(*within.select_nth_unstable(rank).1),
-            _ => margin *= 4,
-        }
-    }
+    select(&mut entries, count, poll)
 }
 
 /// How many vertices each tile of this size may lose in a round.
@@ -154,14 +129,11 @@ fn record_in_order(removed: &[Vec<Entry>], vertices: &Vertices, progress: &mut P
     }
 }
 
-/// Removes, tile after tile, vertices below the limit whose neighbours are all in the group.
-/// Returns them in order.
+/// Removes, tile after tile, vertices below the limit with all neighbours in the group, in order.
 fn remove_below(
     limit: Entry,
     group: &mut Group<'_, '_>,
     quotas: &mut [usize],
-    progress: &Progress,
-    control: &dyn Control,
 ) -> Result<Vec<Entry>, Cancelled> {
     let (mut removed, mut removed_before) = (Vec::new(), usize::MAX);
     // A removal may bring a neighbour in another tile below the limit.
@@ -169,9 +141,8 @@ fn remove_below(
         removed_before = removed.len();
         for (tile, quota) in quotas.iter_mut().enumerate() {
             while *quota > 0
-                && let Some(entry) = group.remove_next(tile, |first| first < limit)
+                && let Some(entry) = group.remove_next(tile, |first| first < limit)?
             {
-                progress.poll(control)?;
                 *quota -= 1;
                 removed.push(entry);
             }
@@ -183,11 +154,13 @@ fn remove_below(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::poller;
     use crate::control::{OnThreads, Stage};
     use crate::dynamic_mesh::MeasuredMesh;
     use crate::face_error::FaceErrors;
+    use crate::face_error::tests::evaluator_of;
     use crate::image::Image;
-    use crate::parameters::choices::{ErrorMetric, Parallel};
+    use crate::parameters::choices::Parallel;
     use crate::removal::tests::{down_to, lattice, simplify, start};
     use crate::removal::{Simplified, finish};
     use crate::triangulation::triangulate;
@@ -196,7 +169,7 @@ mod tests {
 
     /// What is left of all points of a picture, by tiles of `1 << digits` vertices.
     fn remove(image: &Image, size: usize, digits: u32, threads: usize) -> Simplified {
-        let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
+        let measure = evaluator_of(image);
         let control = OnThreads((), NonZeroUsize::new(threads).unwrap());
         let mut start = start(image, &measure, down_to(size), digits, &control);
         remove_in_rounds(&mut start, &measure, &control).unwrap();
@@ -208,12 +181,12 @@ mod tests {
     fn assert_removals_can_be_replayed(image: &Image, made: &Simplified) {
         let (width, height) = (image.width(), image.height());
         let points = lattice(width, height);
-        let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
+        let measure = evaluator_of(image);
         let (size, errors) = ((width, height), FaceErrors::new(&measure));
         let mut mesh = MeasuredMesh::new(points, size, errors, Stage::Measure, &()).unwrap();
         for removal in &made.removals {
             let number = removal.point.y as usize * width + removal.point.x as usize;
-            assert_eq!(mesh.remove(number as u32), removal.change);
+            assert_eq!(mesh.remove(number as u32, &mut poller()), Ok(removal.change));
         }
         assert_eq!(mesh.triangulation.total_error, made.error);
     }
@@ -287,12 +260,12 @@ mod tests {
     fn limit_is_a_quantile_and_quotas_follow_from_it() {
         let plane = (0..900).map(|i| (i * i / 7 % 16) as u16).collect();
         let image = Image::from_bottom_up(30, 30, 4, vec![plane]).unwrap();
-        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = evaluator_of(&image);
         let Start { queues, progress, .. } = start(&image, &measure, down_to(4), 6, &());
         assert_eq!(queues.len(), 900_usize.div_ceil(64));
         for (count, size, least) in [(0, 64, 0), (100, 64, 0), (300, 1024, 2), (895, 64, 0)] {
             let poller = &mut progress.poller(&());
-            let limit = limit(&queues, count, poller).unwrap();
+            let limit = limit(&queues, count, &|| Ok(())).unwrap();
             let below = |queue: &RemovalQueue| queue.entries().filter(|e| *e < limit).count();
             assert_eq!(queues.iter().map(below).sum::<usize>(), count);
             let quotas = quotas(&queues, limit, size, poller).unwrap();

@@ -88,7 +88,6 @@ impl RemovalQueue {
         Ok(())
     }
 
-    /// The vertex whose removal changes the error least.
     pub(crate) fn first(&self) -> Option<Entry> {
         Some(self.at(FIRST)).filter(|&key| key != NO_KEY).map(Entry::from_key)
     }

@@ -1,9 +1,8 @@
 //! The mesh under removal: for each vertex its star, that is its neighbours, counter-clockwise, and
 //! the errors of the faces between them.
 //!
-//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines. Of a thousand
-//! vertices six have more neighbours, or a face whose error needs more than 32 bits: their stars
-//! are spilled to lists.
+//! A star of up to nine neighbours is inline in its [`Record`] of two cache lines. The stars of six
+//! in a thousand, of more neighbours or a face error of more than 32 bits, are spilled to lists.
 
 use crate::image::Point;
 use crate::triangulation::hole::CAPACITY;
@@ -160,7 +159,6 @@ pub(crate) struct InlineReplacement {
 }
 
 impl InlineReplacement {
-    /// Adds a new neighbour and the error of the face before it.
     #[inline(always)]
     pub(crate) fn push(&mut self, successor: u32, error: u64) {
         self.successors[self.count % (INLINE_CAPACITY - 1)] = successor;
@@ -240,8 +238,7 @@ impl Packed {
     }
 }
 
-/// The vertices, numbered along [`tile_order`](crate::removal::tile_order::tile_order), in tiles of
-/// `1 << digits`.
+/// The vertices, numbered along the `tile_order`, in tiles of `1 << digits`.
 pub(crate) struct Vertices {
     pub(crate) points: Vec<Point>,
     /// The rank of each vertex among all, by row, then column.
@@ -284,7 +281,6 @@ impl AllStars {
     }
 }
 
-/// The stars of the vertices of consecutive tiles.
 pub(crate) struct Stars<'t> {
     pub(crate) vertices: &'t Vertices,
     first: u32,
@@ -343,7 +339,6 @@ impl Stars<'_> {
         }
     }
 
-    /// The star of a vertex in lists.
     pub(crate) fn star(&self, vertex: u32) -> Cow<'_, Star> {
         let record = self.record(vertex);
         match record.degree {

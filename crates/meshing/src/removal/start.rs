@@ -1,6 +1,6 @@
 //! What removal starts from: the stars of a triangulation, and the queue of each tile.
 
-use crate::control::{Cancelled, Control, Stage, collect};
+use crate::control::{Cancelled, Control, Stage, Translated, collect};
 use crate::face_error::ErrorEvaluator;
 use crate::image::Image;
 use crate::parallel::in_parallel;
@@ -12,10 +12,11 @@ use crate::removal::star::{AllStars, FillCache, Stars, Vertices};
 use crate::removal::tile_order::tile_order;
 use crate::triangulation::Triangulation;
 
-/// Vertices evaluated for the first time between two polls of the control, at most, and the area
-/// of the image that they take where faces are large.
-const STEPS_PER_POLL: usize = 8192;
-const PIXELS_PER_POLL: usize = 1 << 18;
+/// Vertices evaluated for the first time that threads share.
+const VERTICES_PER_PART: usize = 8192;
+
+/// How many steps of a [`Poller`](crate::control::Poller) such a vertex counts, beside its area.
+const STEPS_PER_VERTEX: usize = 8;
 
 pub(crate) struct Start {
     pub(crate) stars: AllStars,
@@ -37,15 +38,15 @@ pub(crate) fn prepare(
     let surplus = count.saturating_sub(rule.size);
     let (faces, _) = triangulation.origins.as_chunks::<3>();
     let corners = |face: usize| faces[face].map(|v| triangulation.points[v as usize]);
-    let poll = |_| control.poll(Stage::Simplify, 0, surplus);
+    let measuring = Translated { control, translate: |_, _, _| (Stage::Simplify, 0, surplus) };
     let mut errors = Vec::with_capacity(faces.len());
     let add = |part: &[u64]| errors.extend_from_slice(part);
-    measure.for_each_part(faces.len(), corners, control.threads(), poll, add)?;
+    measure.for_each_part(faces.len(), corners, &measuring, add)?;
     let progress = Progress::new(rule, count, errors.iter().sum());
     let poller = &mut progress.poller(control);
     let ranks = tile_order(&triangulation.points, image.sides(), poller)?;
     let in_order = ranks.iter().map(|&rank| triangulation.points[rank as usize]);
-    let points = collect(in_order, || progress.poll(control))?;
+    let points = collect(in_order, || progress.poller(control).poll())?;
     let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
     let vertices = Vertices { points, ranks, digits, right, top };
     let mut stars = stars_of(&triangulation, vertices, &errors, poller)?;
@@ -57,8 +58,7 @@ pub(crate) fn prepare(
     Ok(Start { stars, queues, progress })
 }
 
-/// Evaluates the vertices of a tile but for the corners of the image: their queue, and what is
-/// cached of their holes.
+/// Evaluates the vertices of a tile but for the image's corners: their queue and fill caches.
 fn evaluate_tile(
     tile: usize,
     stars: &mut Stars<'_>,
@@ -69,22 +69,22 @@ fn evaluate_tile(
     let numbers = stars.numbers(tile);
     let mut queue = RemovalQueue::with_capacity(numbers.clone());
     let mut evaluated = Vec::new();
-    let steps = PIXELS_PER_POLL * stars.vertices.points.len() / measure.pixel_count();
-    let steps = steps.clamp(1, STEPS_PER_POLL);
-    for first in numbers.clone().step_by(steps) {
-        progress.poll(control)?;
-        let chunk: Vec<u32> = (first..numbers.end.min(first + steps as u32))
+    let steps = STEPS_PER_VERTEX + measure.pixel_count() / stars.vertices.points.len();
+    for first in numbers.clone().step_by(VERTICES_PER_PART) {
+        let chunk: Vec<u32> = (first..numbers.end.min(first + VERTICES_PER_PART as u32))
             .filter(|&vertex| !stars.is_corner(vertex))
             .collect();
         evaluated.clear();
         evaluated.resize(chunk.len(), (0, FillCache::EMPTY));
         let shared: &Stars<'_> = stars;
-        in_parallel(&chunk, &mut evaluated, control.threads(), |vertices, evaluated| {
-            let mut evaluator = Evaluator::new(measure);
+        in_parallel(&chunk, &mut evaluated, control, |vertices, evaluated, control| {
+            let mut evaluator = Evaluator::new(measure, progress.poller(control));
             for (&vertex, evaluated) in vertices.iter().zip(evaluated) {
-                *evaluated = evaluator.evaluate(vertex, shared);
+                evaluator.poller.step(steps)?;
+                *evaluated = evaluator.evaluate(vertex, shared)?;
             }
-        });
+            Ok(())
+        })?;
         for (vertex, &(change, fill)) in chunk.into_iter().zip(&evaluated) {
             stars.set_fill(vertex, fill);
             queue.push(Entry { change, rank: stars.vertices.ranks[vertex as usize], vertex });

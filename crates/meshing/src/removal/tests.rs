@@ -2,11 +2,11 @@
 //! afresh.
 
 use super::*;
-use crate::control::tests::Recorder;
+use crate::control::tests::{Recorder, poller};
 use crate::control::{POINTS_PER_POLL, Stage};
+use crate::face_error::tests::evaluator_of;
 use crate::face_error::{FaceErrors, FaceMeasure};
 use crate::image::corner_points;
-use crate::parameters::choices::ErrorMetric;
 use crate::removal::greedy::Group;
 use crate::triangulation::hole::HoleFiller;
 use crate::triangulation::triangulate;
@@ -24,7 +24,7 @@ pub(crate) fn down_to(size: usize) -> StopRule {
 
 /// What removal of all but `size` lattice points leaves.
 pub(crate) fn simplify(image: &Image, size: usize, parallel: Parallel) -> Simplified {
-    let measure = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, None);
+    let measure = evaluator_of(image);
     let points = lattice(image.width(), image.height());
     let triangulation = Triangulation::new(points, &()).unwrap();
     simplify_by(image, &measure, triangulation, down_to(size), parallel, &()).unwrap()
@@ -47,7 +47,8 @@ impl Start {
     /// Makes the next removal.
     fn remove_one(&mut self, measure: &ErrorEvaluator<'_>) {
         let Self { stars, queues, progress } = self;
-        let removed = Group::new(stars.whole(), queues, measure).remove_next(0, |_| true).unwrap();
+        let mut group = Group::new(stars.whole(), queues, measure, poller());
+        let removed = group.remove_next(0, |_| true).unwrap().unwrap();
         progress.record(stars.vertices.points[removed.vertex as usize], removed);
     }
 
@@ -65,7 +66,9 @@ impl Start {
                     0
                 } else {
                     let next = neighbours[if last { 0 } else { i + 1 }];
-                    errors.error([v, neighbours[i], next].map(|v| stars.point(v)))
+                    errors
+                        .error([v, neighbours[i], next].map(|v| stars.point(v)), &mut poller())
+                        .unwrap()
                 };
                 assert_eq!(error, fresh);
                 total += u128::from(fresh);
@@ -89,7 +92,9 @@ impl Start {
             let star = stars.star(entry.vertex);
             let boundary: Vec<Point> = star.neighbours.iter().map(|&v| stars.point(v)).collect();
             let fill = filler.fill(&boundary).iter();
-            let filled = fill.map(|face| errors.error(face.map(|at| boundary[at as usize])));
+            let filled = fill.map(|face| {
+                errors.error(face.map(|at| boundary[at as usize]), &mut poller()).unwrap()
+            });
             let change = filled.sum::<u64>() as i64 - star.errors.iter().sum::<u64>() as i64;
             assert_eq!(change, entry.change);
         }
@@ -113,7 +118,7 @@ proptest! {
         };
         let components = vec![plane(0), plane(3)];
         let image = Image::from_bottom_up(width, height, precision, components).unwrap();
-        let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+        let measure = evaluator_of(&image);
         let mut start = start(&image, &measure, down_to(4), ONE_TILE, &());
         while start.queues[0].len() > 0 {
             start.remove_one(&measure);
@@ -131,7 +136,7 @@ fn polls_between_bounded_steps() {
     let (width, height) = (512, 512);
     let plane = (0..width * height).map(|i| (i % 7) as u16).collect();
     let image = Image::from_bottom_up(width, height, 3, vec![plane]).unwrap();
-    let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+    let measure = evaluator_of(&image);
     let triangulation = Triangulation::new(lattice(width, height), &()).unwrap();
     let recorder = Recorder::default();
     let rule = down_to(width * height);
@@ -156,7 +161,7 @@ fn polls_between_bounded_steps() {
 fn lists_removals_on_request_only() {
     let rule = StopRule { lists_removals: false, ..down_to(9) };
     let image = Image::from_bottom_up(6, 6, 4, vec![(0..36).map(|i| i % 16).collect()]).unwrap();
-    let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+    let measure = evaluator_of(&image);
     let start = start(&image, &measure, rule, ONE_TILE, &());
     let removed = finish(start, &measure, &()).unwrap();
     assert_eq!((removed.points.len(), removed.removals.capacity()), (9, 0));
@@ -170,7 +175,7 @@ fn polls_by_area_before_the_first_removal() {
     let mut points: Vec<Point> = inner.chain(corner_points(2000, 1000)).collect();
     points.sort_unstable();
     let rule = down_to(points.len());
-    let measure = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None);
+    let measure = evaluator_of(&image);
     let (triangulation, recorder) = (Triangulation::new(points, &()).unwrap(), Recorder::default());
     simplify_by(&image, &measure, triangulation, rule, Parallel::Exact, &recorder).unwrap();
     let count = recorder.reports().len();

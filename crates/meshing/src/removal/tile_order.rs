@@ -10,8 +10,7 @@ use crate::image::Point;
 
 const TILE: u32 = 5;
 
-/// The indices of points that lie within `width` columns and `height` rows, tile by tile, in their
-/// given order within each.
+/// The indices of points of an image of this size, tile by tile, in their given order within each.
 pub(crate) fn tile_order(
     points: &[Point],
     (width, height): (usize, usize),
@@ -37,8 +36,7 @@ pub(crate) fn tile_order(
     Ok(order)
 }
 
-/// A curve through all tiles: the binary digits of a tile's index alternate between those of its
-/// column and of its row.
+/// A curve through all tiles: the digits of an index alternate between its column's and row's.
 struct Curve {
     /// The part of the index that the column, and that the row of a tile determines.
     of_column: Vec<usize>,

@@ -26,8 +26,7 @@ pub(super) fn triangulate(points: &[Point], control: &dyn Control) -> Result<Hal
     subdivision.into_triangles(hull)
 }
 
-/// Two half-edges of a hull: the counter-clockwise one out of its lowest vertex, and the clockwise
-/// one out of its uppermost.
+/// The counter-clockwise half-edge of a hull out of its lowest vertex, the clockwise of its top.
 type Extremes = (u32, u32);
 
 /// Edges as pairs of half-edges, `e` and `e ^ 1`, in rings around their origins.
@@ -39,7 +38,6 @@ struct Subdivision<'a> {
     following: Vec<u32>,
     /// The next one clockwise.
     preceding: Vec<u32>,
-    /// Even half-edges of deleted edges.
     free: Vec<u32>,
 }
 
@@ -215,8 +213,7 @@ impl Subdivision<'_> {
         self.preceding[after_a as usize] = b;
     }
 
-    /// Makes an edge from the end of `a` to the beginning of `b`, which have the same face at the
-    /// left.
+    /// Makes an edge from the end of `a` to the beginning of `b`, with the same face at their left.
     fn connect(&mut self, a: u32, b: u32) -> u32 {
         let e = self.make(self.destination(a), self.origin(b));
         self.splice(e, self.following_at_left(a));

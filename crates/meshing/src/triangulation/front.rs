@@ -44,8 +44,7 @@ impl Front {
         word as u32 * 64 + bits.checked_ilog2().unwrap_or(0)
     }
 
-    /// Inserts a vertex at the right of the one in the column `left`; as the first one if that is
-    /// [`NONE`].
+    /// Inserts a vertex at the right of the one in column `left`, or first if that is [`NONE`].
     #[inline]
     pub(super) fn insert_after(&mut self, left: u32, column: u32, vertex: u32) {
         let mut right = NONE;
@@ -64,7 +63,6 @@ impl Front {
         self.nodes[column as usize].vertex = vertex;
     }
 
-    /// Removes a vertex that has neighbours at both sides.
     #[inline]
     pub(super) fn remove(&mut self, column: u32) {
         let [left, right] = self.nodes[column as usize].neighbours;

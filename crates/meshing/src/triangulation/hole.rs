@@ -7,22 +7,19 @@
 //! each filled in the same way. A hole has six vertices on average.
 //!
 //! [`fill_small`] fills holes of up to [`MOST_SMALL`] points in arrays of fixed size. It takes
-//! quadratic time where the triangles make a fan, so larger holes are split at their middle edge, as
-//! lists. The test `arrays_and_lists_fill_alike` ties the two.
+//! quadratic time where the triangles make a fan, so larger holes are split at their middle edge,
+//! as lists. The test `arrays_and_lists_fill_alike` ties the two.
 
 use crate::image::Point;
 use crate::triangulation::predicates::{in_circle, product};
 
 /// A triangle of the fill: indices of points of the boundary, counter-clockwise and ascending.
 ///
-/// Its side from the last to the first is one of the fill's edges, except for the triangle at the
-/// boundary's last edge.
+/// Its side from the last to the first is an edge of the fill, but for one at the last edge.
 pub(crate) type HoleTriangle = [u32; 3];
 
-/// The most points of a hole that [`fill_small`] fills.
 pub(crate) const MOST_SMALL: usize = MOST_TRIANGLES + 2;
 
-/// The most triangles of its fill.
 pub(crate) const MOST_TRIANGLES: usize = 8;
 
 /// The capacity of its boundary, a power of two: indices are masked instead of checked.
@@ -38,8 +35,7 @@ pub(crate) struct HoleFiller {
 }
 
 impl HoleFiller {
-    /// The triangles that fill the hole with the given boundary of at least three points,
-    /// counter-clockwise.
+    /// The triangles that fill the hole of a boundary of three points or more, counter-clockwise.
     pub(crate) fn fill(&mut self, boundary: &[Point]) -> &[HoleTriangle] {
         self.triangles.clear();
         if boundary.len() <= MOST_SMALL {
@@ -161,8 +157,7 @@ impl SmallFill<'_> {
 /// triangulation with the edge from `a` to `b`: left of that edge, with no other one in its circle.
 ///
 /// That is the point that sees the edge under the largest angle. Angles are compared by their
-/// cotangents, fractions whose two parts are computed once for each point; the preferred directions
-/// decide between equal ones.
+/// cotangents, fractions computed once for each point; preferred directions decide equal ones.
 #[inline(always)]
 fn apex((a, b): (Point, Point), candidates: impl Iterator<Item = (usize, Point)>) -> usize {
     let (mut best, mut best_point, mut best_dot, mut best_cross) = (0, a, 1, 0);

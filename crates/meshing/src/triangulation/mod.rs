@@ -19,7 +19,6 @@ use crate::image::{MAX_POINTS, MAX_SIDE, Point};
 ///
 /// ```
 /// use pixmesh_meshing::{Face, Point, triangulate};
-///
 /// let faces: Vec<Face> = triangulate(&[Point::new(0, 1), Point::new(1, 0), Point::new(0, 0)]);
 /// assert_eq!(faces, [[0, 2, 1]]);
 /// ```
@@ -40,7 +39,6 @@ type HalfEdges = (Vec<u32>, Vec<u32>);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Triangulation {
     pub(crate) points: Vec<Point>,
-    /// Vertex at which each half-edge begins.
     pub(crate) origins: Vec<u32>,
     /// The opposite half-edge of each, [`NONE`] on the border.
     pub(crate) twins: Vec<u32>,
@@ -60,13 +58,11 @@ pub(crate) fn previous(h: u32) -> u32 {
 ///
 /// Faces are counter-clockwise triples of indices of `points`, each beginning with its smallest
 /// index, in ascending order. They cover the convex hull; collinear points have none. Of equal
-/// points only the first belongs to faces. A point with a coordinate beyond
-/// [`MAX_SIDE`], positive or negative, belongs to none, nor does any point of more than
-/// [`MAX_POINTS`].
+/// points only the first belongs to faces. A point with a coordinate beyond [`MAX_SIDE`], positive
+/// or negative, belongs to none, nor does any point of more than [`MAX_POINTS`].
 ///
 /// ```
 /// use pixmesh_meshing::{Point, triangulate};
-///
 /// let points = [(0, 0), (4, 0), (1, 2), (0, 4), (4, 4)].map(|(x, y)| Point::new(x, y));
 /// assert_eq!(triangulate(&points), [[0, 1, 2], [0, 2, 3], [1, 4, 2], [2, 4, 3]]);
 /// ```

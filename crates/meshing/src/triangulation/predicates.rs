@@ -2,8 +2,8 @@
 //! preferred-directions Delaunay triangulation (PDDT).
 //!
 //! Christopher Dyken and Michael S. Floater, "Preferred directions for resolving the
-//! non-uniqueness of Delaunay triangulations", 2006, give each cocircular quadrilateral the diagonal
-//! of the smaller angle with `d1 = (1, 0)`, at a tie with `d2 = (1, 1)`.
+//! non-uniqueness of Delaunay triangulations", 2006, give each cocircular quadrilateral the
+//! diagonal of the smaller angle with `d1 = (1, 0)`, at a tie with `d2 = (1, 1)`.
 //!
 //! A symbolic perturbation makes the same choice without angles. Lift every point `p` to the height
 //! `|p|^2 - e1 (p.d1)^2 - e2 (p.d2)^2` with infinitesimals `e1 >> e2 > 0`. Where the diagonals `ac`
@@ -14,21 +14,18 @@
 //! is the Delaunay triangulation of the lifted points. So no four points are ever cocircular, and
 //! the PDDT depends on the points alone.
 //!
-//! All terms are integer determinants. The one of the circle itself has the sign of the sine of the
-//! sum of two opposite angles of the quadrilateral, which takes fewer multiplications: A. K. Cline
-//! and R. L. Renka, "A storage-efficient method for construction of a Thiessen triangulation",
-//! 1984.
+//! All terms are integer determinants. That of the circle itself has the sign of the sine of the
+//! sum of two opposite angles, with fewer multiplications: A. K. Cline and R. L. Renka, "A
+//! storage-efficient method for construction of a Thiessen triangulation", 1984.
 
 use crate::image::Point;
 
-/// Twice the signed area of the triangle `abc`: positive when it turns counter-clockwise, 0 when
-/// the points are collinear.
+/// Twice the signed area of the triangle `abc`, positive counter-clockwise, 0 for collinear points.
 ///
 /// Exact if no two coordinates of the points differ by 2^30 or more; a debug build panics beyond.
 ///
 /// ```
 /// use pixmesh_meshing::{Point, orientation};
-///
 /// let [a, b, c] = [(0, 0), (4, 0), (0, 3)].map(|(x, y)| Point::new(x, y));
 /// assert_eq!((orientation(a, b, c), orientation(a, c, b)), (12, -12));
 /// ```
@@ -50,7 +47,6 @@ pub fn orientation(a: Point, b: Point, c: Point) -> i64 {
 ///
 /// ```
 /// use pixmesh_meshing::{Point, in_circle};
-///
 /// let [a, b, c] = [(0, 0), (4, 0), (0, 3)].map(|(x, y)| Point::new(x, y));
 /// assert!(in_circle(a, b, c, Point::new(3, 2)) && !in_circle(a, b, c, Point::new(5, 5)));
 /// ```

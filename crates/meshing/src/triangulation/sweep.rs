@@ -3,8 +3,7 @@
 //! Borut Zalik, "An efficient sweep-line Delaunay triangulation algorithm", 2005. The front is the
 //! upper boundary of the triangles so far. Each point is connected to the edge or the vertex of the
 //! front below it. Then wrong edges are flipped (see `flipping`), and narrow pockets of the front
-//! next to the point are filled, which saves flips later. After the last row the other pockets are
-//! filled.
+//! beside the point are filled, which saves flips; the others are filled after the last row.
 //!
 //! In pictures a point takes less than one flip on average, but some points make almost every
 //! insertion flip almost all edges. Above a number of flips the sweep ends without a result.
@@ -71,7 +70,6 @@ impl<'a> Sweep<'a> {
         sweep
     }
 
-    /// The column of a vertex, counted from the rectangle's left side.
     fn column(&self, vertex: u32) -> u32 {
         (self.triangles.point(vertex).x - self.left) as u32
     }
@@ -172,7 +170,6 @@ impl<'a> Sweep<'a> {
         self.triangles.legalize([base, base + 1])
     }
 
-    /// Fills all pockets, so that the front becomes the top row.
     fn fill_all(&mut self) -> Result<(), Cancelled> {
         let (mut left, mut pockets) = (0, 0_usize);
         while let Some(pocket) = self.pocket(left, RIGHT) {

@@ -2,10 +2,11 @@
 
 use super::*;
 use crate::control::OnThreads;
+use crate::control::tests::poller;
+use crate::face_error::tests::evaluator_of;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, corner_points};
-use crate::parameters::choices::ErrorMetric;
-use crate::refinement::tests::{evaluator_of, measured, picture, sum_of_errors};
+use crate::refinement::tests::{measured, picture, sum_of_errors};
 use crate::triangulation::triangulate;
 use proptest::prelude::*;
 use std::num::NonZeroUsize;
@@ -34,7 +35,16 @@ fn relocated_by_brute_force(
                 let mut mesh = measured(&evaluator, image, sorted);
                 let mut candidates = Vec::new();
                 mesh.begin_move(vertex);
-                assert!(mesh.find_candidates(&window(2), CANDIDATES, TOLERANCE, &mut candidates));
+                assert!(
+                    mesh.find_candidates(
+                        &window(2),
+                        CANDIDATES,
+                        TOLERANCE,
+                        &mut candidates,
+                        &mut poller()
+                    )
+                    .unwrap()
+                );
                 candidates.into_iter().map(|(_, position)| position).collect()
             }
         };
@@ -128,9 +138,13 @@ proptest! {
                 continue;
             }
             mesh.begin_move(v);
-            assert!(mesh.find_candidates(&window(2), 24, f32::MAX, &mut all));
-            assert!(mesh.find_candidates(&window(2), 2, f32::MAX, &mut two));
-            assert!(mesh.find_candidates(&window(2), 24, TOLERANCE, &mut likely));
+            for (count, tolerance, candidates) in
+                [(24, f32::MAX, &mut all), (2, f32::MAX, &mut two), (24, TOLERANCE, &mut likely)]
+            {
+                let far = window(2);
+                let found = mesh.find_candidates(&far, count, tolerance, candidates, &mut poller());
+                assert_eq!(found, Ok(true));
+            }
             let slots = 0..mesh.triangulation.slot_count() as u32;
             let around = slots.filter(|&t| mesh.triangulation.corners(t).contains(&from));
             let error = around.map(|t| mesh.triangulation.face_error(t)).sum::<u64>();
@@ -161,7 +175,8 @@ fn equal_predictions_come_nearest_first() {
     let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap() as u32;
     let mut candidates = Vec::new();
     mesh.begin_move(vertex);
-    assert!(mesh.find_candidates(&window(2), 9, TOLERANCE, &mut candidates));
+    let found = mesh.find_candidates(&window(2), 9, TOLERANCE, &mut candidates, &mut poller());
+    assert_eq!(found, Ok(true));
     let found: Vec<(i32, i32)> = candidates.iter().map(|(_, p)| (p.x - 5, p.y - 5)).collect();
     let nearest = [(0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, -2)];
     assert_eq!(found, nearest);
@@ -182,7 +197,8 @@ fn ties_take_the_nearest_then_the_leftmost() {
         let mut mesh = measured(&evaluator, &image, points.clone());
         let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
         assert!(mesh.begin_move(vertex as u32));
-        assert_eq!(move_to_best(&mut mesh, vertex as u32, &window(2)), Outcome::Moved);
+        let outcome = move_to_best(&mut mesh, vertex as u32, &window(2), &mut poller());
+        assert_eq!(outcome, Ok(Outcome::Moved));
         let moved = mesh.triangulation.points[vertex];
         assert_eq!((moved.x, moved.y), expected);
     }
@@ -200,7 +216,7 @@ fn predicted_search_skips_large_faces_in_dense_meshes() {
     {
         let components = vec![samples.clone(); component_count];
         let image = Image::from_bottom_up(width, height, precision, components).unwrap();
-        let evaluator = ErrorEvaluator::new(&image, ErrorMetric::MeanCompSe, None).with_model();
+        let evaluator = evaluator_of(&image).with_model(&mut poller()).unwrap();
         let near = (0..others).map(|i| Point::new(1 + i % 5 * 2, 1 + i / 5 * 2));
         let mut points: Vec<Point> =
             near.chain(corner_points(width, height)).chain([far]).collect();
@@ -225,7 +241,11 @@ fn assert_measured(mesh: &MeasuredMesh<FaceErrors<'_>>, evaluator: &ErrorEvaluat
     for slot in 0..mesh.triangulation.slot_count() as u32 {
         let is_used = mesh.triangulation.is_used(slot);
         let corners = || mesh.triangulation.corners(slot);
-        let error = if is_used { FaceErrors::new(evaluator).error(corners()) } else { 0 };
+        let error = if is_used {
+            FaceErrors::new(evaluator).error(corners(), &mut poller()).unwrap()
+        } else {
+            0
+        };
         assert_eq!(mesh.triangulation.face_error(slot), error);
     }
     let slots: Vec<u32> = (0..mesh.triangulation.slot_count() as u32).collect();

@@ -6,9 +6,9 @@
 //! "Methods of conjugate gradients for solving linear systems", 1952), in some 30 steps from the
 //! current values. Sums have one fixed order, so that the result is the same on every machine.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::poll_at;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::image::Point;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::triangulation::predicates::orientation;
@@ -46,11 +46,9 @@ pub(crate) fn fit_values(
 /// The matrix, symmetric, and a right-hand side for each component: sums over all pixels, each
 /// times its weight, of the interpolation weights of the vertices of the pixel's face.
 struct NormalEquations {
-    /// Sums of the squares of each vertex's weight.
     diagonal: Vec<f64>,
     /// For each edge its ends and the sum of the products of their weights, over both faces.
     edges: Vec<(u32, u32, f64)>,
-    /// Sums of the weights times the samples.
     right_hand_sides: Vec<Vec<f64>>,
 }
 
@@ -61,9 +59,10 @@ impl NormalEquations {
         let right_hand_sides = vec![zeros.clone(); mesh.image.component_count()];
         let mut made = Self { diagonal: zeros, edges: Vec::new(), right_hand_sides };
         let mut products = Vec::with_capacity(triangulation.slot_count());
+        let poller = &mut Poller::new(control, Stage::Refine, 0, 1);
         for slot in 0..triangulation.slot_count() as u32 {
-            control.poll(Stage::Refine, 0, 1)?;
-            products.push(made.add_face(mesh, triangulation.vertices_of(slot)));
+            poller.poll()?;
+            products.push(made.add_face(mesh, triangulation.vertices_of(slot), poller)?);
         }
         let product = |h: u32| products[h as usize / 3][h as usize % 3];
         for (h, &twin) in (0..).zip(&triangulation.twins) {
@@ -78,13 +77,19 @@ impl NormalEquations {
     }
 
     /// Adds the pixels of a face; returns the sums of products of each corner and the next.
-    fn add_face(&mut self, mesh: &ValuedMesh<'_>, face: Face) -> [f64; 3] {
+    fn add_face(
+        &mut self,
+        mesh: &ValuedMesh<'_>,
+        face: Face,
+        poller: &mut Poller<'_>,
+    ) -> Result<[f64; 3], Cancelled> {
         let corners = face.map(|v| mesh.triangulation.points[v as usize]);
         let [a, b, c] = corners;
         let reciprocal = 1.0 / orientation(a, b, c) as f64;
         let (mut squares, mut products) = ([0.0; 3], [0.0; 3]);
         let mut sides = vec![[0.0; 3]; self.right_hand_sides.len()];
-        for_each_row(corners, |y, first, end| {
+        try_for_each_row(corners, |y, first, end| {
+            poller.step((end - first) as usize)?;
             let pixel_weights = mesh.weights_of_row(y, first, end);
             for x in first..end {
                 let p = Point::new(x, y);
@@ -102,14 +107,15 @@ impl NormalEquations {
                     }
                 }
             }
-        });
+            Ok(())
+        })?;
         for (i, v) in face.into_iter().enumerate() {
             self.diagonal[v as usize] += squares[i];
             for (all, side) in self.right_hand_sides.iter_mut().zip(&sides) {
                 all[v as usize] += side[i];
             }
         }
-        products
+        Ok(products)
     }
 
     fn multiply(&self, vector: &[f64], control: &dyn Control) -> Result<Vec<f64>, Cancelled> {
@@ -122,7 +128,6 @@ impl NormalEquations {
         Ok(product)
     }
 
-    /// Improves the values of a component until they solve its equations.
     fn solve(&self, c: usize, values: &mut [f64], control: &dyn Control) -> Result<(), Cancelled> {
         let side = &self.right_hand_sides[c];
         let product = self.multiply(values, control)?;
@@ -172,6 +177,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::control::tests::Recorder;
+    use crate::face_error::pixels_of_face::for_each_row;
     use crate::refinement::tests::picture;
     use crate::refinement::unconstrained::valued_mesh::tests::{
         error_of_rebuilt, faces_of, valued,

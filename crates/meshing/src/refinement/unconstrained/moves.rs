@@ -5,9 +5,9 @@
 //! and its error, for each component. Of the vertex's position and the 8 around it, the one of
 //! least estimated error is measured with the rounded value, and taken if the error falls.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::Link;
-use crate::face_error::pixels_of_face::for_each_row;
+use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::image::Point;
 use crate::refinement::relocation::window;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
@@ -48,7 +48,6 @@ pub(crate) struct VertexMoves {
     freedom: Freedom,
     /// Offsets of the positions tried, the vertex's own first.
     offsets: Vec<(i32, i32)>,
-    /// Whether the faces of each vertex have changed since its last visit.
     pub(super) is_outdated: Vec<bool>,
     star: Link,
     parabolas: Vec<Parabola>,
@@ -74,18 +73,24 @@ impl VertexMoves {
         control: &dyn Control,
     ) -> Result<(), Cancelled> {
         let count = self.is_outdated.len();
+        let poller = &mut Poller::new(control, Stage::Refine, 0, count);
         for vertex in 0..count {
             if std::mem::take(&mut self.is_outdated[vertex]) {
-                control.poll(Stage::Refine, vertex, count)?;
-                self.visit(mesh, vertex as u32);
+                poller.done = vertex;
+                poller.poll()?;
+                self.visit(mesh, vertex as u32, poller)?;
             }
         }
         Ok(())
     }
 
-    /// Moves a vertex to the position of least estimated error, with its best values, if the error
-    /// falls.
-    fn visit(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32) {
+    /// Moves a vertex to the position of least estimated error, with its values, if that helps.
+    fn visit(
+        &mut self,
+        mesh: &mut ValuedMesh<'_>,
+        vertex: u32,
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
         mesh.triangulation.star(vertex, &mut self.star);
         let from = mesh.triangulation.points[vertex as usize];
         let mut best: Option<(f64, Point)> = None;
@@ -93,16 +98,18 @@ impl VertexMoves {
             let (dx, dy) = self.offsets[i];
             let at = Point::new(from.x + dx, from.y + dy);
             if at == from || self.may_move(mesh, from, at) {
-                let estimate = self.estimate(mesh, at);
+                let estimate = self.estimate(mesh, at, poller)?;
                 if best.is_none_or(|(least, _)| estimate < least) {
                     best = Some((estimate, at));
                     std::mem::swap(&mut self.values, &mut self.best_values);
                 }
             }
         }
-        let Some((_, at)) = best else { return };
-        if at != from || self.best_values != mesh.values_of(vertex) {
-            self.move_if_better(mesh, vertex, at);
+        match best {
+            Some((_, at)) if at != from || self.best_values != mesh.values_of(vertex) => {
+                self.move_if_better(mesh, vertex, at, poller)
+            }
+            _ => Ok(()),
         }
     }
 
@@ -125,14 +132,19 @@ impl VertexMoves {
     }
 
     /// Sets the values at a position, and estimates the error of the vertex's faces.
-    fn estimate(&mut self, mesh: &ValuedMesh<'_>, at: Point) -> f64 {
+    fn estimate(
+        &mut self,
+        mesh: &ValuedMesh<'_>,
+        at: Point,
+        poller: &mut Poller<'_>,
+    ) -> Result<f64, Cancelled> {
         let image = mesh.image;
         self.parabolas.clear();
         self.parabolas.resize(image.component_count(), Parabola::default());
         for (a, b) in self.star.edges() {
             let [from, to] = [a, b].map(|v| mesh.triangulation.points[v as usize]);
             let values = [a, b].map(|v| mesh.values_of(v));
-            add_face(mesh, [from, to, at], values, &mut self.parabolas);
+            add_face(mesh, [from, to, at], values, &mut self.parabolas, poller)?;
         }
         self.values.clear();
         let mut sum = 0.0;
@@ -142,20 +154,25 @@ impl VertexMoves {
             self.values.push(value);
             sum += parabola.at(value.into());
         }
-        sum
+        Ok(sum)
     }
 
-    /// Moves a vertex to a position with the best values if the error falls.
-    fn move_if_better(&mut self, mesh: &mut ValuedMesh<'_>, vertex: u32, at: Point) {
+    fn move_if_better(
+        &mut self,
+        mesh: &mut ValuedMesh<'_>,
+        vertex: u32,
+        at: Point,
+        poller: &mut Poller<'_>,
+    ) -> Result<(), Cancelled> {
         let before = mesh.triangulation.error_of(&self.star.triangles);
         self.errors.clear();
         let mut after = 0;
         for (a, b) in self.star.edges() {
-            let error = mesh.error_at([a, b], at, &self.best_values);
+            let error = mesh.error_at([a, b], at, &self.best_values, poller)?;
             self.errors.push(error);
             after += error;
             if after >= before {
-                return;
+                return Ok(());
             }
         }
         for (&slot, &error) in self.star.triangles.iter().zip(&self.errors) {
@@ -167,6 +184,7 @@ impl VertexMoves {
         for &v in self.star.vertices.iter().chain(&[vertex]) {
             self.is_outdated[v as usize] = true;
         }
+        Ok(())
     }
 }
 
@@ -176,13 +194,15 @@ fn add_face(
     corners: [Point; 3],
     [first, second]: [&[u16]; 2],
     parabolas: &mut [Parabola],
-) {
+    poller: &mut Poller<'_>,
+) -> Result<(), Cancelled> {
     let [a, b, apex] = corners;
     let reciprocal = 1.0 / orientation(a, b, apex) as f64;
     // The weights of the third vertex, the first and the second, and their changes per column.
     let sides = [(a, b), (b, apex), (apex, a)];
     let steps = sides.map(|(from, to)| f64::from(from.y - to.y) * reciprocal);
-    for_each_row(corners, |y, left, end| {
+    try_for_each_row(corners, |y, left, end| {
+        poller.step((end - left) as usize)?;
         let start = Point::new(left, y);
         let weights = sides.map(|(from, to)| orientation(from, to, start) as f64 * reciprocal);
         let pixel_weights = mesh.weights_of_row(y, left, end);
@@ -201,12 +221,15 @@ fn add_face(
                 parabola.square += count * w * w;
             }
         }
-    });
+        Ok(())
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::tests::poller;
+    use crate::face_error::pixels_of_face::for_each_row;
     use crate::image::{Image, Shape, corner_points};
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
@@ -262,7 +285,7 @@ mod tests {
                     if at != from && !moves.may_move(&mesh, from, at) {
                         continue;
                     }
-                    let estimate = moves.estimate(&mesh, at);
+                    let estimate = moves.estimate(&mesh, at, &mut poller()).unwrap();
                     let around: Vec<(u32, u32)> = moves.star.edges().collect();
                     let error = |c: usize, z: u16| {
                         unrounded_error(&mesh, &around, at, c, z.into())
@@ -306,7 +329,8 @@ mod tests {
             let vertex = points.iter().position(|p| (p.x, p.y) == (5, 5)).unwrap();
             let mut mesh = valued(&image, None, points.clone());
             let freedom = Freedom { connectivity: true, values: false };
-            VertexMoves::new(points.len(), freedom).visit(&mut mesh, vertex as u32);
+            let mut moves = VertexMoves::new(points.len(), freedom);
+            moves.visit(&mut mesh, vertex as u32, &mut poller()).unwrap();
             let at = mesh.triangulation.points[vertex];
             assert_eq!((at.x, at.y), expected);
             assert_eq!(mesh.triangulation.total_error, 63 * 63);

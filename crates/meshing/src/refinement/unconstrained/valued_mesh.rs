@@ -1,6 +1,6 @@
 //! A mesh whose vertices have values of their own, and whose faces need not be Delaunay.
 
-use crate::control::{Cancelled, Control, Stage};
+use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point};
@@ -40,9 +40,10 @@ impl<'a> ValuedMesh<'a> {
     }
 
     pub(crate) fn measure(&mut self, stage: Stage, control: &dyn Control) -> Result<(), Cancelled> {
+        let poller = &mut Poller::new(control, stage, 0, 1);
         for slot in 0..self.triangulation.slot_count() as u32 {
-            control.poll(stage, 0, 1)?;
-            let error = self.error_of(self.triangulation.vertices_of(slot));
+            poller.poll()?;
+            let error = self.error_of(self.triangulation.vertices_of(slot), poller)?;
             self.triangulation.set_face_error(slot, error);
         }
         Ok(())
@@ -52,26 +53,32 @@ impl<'a> ValuedMesh<'a> {
         values_of(&self.values, self.image, vertex)
     }
 
-    fn error_of(&mut self, face: Face) -> u64 {
+    fn error_of(&mut self, face: Face, poller: &mut Poller<'_>) -> Result<u64, Cancelled> {
         let corners = face.map(|v| self.triangulation.points[v as usize]);
         let values = face.map(|v| values_of(&self.values, self.image, v));
-        self.errors.error_of_values(corners, values)
+        self.errors.error_of_values(corners, values, poller)
     }
 
-    /// The error of the face of two vertices and a position with some values.
-    pub(crate) fn error_at(&mut self, [a, b]: [u32; 2], at: Point, values: &[u16]) -> u64 {
+    pub(crate) fn error_at(
+        &mut self,
+        [a, b]: [u32; 2],
+        at: Point,
+        values: &[u16],
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         let [from, to] = [a, b].map(|v| self.triangulation.points[v as usize]);
         let [first, second] = [a, b].map(|v| values_of(&self.values, self.image, v));
-        self.errors.error_of_values([from, to, at], [first, second, values])
+        self.errors.error_of_values([from, to, at], [first, second, values], poller)
     }
 
     /// Flips edges while that lowers the error; tries the edges around a flipped one again.
     pub(crate) fn flip_edges(&mut self, control: &dyn Control) -> Result<(), Cancelled> {
         let mut untried: Vec<u32> = (0..self.triangulation.twins.len() as u32).rev().collect();
+        let poller = &mut Poller::new(control, Stage::Refine, 0, 1);
         while let Some(h) = untried.pop() {
-            control.poll(Stage::Refine, 0, 1)?;
+            poller.poll()?;
             let twin = self.triangulation.twins[h as usize];
-            if twin != NONE && self.flip_if_better(h, twin) {
+            if twin != NONE && self.flip_if_better(h, twin, poller)? {
                 untried.extend([h, next(h), twin, next(twin)]);
             }
         }
@@ -79,7 +86,12 @@ impl<'a> ValuedMesh<'a> {
     }
 
     /// Flips the edge `h` with its twin if the quadrilateral is convex and the error falls.
-    fn flip_if_better(&mut self, h: u32, twin: u32) -> bool {
+    fn flip_if_better(
+        &mut self,
+        h: u32,
+        twin: u32,
+        poller: &mut Poller<'_>,
+    ) -> Result<bool, Cancelled> {
         let triangulation = &self.triangulation;
         let [a, b, c, d] =
             [h, next(h), previous(h), previous(twin)].map(|h| triangulation.origins[h as usize]);
@@ -87,23 +99,23 @@ impl<'a> ValuedMesh<'a> {
         let is_face = |[a, b, c]: Face| orientation(point(a), point(b), point(c)) > 0;
         let (first, second) = ([d, b, c], [c, a, d]);
         if !is_face(first) || !is_face(second) {
-            return false;
+            return Ok(false);
         }
         let slots = [h / 3, twin / 3];
         let before = self.triangulation.error_of(&slots);
-        let first_error = self.error_of(first);
+        let first_error = self.error_of(first, poller)?;
         if first_error >= before {
-            return false;
+            return Ok(false);
         }
-        let errors = [first_error, self.error_of(second)];
+        let errors = [first_error, self.error_of(second, poller)?];
         if errors[0] + errors[1] >= before {
-            return false;
+            return Ok(false);
         }
         self.triangulation.flip(h);
         for (slot, error) in slots.into_iter().zip(errors) {
             self.triangulation.set_face_error(slot, error);
         }
-        true
+        Ok(true)
     }
 
     /// Whether the faces of a vertex, counter-clockwise with the vertex at `at`, are those of the
@@ -141,6 +153,7 @@ fn values_of<'v>(values: &'v [u16], image: &Image, vertex: u32) -> &'v [u16] {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::control::tests::poller;
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
     use crate::parameters::choices::ErrorMetric;
@@ -156,7 +169,8 @@ pub(crate) mod tests {
         weights: Option<&'a [u8]>,
         points: Vec<Point>,
     ) -> ValuedMesh<'a> {
-        let evaluator = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, weights);
+        let evaluator =
+            ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, weights, &mut poller()).unwrap();
         let evaluator = Box::leak(Box::new(evaluator));
         ValuedMesh::new(image, weights, evaluator, points, &()).unwrap()
     }
