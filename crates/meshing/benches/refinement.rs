@@ -5,7 +5,8 @@
 //!
 //! MGPRFS and `optimal` with each effort run in turns in one process, the whole once in each round;
 //! times are the least of all rounds. An effort's time is that of the whole run less that of MGPRFS
-//! on as many threads, as a part of the latter. Pictures are PNGs and JPEGs; without one it is made up.
+//! on as many threads, as a part of the latter. Pictures are PNGs and JPEGs; without one it is made
+//! up.
 
 #![allow(clippy::print_stdout, reason = "a program whose result is a table on standard output")]
 
@@ -82,7 +83,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let enough = gains.iter().filter(|gain| **gain >= 1.0).count();
         let (count, beside) = (gains.len(), beside(&sums, e));
         println!(
-            "effort {effort}: {enough} of {count} gain 1 dB or more, {mean:.3} on average, {least:.3} at least; time{beside}"
+            "effort {effort}: {enough} of {count} gain 1 dB or more, {mean:.3} on average, \
+             {least:.3} at least; time{beside}"
         );
     }
     Ok(())

@@ -1,8 +1,8 @@
 //! Makes the buffers that a GPU draws a picture's mesh from.
 //!
-//! `cargo run --release --example gpu_buffers -- photo.jpg vertices.bin indices.bin` writes 24 bytes
-//! a vertex (`Float32x3` position, `Unorm8x4` colour, `Float32x2` texture coordinates) and `Uint32`
-//! indices, all little-endian.
+//! `cargo run --release --example gpu_buffers -- photo.jpg vertices.bin indices.bin` writes 24
+//! bytes a vertex (`Float32x3` position, `Unorm8x4` colour, `Float32x2` texture coordinates) and
+//! `Uint32` indices, all little-endian.
 
 use pixmesh_meshing::{Buffers, Image, Method, Target, mesh_image};
 

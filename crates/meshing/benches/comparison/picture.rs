@@ -21,7 +21,7 @@ pub(crate) fn made_up(side: u32) -> RgbImage {
     for _ in 0..120 {
         let (x, y, radius) = (random(side), random(side), 4 + random(side * 15 / 128));
         let colour = [random(200), random(200), random(200)];
-        let beside = |place: u32| place.saturating_sub(radius)..side.min(place + radius);
+        let beside = |at: u32| at.saturating_sub(radius)..side.min(at + radius);
         for (py, px) in beside(y).flat_map(|py| beside(x).map(move |px| (py, px))) {
             if px.abs_diff(x).pow(2) + py.abs_diff(y).pow(2) < radius * radius {
                 let shade = (px + radius - x) * 40 / (2 * radius);

@@ -45,7 +45,8 @@ proptest! {
         let plain = check(&image, &own);
         for &connectivity in Connectivity::ALL {
             for &values in Values::ALL {
-                let with = |effort| own.clone().connectivity(connectivity).values(values).effort(effort);
+                let free = own.clone().connectivity(connectivity).values(values);
+                let with = |effort| free.clone().effort(effort);
                 prop_assert!(check(&image, &with(0)) <= plain);
                 prop_assert!(check(&image, &with(2)) <= plain);
             }
@@ -82,9 +83,10 @@ proptest! {
         let made = model(&image, &own);
         let largest = |made: &Approximation| {
             let pairs = image.components().iter().zip(rasterise(&made.mesh));
-            let differences =
-                pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).collect::<Vec<_>>());
-            differences.max().unwrap()
+            let largest_of = |(a, b): (&Vec<u16>, Vec<u16>)| {
+                a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap()
+            };
+            pairs.map(largest_of).max().unwrap()
         };
         prop_assert!(largest(&made) <= bound);
         let size = made.mesh.points().len();

@@ -87,11 +87,11 @@ impl Diffusion<'_> {
             let dir: i64 = if leftwards { -1 } else { 1 };
             for step in 0..self.width {
                 let x = if leftwards { self.width - 1 - step } else { step };
-                let place = y * self.width + x;
-                let old = b[place];
-                marks[place] = old >= tau;
+                let index = y * self.width + x;
+                let old = b[index];
+                marks[index] = old >= tau;
                 margin = margin.min((old - tau).abs() / tau);
-                let e = if marks[place] { old - 2.0 * tau } else { old };
+                let e = if marks[index] { old - 2.0 * tau } else { old };
                 for (target, weight) in self.weights(x as i64, y as i64, dir) {
                     b[target] += weight * e;
                 }

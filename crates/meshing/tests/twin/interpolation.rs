@@ -51,7 +51,7 @@ fn covered(triangle: Triangle) -> impl Iterator<Item = Point> {
     let columns = a.x.min(b.x).min(c.x)..=a.x.max(b.x).max(c.x);
     let rows = a.y.min(b.y).min(c.y)..=a.y.max(b.y).max(c.y);
     rows.flat_map(move |y| columns.clone().map(move |x| Point::new(x, y)))
-        .filter(move |&p| places(triangle, p).iter().all(|&place| place >= 0))
+        .filter(move |&p| sides(triangle, p).iter().all(|&side| side >= 0))
 }
 
 fn error_at(image: &Image, triangle: Triangle, p: Point, metric: ErrorMetric) -> u64 {
@@ -63,18 +63,18 @@ fn error_at(image: &Image, triangle: Triangle, p: Point, metric: ErrorMetric) ->
 }
 
 /// At which side of each edge `p` lies: 0 on it, positive within.
-fn places([a, b, c]: Triangle, p: Point) -> [i128; 3] {
+fn sides([a, b, c]: Triangle, p: Point) -> [i128; 3] {
     [double_area(a, b, p), double_area(b, c, p), double_area(c, a, p)]
 }
 
 /// The face that the lattice point `p` belongs to.
 pub(crate) fn owner(triangles: &[Triangle], p: Point) -> usize {
-    let holds = |t: &Triangle| places(*t, p).iter().all(|&place| place >= 0);
+    let holds = |t: &Triangle| sides(*t, p).iter().all(|&side| side >= 0);
     let around: Vec<usize> = (0..triangles.len()).filter(|&t| holds(&triangles[t])).collect();
     let chosen = if around.iter().any(|&t| triangles[t].contains(&p)) {
         owner_of_vertex(triangles, &around, p)
     } else if let [only] = around[..]
-        && !places(triangles[only], p).contains(&0)
+        && !sides(triangles[only], p).contains(&0)
     {
         Some(only)
     } else {

@@ -86,7 +86,7 @@ fn least(image: &Image, points: &[Point], metric: ErrorMetric) -> Option<(u64, P
 }
 
 fn is_corner(image: &Image, p: Point) -> bool {
-    let at_end = |place: i32, side: usize| place == 0 || place == side as i32 - 1;
+    let at_end = |at: i32, side: usize| at == 0 || at == side as i32 - 1;
     at_end(p.x, image.width()) && at_end(p.y, image.height())
 }
 

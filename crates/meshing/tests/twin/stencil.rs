@@ -129,8 +129,8 @@ impl Plane {
 
     /// The weighted sums of the extended component around each point, undivided.
     fn filtered(&self, in_x: &Kernel, in_y: &Kernel, boundary: Boundary) -> Self {
-        let sum = |place: usize| {
-            let (x, y) = ((place % self.width) as i64, (place / self.width) as i64);
+        let sum = |index: usize| {
+            let (x, y) = ((index % self.width) as i64, (index / self.width) as i64);
             let mut sum = 0;
             for (dy, wy) in in_y.offsets() {
                 for (dx, wx) in in_x.offsets() {
@@ -145,13 +145,13 @@ impl Plane {
     /// The component's sample, or what stands for it beyond the border.
     fn extended(&self, x: i64, y: i64, boundary: Boundary) -> i128 {
         let (width, height) = (self.width as i64, (self.samples.len() / self.width) as i64);
-        let place = match boundary {
+        let (x, y) = match boundary {
             Boundary::Zero if x < 0 || y < 0 || x >= width || y >= height => return 0,
             Boundary::Zero => (x, y),
             Boundary::Constant => (x.clamp(0, width - 1), y.clamp(0, height - 1)),
             Boundary::Symmetric => (mirrored(x, width), mirrored(y, height)),
         };
-        self.samples[(place.1 * width + place.0) as usize]
+        self.samples[(y * width + x) as usize]
     }
 }
 

@@ -52,16 +52,16 @@ fn between(from: Point, to: Point) -> (i128, i128) {
 pub(crate) fn triangulate(points: &[Point]) -> Vec<Triangle> {
     let mut faces = any_triangulation(points);
     flip_all(points, &mut faces);
-    let place = |face: &[usize; 3]| in_order(face.map(|v| points[v]));
-    let mut triangles: Vec<Triangle> = faces.iter().map(place).collect();
+    let corners = |face: &[usize; 3]| in_order(face.map(|v| points[v]));
+    let mut triangles: Vec<Triangle> = faces.iter().map(corners).collect();
     triangles.sort_unstable();
     triangles
 }
 
 /// The faces of index triples as the corners they name, in the order of [`triangulate`].
 pub(crate) fn triangles_of(points: &[Point], faces: &[Face]) -> Vec<Triangle> {
-    let place = |face: &Face| in_order(face.map(|v| points[v as usize]));
-    let mut triangles: Vec<Triangle> = faces.iter().map(place).collect();
+    let corners = |face: &Face| in_order(face.map(|v| points[v as usize]));
+    let mut triangles: Vec<Triangle> = faces.iter().map(corners).collect();
     triangles.sort_unstable();
     triangles
 }
