@@ -114,7 +114,10 @@ impl Density {
             })?;
         }
         let mut density = Self { width, height, fields };
-        density.normalise(control)?;
+        // Fields of zeros that nobody writes take no memory.
+        if !is_flat {
+            density.normalise(control)?;
+        }
         Ok(density)
     }
 

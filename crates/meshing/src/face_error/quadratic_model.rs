@@ -136,7 +136,6 @@ impl<T: Sample> Pixels<T> {
         sum
     }
 
-    /// The same sum over `points` pixels of a row from `first` on.
     #[inline(always)]
     fn moment_of_row<S: Simd, const STRIDE: usize>(
         &self,

@@ -163,7 +163,6 @@ impl<'a> Diffusion<'a> {
         Ok(row.iter().map(Lanes::first).collect())
     }
 
-    /// A diffusion of rows by these thresholds, the first one rightwards.
     fn rows<'c, L>(&'c self, thresholds: L, control: &'c dyn Control) -> RowDiffusion<'c, L> {
         RowDiffusion {
             weights: &self.weights,

@@ -107,7 +107,6 @@ pub(crate) struct RowDiffusion<'a, L> {
 }
 
 impl<S: Simd, V: SimdFloat<S, Element = f64>, const N: usize> RowDiffusion<'_, Lanes<S, V, N>> {
-    /// A row of these values, and one of zeros for the row above it.
     #[inline(always)]
     pub(crate) fn start(
         &mut self,

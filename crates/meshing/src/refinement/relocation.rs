@@ -220,7 +220,6 @@ impl Relocation {
     }
 }
 
-/// Moves the selected vertex to the best position at some offsets, if one lowers the error.
 fn move_to_best<M: FaceMeasure>(
     mesh: &mut MeasuredMesh<M>,
     vertex: u32,

@@ -106,11 +106,10 @@ fn holds_one_color(
     poller: &mut Poller<'_>,
 ) -> Result<bool, Cancelled> {
     let width = image.width();
-    let mut is_one = true;
-    for samples in image.components() {
-        let at = |p: Point| samples[p.y as usize * width + p.x as usize];
-        let sample = at(corners[0]);
-        is_one = is_one && at(corners[1]) == sample && at(corners[2]) == sample;
+    let (mut is_one, mut components) = (true, image.components().iter());
+    while is_one && let Some(samples) = components.next() {
+        let [sample, second, third] = corners.map(|p| samples[p.y as usize * width + p.x as usize]);
+        is_one = sample == second && sample == third;
         if is_one {
             try_for_each_row(corners, |y, first, end| {
                 let row = &samples[y as usize * width..][first as usize..end as usize];
