@@ -12,8 +12,10 @@ mod stream;
 
 use crate::access::KeyRing;
 use crate::config::{self, BESIDE_BUDGET, Settings};
+use crate::lifecycle::{Lifecycle, Stage};
 use crate::problem;
-use crate::routes::{self, Operations, Service};
+use crate::routes;
+use crate::service::{Operations, Service};
 use crate::telemetry;
 use descriptors::OPERATIONS_CONNECTIONS;
 use listener::{Listener, Timeouts};
@@ -27,7 +29,6 @@ use std::error::Error;
 use std::io::{self, Write};
 use std::net::TcpListener;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
 use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
@@ -46,37 +47,6 @@ pub const LAST_WORDS: Duration = Duration::from_secs(2);
 const REMAINING_THREADS: Duration = Duration::from_secs(1);
 /// How often the samples of histograms are sorted into buckets, scraped or not.
 const UPKEEP: Duration = Duration::from_secs(5);
-
-/// Where in its life the service is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Not listening yet.
-    Starting,
-    /// Taking requests.
-    Ready,
-    /// Taking no more.
-    Stopping,
-}
-
-/// Where in its life the service is, as every thread sees it.
-#[derive(Clone, Debug, Default)]
-pub struct Lifecycle(Arc<AtomicU8>);
-
-impl Lifecycle {
-    /// The stage now.
-    #[must_use]
-    pub fn stage(&self) -> Stage {
-        match self.0.load(Ordering::Acquire) {
-            0 => Stage::Starting,
-            1 => Stage::Ready,
-            _ => Stage::Stopping,
-        }
-    }
-
-    fn enter(&self, stage: Stage) {
-        self.0.store(stage as u8, Ordering::Release);
-    }
-}
 
 /// What a node does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

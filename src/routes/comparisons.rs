@@ -1,10 +1,10 @@
 //! `POST /v1/comparisons`: a picture, and a picture or MODEL that approximates it, in; how close
 //! they are out.
 
-use super::Service;
 use crate::extract::fields::Few;
 use crate::extract::upload::{COMPARED, Upload};
 use crate::problem::{Kind, Problem};
+use crate::service::Service;
 use axum::Extension;
 use axum::Json;
 use axum::extract::{Request, State};
@@ -27,11 +27,7 @@ pub(super) async fn create(
     Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Json<Figures>, Problem> {
-    let cut = service.cut.clone();
-    tokio::select! {
-        answer = compare(&service, &owner, request) => answer,
-        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
-    }
+    compare(&service, &owner, request).await
 }
 
 async fn compare(

@@ -1,8 +1,8 @@
 //! `GET /livez` and `GET /readyz`: whether the process lives, and whether it takes requests.
 
-use super::Operations;
+use crate::lifecycle::Stage;
 use crate::problem::{Kind, Problem};
-use crate::server::Stage;
+use crate::service::Operations;
 use axum::extract::State;
 
 /// Answers as long as there is a process to answer.

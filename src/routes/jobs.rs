@@ -10,6 +10,7 @@
 
 pub(super) mod document;
 pub mod events;
+mod found;
 pub mod list;
 pub mod mesh;
 mod submit;
@@ -17,24 +18,19 @@ mod submit;
 pub use submit::create;
 pub(super) use submit::prefer;
 
-use super::Service;
 use crate::extract::fields::Few;
-use crate::problem::{Kind, Problem};
+use crate::problem::Problem;
+use crate::service::Service;
 use axum::Extension;
-use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
-use axum::http::header::{CACHE_CONTROL, RETRY_AFTER};
-use axum::http::{HeaderValue, StatusCode};
+use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use document::Job;
+use found::{answer, find, found, gone, id_of, unknown};
 use pixmesh_engine::Owner;
-use pixmesh_jobs::queue::{Cancellation, Lookup};
-use pixmesh_jobs::record::{JobId, Record, State as JobState};
+use pixmesh_jobs::queue::Cancellation;
+use pixmesh_jobs::record::State as JobState;
 use std::sync::Arc;
-
-/// Seconds after which a client may look again at a job that has not ended.
-const LOOK_AGAIN_S: u64 = 1;
 
 /// Answers with the job.
 ///
@@ -76,46 +72,4 @@ pub async fn cancel(
         Cancellation::Unknown => Err(unknown()),
         Cancellation::Gone => Err(gone()),
     }
-}
-
-/// The owner's job of the path.
-async fn find(
-    service: &Service,
-    owner: &Owner,
-    path: Result<Path<String>, PathRejection>,
-) -> Result<Record, Problem> {
-    found(service.jobs.queue.get(owner, id_of(path)?).await?)
-}
-
-/// The job that was looked for.
-fn found(lookup: Lookup) -> Result<Record, Problem> {
-    match lookup {
-        Lookup::Found(record) => Ok(*record),
-        Lookup::Gone => Err(gone()),
-        Lookup::Unknown => Err(unknown()),
-    }
-}
-
-/// The name in the path; what cannot be one is as unknown as one that nobody has.
-fn id_of(path: Result<Path<String>, PathRejection>) -> Result<JobId, Problem> {
-    path.ok().and_then(|Path(text)| JobId::parse(&text)).ok_or_else(unknown)
-}
-
-fn unknown() -> Problem {
-    Problem::new(Kind::NotFound, "there is no such job")
-}
-
-fn gone() -> Problem {
-    Problem::new(Kind::Gone, "the job is no longer kept").setting("--result-ttl")
-}
-
-/// The answer with a job.
-fn answer(status: StatusCode, record: &Record) -> Response {
-    let mut response = (status, Json(Job::from(record))).into_response();
-    let headers = response.headers_mut();
-    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    if !record.state.is_final() {
-        headers.insert(RETRY_AFTER, LOOK_AGAIN_S.into());
-    }
-    response
 }

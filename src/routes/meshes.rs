@@ -1,11 +1,12 @@
 //! `POST /v1/meshes`: an image in, its mesh out; or a job, where the client prefers one.
 
 use super::answer::{self, Figures};
-use super::{Service, jobs};
+use super::jobs;
 use crate::extract::accept::{self, Representation};
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE, Upload};
-use crate::problem::{Kind, Problem};
+use crate::problem::Problem;
+use crate::service::Service;
 use axum::Extension;
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -33,11 +34,7 @@ pub async fn create(
     Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let cut = service.cut.clone();
-    tokio::select! {
-        answer = make(&service, owner, request) => answer,
-        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
-    }
+    make(&service, owner, request).await
 }
 
 async fn make(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {

@@ -1,6 +1,6 @@
 //! `GET /metrics`: the counts, in Prometheus' text format.
 
-use super::Operations;
+use crate::service::Operations;
 use crate::telemetry;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;

@@ -1,10 +1,11 @@
 //! `POST /v1/reconstructions`: a MODEL in, the picture rebuilt from it out.
 
-use super::{Service, answer};
+use super::answer;
 use crate::extract::accept::{self, Representation};
 use crate::extract::fields::Few;
 use crate::extract::upload::{MODEL, Upload};
 use crate::problem::{Kind, Problem};
+use crate::service::Service;
 use axum::Extension;
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -31,11 +32,7 @@ pub async fn create(
     Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let cut = service.cut.clone();
-    tokio::select! {
-        answer = rebuild(&service, &owner, request) => answer,
-        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
-    }
+    rebuild(&service, &owner, request).await
 }
 
 async fn rebuild(service: &Service, owner: &Owner, request: Request) -> Result<Response, Problem> {

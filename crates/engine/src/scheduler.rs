@@ -16,9 +16,10 @@
 
 mod backlog;
 mod gate;
-mod memory;
+mod limits;
 
-pub use memory::Memory;
+pub use gate::Memory;
+pub use limits::Limits;
 
 use crate::error::EngineError;
 use crate::owner::Owner;
@@ -36,23 +37,6 @@ use tokio::time::timeout_at;
 pub struct Scheduler {
     gate: Arc<Gate>,
     backlog: Arc<Backlog>,
-}
-
-/// What the scheduler gives out.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Tasks that run at a time.
-    pub workers: usize,
-    /// Threads for all tasks together.
-    pub threads: usize,
-    /// Memory for all tasks and for answers that are not sent yet, in bytes.
-    pub memory_bytes: u64,
-    /// Seconds of work that may wait.
-    pub queue_s: f64,
-    /// Tasks of one key that run at a time.
-    pub running_per_key: usize,
-    /// Tasks of one key that may wait.
-    pub queued_per_key: usize,
 }
 
 /// A worker slot without memory.

@@ -4,8 +4,9 @@ mod cost;
 mod effort;
 mod footprint;
 
-pub use cost::{Compared, Cost, Kept};
+pub use cost::Cost;
 pub(crate) use effort::{Effort, WorkKind};
+pub use footprint::{Compared, Kept};
 
 use crate::error::EngineError;
 use crate::params::MeshOptions;

@@ -5,9 +5,10 @@
 //! event of a final state, and when the service stops.
 
 use super::document::JobEvent;
+use super::found;
 use crate::extract::fields::Few;
 use crate::problem::Problem;
-use crate::routes::Service;
+use crate::service::Service;
 use axum::Extension;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
@@ -41,7 +42,7 @@ pub async fn follow(
     request: Request,
 ) -> Result<Response, Problem> {
     Few::of_query(&[], request.uri().query())?;
-    let id = super::find(&service, &owner, path).await?.id;
+    let id = found::find(&service, &owner, path).await?.id;
     let follower = Follower {
         queue: Arc::clone(&service.jobs.queue),
         owner,

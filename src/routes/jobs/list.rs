@@ -3,7 +3,7 @@
 use super::document::Job;
 use crate::extract::fields::Few;
 use crate::problem::{Kind, Problem};
-use crate::routes::Service;
+use crate::service::Service;
 use axum::Extension;
 use axum::Json;
 use axum::extract::{Request, State};

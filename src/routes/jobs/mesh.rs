@@ -6,11 +6,12 @@
 //! makes the same bytes, and so the entity tag of another format is the digest of the MODEL with the
 //! format's name and the version, and that of another size the digest of both with the size too.
 
+use super::found;
 use crate::extract::accept;
 use crate::extract::fields::Few;
 use crate::problem::{Kind, Problem};
-use crate::routes::Service;
 use crate::routes::answer::{self, Figures};
+use crate::service::Service;
 use axum::Extension;
 use axum::body::Body;
 use axum::extract::rejection::PathRejection;
@@ -56,14 +57,10 @@ pub async fn show(
     request: Request,
 ) -> Result<Response, Problem> {
     let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
-    let record = super::find(&service, &owner, path).await?;
+    let record = found::find(&service, &owner, path).await?;
     let format = parameters.get("format").map(str::parse).transpose()?;
     let wish = Wish { format, size: parameters.get("size").map(str::to_owned) };
-    let cut = service.cut.clone();
-    tokio::select! {
-        answer = of(&service, &record, wish, request.headers()) => answer,
-        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
-    }
+    of(&service, &record, wish, request.headers()).await
 }
 
 /// The answer with a job's mesh.
@@ -127,7 +124,7 @@ fn mesh_of(record: &Record) -> Result<&MeshFigures, Problem> {
     match record.state {
         JobState::Queued | JobState::Running => {
             let detail = format!("the job is {}", record.state.name());
-            Err(Problem::new(Kind::JobUnfinished, detail).retry_after_s(super::LOOK_AGAIN_S))
+            Err(Problem::new(Kind::JobUnfinished, detail).retry_after_s(found::LOOK_AGAIN_S))
         }
         JobState::Completed => record.mesh.as_ref().ok_or_else(|| without("the mesh is not there")),
         JobState::Failed => Err(without("the job failed: its 'error' says why")),

@@ -1,12 +1,12 @@
 //! `POST /v1/jobs`: an image in, a job out; and the jobs that `POST /v1/meshes` makes of requests
 //! whose clients prefer one.
 
-use super::{document, mesh};
+use super::{document, found, mesh};
 use crate::extract::idempotency;
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE_OF_JOB, Upload};
 use crate::problem::{Kind, Problem, internal};
-use crate::routes::Service;
+use crate::service::Service;
 use axum::Extension;
 use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_LOCATION, LOCATION, VARY};
@@ -44,11 +44,7 @@ pub async fn create(
     Extension(owner): Extension<Owner>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let cut = service.cut.clone();
-    tokio::select! {
-        answer = accept(&service, owner, request) => answer,
-        () = cut.cancelled() => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
-    }
+    accept(&service, owner, request).await
 }
 
 async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {
@@ -129,7 +125,7 @@ impl Submission {
 
     /// 202 and where the job is.
     fn accepted(&self) -> Response {
-        let mut response = super::answer(StatusCode::ACCEPTED, &self.record);
+        let mut response = found::answer(StatusCode::ACCEPTED, &self.record);
         let headers = response.headers_mut();
         if let Ok(path) = HeaderValue::try_from(document::path(self.record.id)) {
             headers.insert(LOCATION, path);

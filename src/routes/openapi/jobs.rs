@@ -2,7 +2,9 @@
 //!
 //! Names and bounds come from the tables that the routes work by.
 
-use super::{content, form, mesh, query_parameter, refusal, text};
+use super::parts::{
+    bytes, content, form, header, mesh, query_parameter, refusal, text, values, with_or_without_key,
+};
 use crate::extract::accept::pictures;
 use crate::routes::jobs::list;
 use pixmesh_engine::params::TABLE;
@@ -34,8 +36,8 @@ pub(super) fn paths(paths: PathsBuilder) -> PathsBuilder {
 pub(super) fn accepted() -> Response {
     ResponseBuilder::new()
         .description("A job, on stable storage")
-        .header("Location", super::header(Type::String, "Where the job is"))
-        .header("Retry-After", super::header(Type::Integer, "Seconds after which to look again"))
+        .header("Location", header(Type::String, "Where the job is"))
+        .header("Retry-After", header(Type::Integer, "Seconds after which to look again"))
         .content("application/json", referred("Job"))
         .build()
 }
@@ -65,7 +67,7 @@ fn operation(id: &str, summary: &str, about: &str) -> OperationBuilder {
 
 /// An operation with its refusals; one below /v1/ may also be refused for its key.
 fn refusing(operation: OperationBuilder, statuses: &[u16]) -> OperationBuilder {
-    let operation = operation.securities(Some(super::with_or_without_key()));
+    let operation = operation.securities(Some(with_or_without_key()));
     statuses.iter().chain(&[401, 429]).fold(operation, |operation, &status| {
         operation.response(status.to_string(), refusal(status))
     })
@@ -99,7 +101,7 @@ fn create() -> OperationBuilder {
 fn image_form_or_json() -> RequestBody {
     let params = TABLE
         .iter()
-        .fold(ObjectBuilder::new(), |object, row| object.property(row.name, super::values(row)));
+        .fold(ObjectBuilder::new(), |object, row| object.property(row.name, values(row)));
     let base64 = || ObjectBuilder::new().schema_type(Type::String).content_encoding("base64");
     let json = ObjectBuilder::new()
         .property("image", base64())
@@ -110,8 +112,8 @@ fn image_form_or_json() -> RequestBody {
     RequestBodyBuilder::new()
         .description(Some("An image, a form with one, or a JSON object with one in base64."))
         .required(Some(Required::True))
-        .content("image/*", content(super::bytes()))
-        .content("application/octet-stream", content(super::bytes()))
+        .content("image/*", content(bytes()))
+        .content("application/octet-stream", content(bytes()))
         .content("multipart/form-data", content(form()))
         .content("application/json", content(json))
         .build()
@@ -244,12 +246,12 @@ fn reconstruct() -> OperationBuilder {
         .required(Some(Required::True))
         .content("text/plain", content(text()))
         .content("application/vnd.pixmesh.model", content(text()))
-        .content("application/octet-stream", content(super::bytes()))
+        .content("application/octet-stream", content(bytes()))
         .content("multipart/form-data", content(file))
         .build();
     let mut picture = ResponseBuilder::new().description("The picture").build();
     for offer in pictures() {
-        picture.content.insert(offer.media_type.to_owned(), RefOr::T(content(super::bytes())));
+        picture.content.insert(offer.media_type.to_owned(), RefOr::T(content(bytes())));
     }
     let operation =
         with_parameters(operation, [format]).request_body(Some(body)).response("200", picture);
@@ -264,9 +266,9 @@ fn compare() -> OperationBuilder {
          the same width, height, components and precision, as its content says.",
     );
     let files = ObjectBuilder::new()
-        .property("image", super::bytes())
+        .property("image", bytes())
         .required("image")
-        .property("approximation", super::bytes())
+        .property("approximation", bytes())
         .required("approximation")
         .build();
     let body = RequestBodyBuilder::new()

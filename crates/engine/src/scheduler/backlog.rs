@@ -1,6 +1,6 @@
 //! The queue, counted in seconds of work.
 
-use super::Limits;
+use super::limits::Limits;
 use crate::error::EngineError;
 use crate::owner::Owner;
 use crate::task::{Cost, Effort, WorkKind};

@@ -8,8 +8,8 @@
 //!
 //! Threads are not reserved: a task asks for its present share of them as it runs.
 
-use super::Memory;
 use crate::owner::Owner;
+use crate::telemetry;
 use std::collections::{HashMap, VecDeque};
 use std::num::NonZeroUsize;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -79,6 +79,39 @@ struct Waiter {
 pub(super) struct Slot {
     gate: Arc<Gate>,
     owner: Owner,
+}
+
+/// Memory of the budget in whole MiB, given back when dropped.
+///
+/// A task holds what it needs at its peak. Its answer keeps a [part](Memory::split) until its bytes are
+/// sent.
+#[derive(Debug)]
+pub struct Memory {
+    gate: Arc<Gate>,
+    owner: Owner,
+    mib: usize,
+}
+
+impl Memory {
+    /// Memory that the gate has granted.
+    fn new(gate: Arc<Gate>, owner: Owner, mib: usize) -> Self {
+        telemetry::memory_used_mib(mib as f64);
+        Self { gate, owner, mib }
+    }
+
+    /// Takes the part that `bytes` need, or all there is when they need more.
+    pub(super) fn split(&mut self, bytes: usize) -> Self {
+        let mib = bytes.div_ceil(1 << 20).min(self.mib);
+        self.mib -= mib;
+        Self { gate: Arc::clone(&self.gate), owner: self.owner.clone(), mib }
+    }
+}
+
+impl Drop for Memory {
+    fn drop(&mut self) {
+        telemetry::memory_used_mib(-(self.mib as f64));
+        self.gate.free(&self.owner, self.mib);
+    }
 }
 
 /// A place in a lane. Dropping it gives back what was granted and not taken.

@@ -1,31 +1,11 @@
 //! What a piece of work takes, estimated from what the header says: memory at its peak, and effort.
 
 use super::effort::Effort;
-use super::footprint::{self, Footprint};
+use super::footprint::{self, Compared, Footprint, Kept};
 use crate::params::Output;
 use pixmesh_codec::{Format, Header, Texture};
 use pixmesh_meshing::parameters::Plan;
 use pixmesh_meshing::{Parameters, Shape};
-
-/// What a picture is compared with.
-#[derive(Clone, Copy, Debug)]
-pub enum Compared<'a> {
-    /// A picture of this header.
-    Picture(&'a Header),
-    /// A MODEL of so many bytes.
-    Model(u64),
-}
-
-/// The order of vertices that a job keeps.
-#[derive(Clone, Copy, Debug)]
-pub struct Kept {
-    /// Shape of the image.
-    pub shape: Shape,
-    /// Vertices in all.
-    pub vertices: u64,
-    /// Bytes of its pmesh.
-    pub bytes: u64,
-}
 
 /// An estimate of the memory and the effort that work takes.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,6 @@
 //! a process was measured to take (`VmHWM`, one piece of work, pictures of 1 to 40 megapixels).
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
-use super::cost::{Compared, Kept};
 use pixmesh_codec::{Format, Header, read_model_bytes};
 use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, Parallel, Plan, Policy};
 use pixmesh_meshing::{Parameters, Shape};
@@ -52,6 +51,26 @@ const ORDERED_VERTEX: u64 = 150;
 /// What the allocator keeps back, that of threads that have ended too: so much per pixel, and at most.
 const SLACK_PER_PIXEL: u64 = 32;
 const MAX_SLACK: u64 = 40 << 20;
+
+/// What a picture is compared with.
+#[derive(Clone, Copy, Debug)]
+pub enum Compared<'a> {
+    /// A picture of this header.
+    Picture(&'a Header),
+    /// A MODEL of so many bytes.
+    Model(u64),
+}
+
+/// The order of vertices that a job keeps.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept {
+    /// Shape of the image.
+    pub shape: Shape,
+    /// Vertices in all.
+    pub vertices: u64,
+    /// Bytes of its pmesh.
+    pub bytes: u64,
+}
 
 /// What decides how much memory the meshing of an image takes.
 pub(super) struct Footprint<'a> {

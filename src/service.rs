@@ -1,0 +1,79 @@
+//! What the handlers share.
+
+use crate::access::KeyRing;
+use crate::config::Settings;
+use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
+use crate::lifecycle::Lifecycle;
+use metrics_exporter_prometheus::PrometheusHandle;
+use pixmesh_engine::{Scheduler, Workers};
+use pixmesh_jobs::Jobs;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+
+/// What the public routes share.
+#[derive(Debug)]
+pub struct Service {
+    /// How bodies are received.
+    pub intake: Intake,
+    /// What images may be like.
+    pub pictures: pixmesh_codec::Limits,
+    /// The keys that requests need one of, if they do.
+    pub keys: Option<Arc<KeyRing>>,
+    /// The origins whose pages may use the service.
+    pub origins: Vec<String>,
+    /// Admits every task.
+    pub scheduler: Scheduler,
+    /// The threads that tasks run on.
+    pub workers: Workers,
+    /// The longest time from the end of the upload to the answer.
+    pub deadline: Duration,
+    /// The jobs.
+    pub jobs: Jobs,
+    /// Raised when the service stops: who only waits shall come back later.
+    pub stop: CancellationToken,
+    /// Raised when a stopping service can wait no longer for its work.
+    pub cut: CancellationToken,
+}
+
+/// What the routes for operations share.
+#[derive(Clone, Debug)]
+pub struct Operations {
+    /// Whether the service is starting, ready or stopping.
+    pub lifecycle: Lifecycle,
+    /// Whether jobs can be kept.
+    pub jobs: Jobs,
+    /// Writes the metrics out.
+    pub metrics: PrometheusHandle,
+}
+
+impl Service {
+    /// What the settings make of it, with the keys that requests need one of.
+    #[must_use]
+    pub fn new(
+        settings: &Settings,
+        jobs: Jobs,
+        keys: Option<Arc<KeyRing>>,
+        workers: Workers,
+    ) -> Self {
+        Self {
+            workers,
+            keys,
+            origins: settings.access.cors_origins.clone(),
+            intake: Intake {
+                max_body: BodyLimit {
+                    bytes: settings.longest_body().0,
+                    setting: settings.setting_of_longest_body(),
+                },
+                timeout: settings.limits.body_timeout.0,
+                memory: BodyMemory::new(settings.body_budget().0),
+            },
+            pictures: settings.limits.of_pictures(),
+            scheduler: Scheduler::new(&settings.of_scheduler()),
+            deadline: settings.deadline(),
+            jobs,
+            stop: CancellationToken::new(),
+            cut: CancellationToken::new(),
+        }
+    }
+}
