@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`config`] | every setting: flag, environment variable, default and check |
 //! | [`server`] | the two listeners, their timeouts, and the graceful stop |
+//! | [`lifecycle`], [`service`] | whether the service takes requests; what the handlers share |
 //! | [`routes`] | the route table, the order of the layers, one module per resource |
 //! | [`extract`] | from a request to typed values: upload, accepted format, key, preference |
 //! | [`access`] | keys, and how many requests each may send |

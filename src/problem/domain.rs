@@ -177,6 +177,9 @@ impl From<DecodeError> for Problem {
             DecodeError::MetadataTooLarge { limit, .. } => {
                 Self::new(Kind::MetadataTooLarge, detail).member("limit", limit)
             }
+            DecodeError::TooMuchMemory { needed, allowed } => {
+                Self::new(Kind::WorkTooLarge, detail).limit(allowed, needed)
+            }
             DecodeError::Image(error) => error.into(),
             DecodeError::Cancelled(cancelled) => cancelled.into(),
             _ => Self::new(Kind::ImageDecodeFailed, detail),

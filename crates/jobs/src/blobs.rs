@@ -10,17 +10,20 @@
 //! is made young again.
 
 mod bucket;
+pub mod chunks;
+mod failure;
 mod health;
 mod location;
 mod verified;
 
 pub use location::BlobEngine;
-pub use verified::{CHUNK_BYTES, ChunkedBlob, chunk_digests};
 
-use crate::nats::{Broker, is_full};
+use crate::nats::Broker;
 use crate::queue::QueueError;
 use bucket::BrokerBucket;
 use bytes::{Bytes, BytesMut};
+use chunks::ChunkedBlob;
+use failure::failure;
 use futures_util::StreamExt;
 use futures_util::stream::{self, BoxStream};
 use health::Health;
@@ -34,7 +37,7 @@ use object_store::{
 use pixmesh_engine::digest::Digest;
 use std::error::Error;
 use std::fs;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -54,6 +57,9 @@ const RETRY_TIME: Duration = Duration::from_secs(10);
 const LOOKS: usize = 5;
 /// The pause between two looks.
 const PAUSE: Duration = Duration::from_millis(200);
+
+/// The name of a blob that no job has, stored only to see whether that can be done again.
+const PROBE: &str = "probe";
 
 /// The store of blobs.
 #[derive(Clone, Debug)]
@@ -220,7 +226,7 @@ impl Blobs {
         range: Range<u64>,
     ) -> Result<BoxStream<'static, Result<Bytes, QueueError>>, QueueError> {
         let place = place(blob.digest);
-        let pieces = blob.read(&*self.store, &place, range).await;
+        let pieces = verified::part(&*self.store, &place, blob, range).await;
         let pieces = pieces.map_err(|error| self.told(error))?;
         let blobs = self.clone();
         Ok(pieces.map(move |piece| piece.map_err(|error| blobs.told(error))).boxed())
@@ -254,6 +260,27 @@ impl Blobs {
             }
         }
         Ok(found)
+    }
+}
+
+impl Blobs {
+    /// Whether the store took what it was last given.
+    #[must_use]
+    pub fn is_healthy(&self) -> bool {
+        self.health.refused() == 0
+    }
+
+    /// Where the store did not take its last blob: whether it takes as many bytes now. Without this
+    /// one that nobody gives anything to, because it is not ready, would never be ready again.
+    pub async fn probe(&self) {
+        let length = self.health.refused();
+        if length == 0 {
+            return;
+        }
+        let path = BlobPath::from(PROBE);
+        let was_taken = self.store.put(&path, vec![0; length].into()).await.is_ok();
+        let _ = self.store.delete(&path).await;
+        self.health.note(length, was_taken);
     }
 }
 
@@ -331,19 +358,6 @@ impl Blobs {
     }
 }
 
-/// What a failure of a store means, by the system's error somewhere among its causes.
-fn failure(error: &object_store::Error) -> QueueError {
-    let mut causes = std::iter::successors(Some(error as &dyn Error), |&error| error.source());
-    let kind = causes.find_map(|cause| cause.downcast_ref::<io::Error>()).map(io::Error::kind);
-    match kind {
-        Some(ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge) => {
-            QueueError::StorageFull(error.to_string())
-        }
-        _ if is_full(error) => QueueError::BrokerFull(error.to_string()),
-        _ => QueueError::Storage(error.to_string()),
-    }
-}
-
 #[cfg(test)]
 impl Blobs {
     /// The same blobs as if other nodes had them, too.
@@ -360,6 +374,7 @@ impl Blobs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::ErrorKind;
 
     fn blobs(name: &str) -> Blobs {
         Blobs::in_folder(&super::super::folder_for_test(name)).unwrap()

@@ -1,6 +1,6 @@
 //! What is kept of a job, and what happens to it.
 
-use crate::blobs::ChunkedBlob;
+use crate::blobs::chunks::ChunkedBlob;
 use pixmesh_codec::Header;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;

@@ -6,7 +6,8 @@
 //! back, and wait for the next process.
 
 use super::Jobs;
-use super::blobs::{Hold, chunk_digests};
+use super::blobs::Hold;
+use super::blobs::chunks::chunk_digests;
 use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
 use super::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::telemetry;

@@ -25,7 +25,7 @@ use pixmesh_engine::Owner;
 use pixmesh_engine::params::{Output, whole_between};
 use pixmesh_engine::pipeline;
 use pixmesh_engine::task::{Cost, Kept};
-use pixmesh_jobs::blobs::ChunkedBlob;
+use pixmesh_jobs::blobs::chunks::ChunkedBlob;
 use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;

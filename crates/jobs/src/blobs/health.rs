@@ -1,12 +1,6 @@
 //! Whether the store of blobs took what it was last given.
 
-use super::Blobs;
-use object_store::ObjectStoreExt;
-use object_store::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// The name of a blob that no job has, stored only to see whether that can be done again.
-const PROBE: &str = "probe";
 
 /// What the store did with the blob that it was last given.
 #[derive(Debug, Default)]
@@ -21,33 +15,16 @@ impl Health {
         let refused = if was_taken { 0 } else { length.max(1) };
         self.refused.store(refused, Ordering::Release);
     }
-}
 
-impl Blobs {
-    /// Whether the store took what it was last given.
-    #[must_use]
-    pub fn is_healthy(&self) -> bool {
-        self.health.refused.load(Ordering::Acquire) == 0
-    }
-
-    /// Where the store did not take its last blob: whether it takes as many bytes now. Without this
-    /// one that nobody gives anything to, because it is not ready, would never be ready again.
-    pub async fn probe(&self) {
-        let length = self.health.refused.load(Ordering::Acquire);
-        if length == 0 {
-            return;
-        }
-        let path = Path::from(PROBE);
-        let was_taken = self.store.put(&path, vec![0; length].into()).await.is_ok();
-        let _ = self.store.delete(&path).await;
-        self.health.note(length, was_taken);
+    /// Bytes of the blob that the store did not take, at least 1; 0 when it took it.
+    pub(super) fn refused(&self) -> usize {
+        self.refused.load(Ordering::Acquire)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::place;
-    use super::*;
+    use super::super::{Blobs, PROBE, place};
     use bytes::Bytes;
     use pixmesh_engine::digest::Digest;
     use std::fs;

@@ -1,7 +1,8 @@
 //! Whether what lies in the store is what was put there: a disk may give other bytes than it was
 //! given, and nobody shall get these as an image or a mesh.
 
-use super::failure;
+use super::chunks::ChunkedBlob;
+use super::failure::failure;
 use crate::queue::QueueError;
 use bytes::{Bytes, BytesMut};
 use futures_util::stream::{self, BoxStream};
@@ -9,7 +10,6 @@ use futures_util::{Stream, StreamExt};
 use object_store::path::Path as BlobPath;
 use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt};
 use pixmesh_engine::digest::Digest;
-use pixmesh_meshing::Cancelled;
 use std::ops::Range;
 use tokio::task::spawn_blocking;
 
@@ -17,35 +17,6 @@ use tokio::task::spawn_blocking;
 pub(super) async fn whole(digest: Digest, bytes: Bytes) -> Result<Bytes, QueueError> {
     let checked = spawn_blocking(move || (Digest::of(&bytes) == digest).then_some(bytes)).await;
     checked.map_err(|error| QueueError::Storage(error.to_string()))?.ok_or_else(|| damaged(digest))
-}
-
-/// A blob with the digests of its chunks, by which a part of it is checked without the rest.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ChunkedBlob {
-    /// SHA-256 of all bytes, which is the blob's name.
-    pub digest: Digest,
-    /// Length in bytes.
-    pub bytes: u64,
-    /// SHA-256 of each [`CHUNK_BYTES`] of it; empty for a blob that is one chunk, whatever its length.
-    pub chunks: Vec<Digest>,
-}
-
-/// Length of a chunk in bytes; the last one of a blob may be shorter.
-pub const CHUNK_BYTES: u64 = 256 << 10;
-
-/// SHA-256 of each chunk of some bytes; empty where there is one chunk.
-///
-/// # Errors
-/// When they are no longer wanted; the question is asked for every chunk.
-pub fn chunk_digests(
-    bytes: &[u8],
-    wanted: impl Fn() -> Result<(), Cancelled>,
-) -> Result<Vec<Digest>, Cancelled> {
-    if bytes.len() as u64 <= CHUNK_BYTES {
-        return Ok(Vec::new());
-    }
-    let chunks = bytes.chunks(CHUNK_BYTES as usize);
-    chunks.map(|chunk| wanted().map(|()| Digest::of(chunk))).collect()
 }
 
 /// What is left to read of a blob: its chunks from `index` on, as far as `range` needs them.
@@ -57,49 +28,30 @@ struct Reading {
     index: u64,
 }
 
-impl ChunkedBlob {
-    /// A part of the blob, chunk by chunk, each checked before it is given out.
-    ///
-    /// # Errors
-    /// When the store fails, or does not have as much of the blob.
-    pub(super) async fn read(
-        self,
-        store: &dyn ObjectStore,
-        place: &BlobPath,
-        range: Range<u64>,
-    ) -> Result<impl Stream<Item = Result<Bytes, QueueError>> + Send + use<>, QueueError> {
-        let index = range.start / self.chunk_bytes();
-        let read = self.chunk(index).start..self.chunk((range.end - 1) / self.chunk_bytes()).end;
-        let end = read.end;
-        let options = GetOptions { range: Some(GetRange::Bounded(read)), ..GetOptions::default() };
-        let pieces = match store.get_opts(place, options).await {
-            Ok(found) => found.into_stream(),
-            // Stores refuse a range behind the end of a blob that has become shorter.
-            Err(error) => match store.head(place).await {
-                Ok(meta) if meta.size < end => return Err(damaged(self.digest)),
-                _ => return Err(failure(&error)),
-            },
-        };
-        let reading = Reading { pieces, buffer: BytesMut::new(), blob: self, range, index };
-        Ok(stream::try_unfold(reading, |reading| reading.next()))
-    }
-
-    fn chunk_bytes(&self) -> u64 {
-        if self.chunks.is_empty() { self.bytes.max(1) } else { CHUNK_BYTES }
-    }
-
-    /// Where a chunk lies.
-    fn chunk(&self, index: u64) -> Range<u64> {
-        let start = index * self.chunk_bytes();
-        start..(start + self.chunk_bytes()).min(self.bytes)
-    }
-
-    fn digest_of(&self, index: u64) -> Option<Digest> {
-        match self.chunks.is_empty() {
-            true => Some(self.digest),
-            false => self.chunks.get(usize::try_from(index).ok()?).copied(),
-        }
-    }
+/// A part of a blob, chunk by chunk, each checked before it is given out.
+///
+/// # Errors
+/// When the store fails, or does not have as much of the blob.
+pub(super) async fn part(
+    store: &dyn ObjectStore,
+    place: &BlobPath,
+    blob: ChunkedBlob,
+    range: Range<u64>,
+) -> Result<impl Stream<Item = Result<Bytes, QueueError>> + Send + use<>, QueueError> {
+    let index = range.start / blob.chunk_bytes();
+    let read = blob.chunk(index).start..blob.chunk((range.end - 1) / blob.chunk_bytes()).end;
+    let end = read.end;
+    let options = GetOptions { range: Some(GetRange::Bounded(read)), ..GetOptions::default() };
+    let pieces = match store.get_opts(place, options).await {
+        Ok(found) => found.into_stream(),
+        // Stores refuse a range behind the end of a blob that has become shorter.
+        Err(error) => match store.head(place).await {
+            Ok(meta) if meta.size < end => return Err(damaged(blob.digest)),
+            _ => return Err(failure(&error)),
+        },
+    };
+    let reading = Reading { pieces, buffer: BytesMut::new(), blob, range, index };
+    Ok(stream::try_unfold(reading, |reading| reading.next()))
 }
 
 impl Reading {
@@ -145,6 +97,7 @@ fn damaged(digest: Digest) -> QueueError {
 
 #[cfg(test)]
 mod tests {
+    use super::super::chunks::{CHUNK_BYTES, chunk_digests};
     use super::super::{Blobs, place};
     use super::*;
 

@@ -1,0 +1,19 @@
+//! What a failure of a store means.
+
+use crate::nats::is_full;
+use crate::queue::QueueError;
+use std::error::Error;
+use std::io::{self, ErrorKind};
+
+/// What a failure of a store means, by the system's error somewhere among its causes.
+pub(super) fn failure(error: &object_store::Error) -> QueueError {
+    let mut causes = std::iter::successors(Some(error as &dyn Error), |&error| error.source());
+    let kind = causes.find_map(|cause| cause.downcast_ref::<io::Error>()).map(io::Error::kind);
+    match kind {
+        Some(ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge) => {
+            QueueError::StorageFull(error.to_string())
+        }
+        _ if is_full(error) => QueueError::BrokerFull(error.to_string()),
+        _ => QueueError::Storage(error.to_string()),
+    }
+}
