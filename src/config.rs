@@ -174,7 +174,10 @@ impl Settings {
     pub fn checked_for_work(self) -> Result<Self, Box<dyn Error>> {
         self.jobs.check()?;
         if !self.jobs.broker.is_shared() {
-            return Err("a worker needs a queue that nodes share: --queue nats://HOST:PORT".into());
+            return Err(
+                "a worker needs a queue that nodes share: --queue postgres://HOST:PORT/DATABASE"
+                    .into(),
+            );
         }
         if self.jobs.no_worker {
             return Err("a worker cannot be told --no-worker".into());
@@ -292,11 +295,17 @@ impl JobSettings {
                      --blobs file:///FOLDER"
                     .into())
             }
-            (false, false) => Err(format!(
-                "--blobs {blobs} is a store of many nodes, and --queue embedded one of one node: \
-                 name --queue postgres://HOST:PORT/DATABASE too"
-            )
-            .into()),
+            (false, false) => {
+                let queue = match blobs {
+                    BlobEngine::Broker => "nats://HOST:PORT",
+                    _ => "postgres://HOST:PORT/DATABASE",
+                };
+                Err(format!(
+                    "--blobs {blobs} is a store of many nodes, and --queue embedded one of one \
+                     node: name --queue {queue} too"
+                )
+                .into())
+            }
             (false, true) if self.no_worker => {
                 Err("--no-worker leaves the jobs of --queue embedded \
                                                     undone: name --queue \

@@ -12,8 +12,9 @@ const INSTALLED: &str = "tests/cluster/.venv/bin/nats-server";
 
 /// The program, or `None` when there is none and none must be.
 pub(crate) fn program() -> Option<PathBuf> {
-    let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join(INSTALLED);
-    if installed.exists() {
+    let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    if let Some(installed) = folders.map(|folder| folder.join(INSTALLED)).find(|path| path.exists())
+    {
         return Some(installed);
     }
     let paths = std::env::var_os("PATH").unwrap_or_default();

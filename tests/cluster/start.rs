@@ -24,8 +24,8 @@ pub(crate) fn refused(flags: &[&str], needles: &[&str]) {
 
 #[test]
 fn settings_that_cannot_be_together_are_refused_with_what_would_do() {
-    refused(&["worker"], &["--queue nats://"]);
-    refused(&["serve", "--no-worker"], &["--no-worker", "--queue nats://"]);
+    refused(&["worker"], &["--queue postgres://"]);
+    refused(&["serve", "--no-worker"], &["--no-worker", "--queue postgres://"]);
     refused(&["serve", "--blobs", "nats"], &["--blobs nats", "--queue nats://"]);
     refused(
         &["serve", "--queue", "nats://a", "--blobs", "file"],
