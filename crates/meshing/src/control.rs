@@ -164,7 +164,6 @@ pub(crate) struct Poller<'a> {
     /// How many of `total` are done.
     pub(crate) done: usize,
     total: usize,
-    /// Steps since the last poll.
     steps: usize,
 }
 

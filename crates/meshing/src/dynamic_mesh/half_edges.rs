@@ -127,7 +127,6 @@ impl DynamicTriangulation {
         (self.right as usize + 1, self.top as usize + 1)
     }
 
-    /// Number of slots, with the free ones.
     pub(crate) fn slot_count(&self) -> usize {
         self.origins.len() / 3
     }

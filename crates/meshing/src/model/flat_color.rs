@@ -7,7 +7,7 @@
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::error::MeshingError;
 use crate::face_error::FaceMeasure;
-use crate::face_error::pixels_of_face::try_for_each_row;
+use crate::face_error::pixels_of_face::{for_each_row, try_for_each_row};
 use crate::image::{Image, Point, ShapeMismatch};
 use crate::model::mesh::Mesh;
 use crate::parameters::choices::ErrorMetric;
@@ -64,7 +64,7 @@ impl FlatColors {
             let corners = mesh.corners(face);
             poller.done = f;
             for (c, component) in components.iter_mut().enumerate() {
-                let sum = sums.of_face(c, corners, &mut poller)?;
+                let sum = sums.of_face(c, corners);
                 let color = sum.mean().unwrap_or_else(|| mesh.vertex_samples(face[0] as usize)[c]);
                 colors.push(color);
                 poller.step(STEPS_PER_FACE)?;
@@ -85,8 +85,8 @@ impl FlatColors {
 }
 
 const STEPS_PER_FACE: usize = 64;
-/// A row of a large face costs two cache misses, as much as so many pixels.
-const STEPS_PER_ROW: usize = 128;
+/// Looking up the sums of a row in a large face costs as much as so many pixels.
+const STEPS_PER_ROW: usize = 256;
 
 /// Sums over the pixels of a face, each times the pixel's weight; exact for any face.
 #[derive(Clone, Copy, Default)]
@@ -150,15 +150,9 @@ impl RowSums {
         Ok(Self { stride: width + 1, weights: of_weights, components, shift })
     }
 
-    fn of_face(
-        &self,
-        c: usize,
-        corners: [Point; 3],
-        poller: &mut Poller<'_>,
-    ) -> Result<Sum, Cancelled> {
+    fn of_face(&self, c: usize, corners: [Point; 3]) -> Sum {
         let (sums, mut total) = (&self.components[c], Sum::default());
-        try_for_each_row(corners, |y, first, end| {
-            poller.step(STEPS_PER_ROW)?;
+        for_each_row(corners, |y, first, end| {
             let row = y as usize * self.stride;
             let (left, right) = (row + first as usize, row + end as usize);
             total.weights += match &self.weights {
@@ -167,9 +161,8 @@ impl RowSums {
             };
             total.samples += u128::from(sums[right].0 - sums[left].0);
             total.squares += u128::from(sums[right].1 - sums[left].1);
-            Ok(())
-        })?;
-        Ok(total)
+        });
+        total
     }
 }
 
@@ -196,12 +189,14 @@ fn running_sums<T: Copy>(
 
 impl FaceMeasure for &RowSums {
     fn error(&mut self, corners: [Point; 3], poller: &mut Poller<'_>) -> Result<u64, Cancelled> {
-        let mut error = 0;
-        for c in 0..self.components.len() {
-            let sum = self.of_face(c, corners, poller)?;
-            error += sum.mean().map_or(0, |value| sum.squared_error(value));
-        }
-        Ok((error >> self.shift) as u64)
+        let [first, second, third] = corners.map(|corner| corner.y);
+        let rows = first.max(second).max(third) - first.min(second).min(third);
+        poller.step(rows as usize * STEPS_PER_ROW)?;
+        let error = |c| {
+            let sum = self.of_face(c, corners);
+            sum.mean().map_or(0, |value| sum.squared_error(value))
+        };
+        Ok(((0..self.components.len()).map(error).sum::<u128>() >> self.shift) as u64)
     }
 }
 

@@ -357,7 +357,6 @@ for_component_counts!(ErrorMetric: LumaSe | LumaAe | YcbcrVecSe | YcbcrVecAe => 
 for_component_counts!(Guide: Luma | Gray => 3);
 
 impl Policy {
-    /// The same policy for one component.
     pub(crate) fn of_one_component(self) -> Self {
         match self {
             Self::PsbD | Self::Psc => Self::PsaD,
@@ -368,7 +367,6 @@ impl Policy {
 }
 
 impl ErrorMetric {
-    /// The same metric for one component.
     pub(crate) fn of_one_component(self) -> Self {
         match self {
             Self::MeanCompAe | Self::LumaAe | Self::YcbcrVecAe => Self::MeanCompAe,

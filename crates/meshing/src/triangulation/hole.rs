@@ -29,7 +29,6 @@ pub(crate) const CAPACITY: usize = 16;
 pub(crate) struct HoleFiller {
     /// Indices of the boundaries that remain of a large hole, one after the other.
     rings: Vec<u32>,
-    /// The start of each of these.
     ring_starts: Vec<usize>,
     pub(crate) triangles: Vec<HoleTriangle>,
 }
