@@ -137,7 +137,7 @@ async fn fill(pool: &PgPool, jobs: usize, owners: usize, state: &str, expires: &
          FROM generate_series(1, {jobs}) AS n;
          INSERT INTO {SCHEMA}.doors SELECT 'owner-' || n, door
          FROM generate_series(0, {owners} - 1) AS n, (VALUES (0), (1)) AS doors (door);
-         UPDATE {SCHEMA}.tallies SET queued = {jobs} WHERE slot = 0"
+         UPDATE {SCHEMA}.job_counts SET queued = {jobs} WHERE slot = 0"
     )))
     .execute(pool)
     .await?;

@@ -5,9 +5,9 @@
 //! | [`settings`] | how the database is reached |
 //! | [`database`] | connections, and transactions that are tried again |
 //! | [`schema`] | the tables and their versions |
-//! | [`gather`] | many questions, one transaction |
-//! | [`calls`] | what nodes tell each other at once |
-//! | [`submit`], [`claim`], [`renew`], [`settle`], [`sweep`], [`read`] | what is done with jobs |
+//! | [`batches`] | many requests in one transaction |
+//! | [`notifications`] | notifications between nodes by `LISTEN` and `NOTIFY` |
+//! | [`submit`], [`claim`], [`renew`], [`finish`], [`sweep`], [`read`] | what is done with jobs |
 //!
 //! A node keeps nothing that another could not do without: it may end at any moment. All times are
 //! those of the database's clock. What is acknowledged is committed, with the guarantees that the
@@ -16,17 +16,17 @@
 //! No advisory locks are taken, and no locks of tables; sessions keep no state where connections are
 //! lent for a transaction each.
 
-mod calls;
+mod batches;
 mod claim;
 mod database;
-mod gather;
-mod holdings;
+mod finish;
+mod leases;
+mod notifications;
 mod read;
 mod renew;
 mod row;
 mod schema;
 mod settings;
-mod settle;
 mod submit;
 mod sweep;
 
@@ -39,10 +39,10 @@ use crate::queue::{
 };
 use crate::record::{Event, JobId, NewJob, Progress};
 use async_trait::async_trait;
-use calls::{Calls, Line};
+use batches::Batcher;
 use database::Database;
-use gather::Gather;
-use holdings::Holdings;
+use leases::HeldLeases;
+use notifications::{Listening, Notifications};
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use std::collections::HashSet;
@@ -62,11 +62,11 @@ const UNHEARD: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct Postgres {
     node: Arc<Node>,
-    submissions: Gather<NewJob, Submitted>,
-    claims: Gather<(), Option<Claim>>,
-    renewals: Gather<(Lease, Option<Progress>), Renewal>,
-    ends: Gather<(Lease, Outcome), Finish>,
-    expected: Gather<Digest, ()>,
+    submissions: Batcher<NewJob, Submitted>,
+    claims: Batcher<(), Option<Claim>>,
+    renewals: Batcher<(Lease, Option<Progress>), Renewal>,
+    ends: Batcher<(Lease, Outcome), Finish>,
+    expected: Batcher<Digest, ()>,
 }
 
 /// What all that a node does shares.
@@ -75,12 +75,12 @@ struct Node {
     terms: Terms,
     database: Arc<Database>,
     watchers: Arc<Watchers>,
-    calls: Calls,
-    holdings: Holdings,
+    notifications: Notifications,
+    leases: HeldLeases,
     /// The owner with whom the next round of turns begins.
     turn: Mutex<String>,
     /// How long jobs take here, as other nodes were told.
-    told_s: Mutex<Option<f64>>,
+    sent_mean_s: Mutex<Option<f64>>,
 }
 
 impl Postgres {
@@ -94,15 +94,16 @@ impl Postgres {
         terms: Terms,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let direct_url = settings.direct_url.as_deref().unwrap_or(&settings.url);
-        let line = line(settings, direct_url).await?;
-        let is_pooled = settings.direct_url.is_some() || line.is_none();
+        let listening = listening(settings, direct_url).await?;
+        let is_pooled = settings.direct_url.is_some() || listening.is_none();
         let options = settings.options(&settings.url)?;
         let database = Arc::new(Database::new(options, settings, is_pooled));
         schema::migrate(&database, settings).await?;
         let watchers = Arc::new(Watchers::default());
-        let calls = Calls::start(&database, &watchers, &settings.schema, line);
-        let (holdings, turn, told_s) = (Holdings::default(), Mutex::default(), Mutex::default());
-        let node = Node { terms, database, watchers, calls, holdings, turn, told_s };
+        let notifications = Notifications::start(&database, &watchers, &settings.schema, listening);
+        let (leases, turn, sent_mean_s) =
+            (HeldLeases::default(), Mutex::default(), Mutex::default());
+        let node = Node { terms, database, watchers, notifications, leases, turn, sent_mean_s };
         Ok(Self::of(&Arc::new(node)))
     }
 
@@ -110,23 +111,23 @@ impl Postgres {
         let ([one, two, three, four, five], node) = ([(); 5].map(|()| Arc::clone(node)), node);
         Self {
             node: Arc::clone(node),
-            submissions: Gather::start(move |jobs: Arc<[NewJob]>| {
+            submissions: Batcher::start(move |jobs: Arc<[NewJob]>| {
                 let node = Arc::clone(&one);
                 async move { node.submit(&jobs).await }
             }),
-            claims: Gather::start(move |asked: Arc<[()]>| {
+            claims: Batcher::start(move |asked: Arc<[()]>| {
                 let node = Arc::clone(&two);
                 async move { node.claim(asked.len()).await }
             }),
-            renewals: Gather::start(move |asked: Arc<[(Lease, Option<Progress>)]>| {
+            renewals: Batcher::start(move |asked: Arc<[(Lease, Option<Progress>)]>| {
                 let node = Arc::clone(&three);
                 async move { node.renew(&asked).await }
             }),
-            ends: Gather::start(move |ends: Arc<[(Lease, Outcome)]>| {
+            ends: Batcher::start(move |ends: Arc<[(Lease, Outcome)]>| {
                 let node = Arc::clone(&four);
                 async move { node.finish(&ends).await }
             }),
-            expected: Gather::start(move |blobs: Arc<[Digest]>| {
+            expected: Batcher::start(move |blobs: Arc<[Digest]>| {
                 let node = Arc::clone(&five);
                 async move { submit::expect(&node, &blobs).await }
             }),
@@ -136,18 +137,18 @@ impl Postgres {
 
 /// The line on which calls are heard, waited for as long as a start may take; `None` where the address
 /// is that of a pooler that lends connections for a transaction each.
-async fn line(
+async fn listening(
     settings: &PostgresSettings,
     url: &str,
-) -> Result<Option<Line>, Box<dyn Error + Send + Sync>> {
+) -> Result<Option<Listening>, Box<dyn Error + Send + Sync>> {
     let (until, options) = (Instant::now() + START, settings.options(url)?);
     loop {
-        match Line::open(&options, &settings.schema).await {
+        match Listening::open(&options, &settings.schema).await {
             Ok(None) => {
                 tracing::warn!("calls are not heard through this pooler: nodes look every second");
                 return Ok(None);
             }
-            Ok(line) => return Ok(line),
+            Ok(listening) => return Ok(listening),
             Err(error) => {
                 if !database::is_lost(&error) || Instant::now() >= until {
                     return Err(error.into());
@@ -161,7 +162,7 @@ async fn line(
 impl Node {
     /// How long whoever waits does so before looking again.
     fn look_again(&self) -> Duration {
-        let most = if self.calls.are_heard() { Duration::MAX } else { UNHEARD };
+        let most = if self.notifications.are_received() { Duration::MAX } else { UNHEARD };
         self.terms.look_again.min(most)
     }
 }

@@ -13,9 +13,9 @@
 
 use super::Node;
 use super::database::Transaction;
-use super::holdings::Aside;
+use super::finish::{Transition, apply, count_changes};
+use super::leases::Reserved;
 use super::row::{self, ms, number, uuid};
-use super::settle::{Settled, settle, tally};
 use crate::embedded::watchers::Changes;
 use crate::queue::{Claim, Lease, MAX_ATTEMPTS, Outcome, QueueError};
 use crate::record::{self, JobId, State};
@@ -40,7 +40,7 @@ struct Waiting {
 struct Taken {
     claims: Vec<Claim>,
     /// The job that was set aside.
-    aside: Option<JobId>,
+    reserved: Option<JobId>,
     /// Where the next round begins.
     next: Option<String>,
     /// Owners were passed over that may have jobs to be taken.
@@ -58,21 +58,21 @@ struct Turns {
 impl Node {
     /// Gives jobs to workers, up to a number, and counts the attempts.
     pub(super) async fn claim(&self, wanted: usize) -> Result<Vec<Option<Claim>>, QueueError> {
-        if self.holdings.last_attempt_runs() {
+        if self.leases.last_attempt_runs() {
             return Ok(vec![None; wanted]);
         }
-        let aside = self.holdings.aside();
-        if let Some(aside) = aside
-            && !self.holdings.is_empty()
+        let reserved = self.leases.reserved();
+        if let Some(reserved) = reserved
+            && !self.leases.is_empty()
         {
-            self.keep_aside(aside).await?;
+            self.keep_aside(reserved).await?;
             return Ok(vec![None; wanted]);
         }
-        let taken = self.database.retry(|| self.try_claim(wanted, aside)).await?;
+        let taken = self.database.retry(|| self.try_claim(wanted, reserved)).await?;
         for Claim { lease, attempt, .. } in &taken.claims {
-            self.holdings.add(*lease, *attempt, self.terms.lease);
+            self.leases.add(*lease, *attempt, self.terms.lease);
         }
-        self.holdings.set_aside(taken.aside);
+        self.leases.reserve(taken.reserved);
         if let Some(next) = taken.next {
             *self.turn.lock().unwrap_or_else(PoisonError::into_inner) = next;
         }
@@ -82,9 +82,9 @@ impl Node {
         }
         let mut jobs: Vec<_> = taken.claims.iter().map(|claim| claim.lease.job).collect();
         jobs.extend(taken.damaged);
-        self.calls.announce(Changes { jobs, work: false });
+        self.notifications.send(Changes { jobs, work: false });
         if is_more {
-            self.calls.call_here();
+            self.notifications.wake_workers();
         }
         let mut claims: Vec<_> = taken.claims.into_iter().map(Some).collect();
         claims.resize(wanted, None);
@@ -92,38 +92,39 @@ impl Node {
     }
 
     /// Keeps a job from other nodes that waits until nothing else runs here.
-    async fn keep_aside(&self, aside: Aside) -> Result<(), QueueError> {
-        if aside.since.elapsed() < self.terms.lease / 3 {
+    async fn keep_aside(&self, reserved: Reserved) -> Result<(), QueueError> {
+        if reserved.since.elapsed() < self.terms.lease / 3 {
             return Ok(());
         }
         let keep = || async {
             let mut transaction = self.database.begin().await?;
-            set_aside(&mut transaction, aside.job, ms(self.terms.lease)).await?;
+            reserve(&mut transaction, reserved.job, ms(self.terms.lease)).await?;
             transaction.commit().await
         };
         self.database.retry(keep).await?;
-        self.holdings.set_aside(Some(aside.job));
+        self.leases.reserve(Some(reserved.job));
         Ok(())
     }
 
-    async fn try_claim(&self, wanted: usize, aside: Option<Aside>) -> sqlx::Result<Taken> {
+    async fn try_claim(&self, wanted: usize, reserved: Option<Reserved>) -> sqlx::Result<Taken> {
         let start = self.turn.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let lease_ms = ms(self.terms.lease);
         let mut transaction = self.database.begin().await?;
-        let (mut waiting, is_more) =
-            self.next_jobs(&mut transaction, &start, wanted, aside.map(|aside| aside.job)).await?;
+        let (mut waiting, is_more) = self
+            .next_jobs(&mut transaction, &start, wanted, reserved.map(|reserved| reserved.job))
+            .await?;
         let mut taken = Taken { is_more, ..Taken::default() };
         match waiting.iter().position(|job| job.is_last_attempt) {
-            Some(0) if self.holdings.is_empty() => waiting.truncate(1),
+            Some(0) if self.leases.is_empty() => waiting.truncate(1),
             Some(last) => {
                 let Waiting { id, owner, .. } = &waiting[last];
-                set_aside(&mut transaction, *id, lease_ms).await?;
-                (taken.aside, taken.next) = (Some(*id), Some(owner.as_str().to_owned()));
+                reserve(&mut transaction, *id, lease_ms).await?;
+                (taken.reserved, taken.next) = (Some(*id), Some(owner.as_str().to_owned()));
                 waiting.truncate(last);
             }
             None => {}
         }
-        if taken.aside.is_none() {
+        if taken.reserved.is_none() {
             taken.next = waiting.last().map(|job| after(job.owner.as_str()));
         }
         let rows = take(&mut transaction, &waiting, lease_ms).await?;
@@ -136,10 +137,10 @@ impl Node {
         }
         let outcome = Outcome::Failed(record::damaged());
         let ended: Vec<_> =
-            taken.damaged.iter().map(|id| Settled::by(*id, State::Running, &outcome)).collect();
-        settle(&mut transaction, &ended, self.terms.result_ttl).await?;
+            taken.damaged.iter().map(|id| Transition::by(*id, State::Running, &outcome)).collect();
+        apply(&mut transaction, &ended, self.terms.result_ttl).await?;
         let claimed = waiting.len() as i64;
-        tally(&mut transaction, -claimed, claimed).await?;
+        count_changes(&mut transaction, -claimed, claimed).await?;
         transaction.commit().await?;
         Ok(taken)
     }
@@ -150,7 +151,7 @@ impl Node {
         transaction: &mut Transaction,
         start: &str,
         wanted: usize,
-        aside: Option<JobId>,
+        reserved: Option<JobId>,
     ) -> sqlx::Result<(Vec<Waiting>, bool)> {
         let running_per_owner =
             i64::try_from(self.terms.caps.running_per_owner).unwrap_or(i64::MAX);
@@ -158,7 +159,7 @@ impl Node {
         loop {
             let turns = turns(transaction, start, most, running_per_owner).await?;
             let may_run = turns.owners.len();
-            let open = with_open_doors(transaction, turns.owners).await?;
+            let open = with_free_locks(transaction, turns.owners).await?;
             // Where no other owner waits, one may have several turns.
             let turns_each = if turns.are_all { wanted.div_ceil(open.len().max(1)) } else { 1 };
             let rows = transaction
@@ -166,7 +167,7 @@ impl Node {
                 .bind(&open)
                 .bind(turns_each as i64)
                 .bind(running_per_owner)
-                .bind(aside.map(uuid))
+                .bind(reserved.map(uuid))
                 .fetch_all(&mut **transaction)
                 .await?;
             let waiting = in_turns(&rows, wanted)?;
@@ -240,7 +241,7 @@ async fn turns(
 }
 
 /// Those of the owners whose running jobs nobody else counts now, or that need not be counted.
-async fn with_open_doors(
+async fn with_free_locks(
     transaction: &mut Transaction,
     owners: Vec<String>,
 ) -> sqlx::Result<Vec<String>> {
@@ -249,7 +250,7 @@ async fn with_open_doors(
     }
     let open: HashSet<String> = transaction
         .query_scalar(
-            "SELECT owner FROM doors WHERE owner = ANY ($1) AND door = 1 FOR UPDATE SKIP LOCKED",
+            "SELECT owner FROM owner_locks WHERE owner = ANY ($1) AND purpose = 1 FOR UPDATE SKIP LOCKED",
         )
         .bind(&owners)
         .fetch_all(&mut **transaction)
@@ -275,7 +276,7 @@ fn in_turns(rows: &[PgRow], wanted: usize) -> sqlx::Result<Vec<Waiting>> {
 }
 
 /// Keeps a job that waits from other nodes.
-async fn set_aside(transaction: &mut Transaction, job: JobId, lease_ms: i64) -> sqlx::Result<()> {
+async fn reserve(transaction: &mut Transaction, job: JobId, lease_ms: i64) -> sqlx::Result<()> {
     transaction
         .query(
             "UPDATE jobs SET lease_end = now() + $2 * interval '1 millisecond'

@@ -113,7 +113,7 @@ impl Node {
                 .query_as(
                     "SELECT SUM(queued)::bigint, SUM(running)::bigint,
                         (SELECT extract(epoch FROM clock_timestamp() - min(created_at))
-                         FROM jobs WHERE state = 0)::double precision FROM tallies",
+                         FROM jobs WHERE state = 0)::double precision FROM job_counts",
                 )
                 .fetch_one(&mut *reading)
                 .await?;

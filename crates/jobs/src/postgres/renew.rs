@@ -25,14 +25,14 @@ impl Node {
         let renewal = |(lease, _): &(Lease, Option<Progress>)| {
             let renewal = held.get(&lease.job).copied().unwrap_or(Renewal::Lost);
             match renewal {
-                Renewal::Lost => self.holdings.remove(*lease),
-                _ => self.holdings.keep(*lease, self.terms.lease),
+                Renewal::Lost => self.leases.remove(*lease),
+                _ => self.leases.keep(*lease, self.terms.lease),
             }
             renewal
         };
         let renewals = asked.iter().map(renewal).collect();
         let jobs = asked.iter().filter(|(_, news)| news.is_some()).map(|(lease, _)| lease.job);
-        self.calls.announce(Changes { jobs: jobs.collect(), work: false });
+        self.notifications.send(Changes { jobs: jobs.collect(), work: false });
         Ok(renewals)
     }
 
@@ -83,7 +83,7 @@ impl Node {
         };
         let standing = self.database.retry(read).await?;
         if standing == Renewal::Lost {
-            self.holdings.remove(lease);
+            self.leases.remove(lease);
         }
         Ok(standing)
     }

@@ -2,8 +2,8 @@
 
 use super::Node;
 use super::database::Transaction;
+use super::finish::{count_changes, give_up};
 use super::row::{self, ms, select_record, uuid};
-use super::settle::{give_up, tally};
 use crate::embedded::watchers::Changes;
 use crate::queue::{QueueError, Submitted};
 use crate::record::{JobId, Moment, NewJob, Record, State};
@@ -30,9 +30,13 @@ impl Node {
         }
         let is_created = |answer: &Option<Submitted>| matches!(answer, Some(Submitted::Created(_)));
         if answers.iter().any(is_created) {
-            self.calls.announce(Changes { jobs: Vec::new(), work: true });
+            self.notifications.send(Changes { jobs: Vec::new(), work: true });
         }
-        let met = || QueueError::Storage("the same word was given again and again".into());
+        let met = || {
+            QueueError::Storage(
+                "other submissions with the same idempotency key are under way: try again".into(),
+            )
+        };
         answers.into_iter().map(|answer| answer.ok_or_else(met)).collect()
     }
 
@@ -58,7 +62,7 @@ impl Node {
                 *answer = Some(Submitted::Created(waiting(job, *at)));
             }
         }
-        tally(&mut transaction, created.len() as i64, 0).await?;
+        count_changes(&mut transaction, created.len() as i64, 0).await?;
         transaction.commit().await?;
         Ok(answers)
     }
@@ -70,36 +74,36 @@ impl Node {
         transaction: &mut Transaction,
         jobs: &[&NewJob],
     ) -> sqlx::Result<Vec<Option<Submitted>>> {
-        let (owners, words): (Vec<&str>, Vec<&str>) = jobs
+        let (owners, keys): (Vec<&str>, Vec<&str>) = jobs
             .iter()
             .filter_map(|job| Some((job.owner.as_str(), job.idempotency_key.as_deref()?)))
             .unzip();
-        if words.is_empty() {
+        if keys.is_empty() {
             return Ok(vec![None; jobs.len()]);
         }
         transaction.query(
-            "UPDATE jobs SET word = NULL FROM unnest($1::text[], $2::text[]) AS given (owner, word)
-             WHERE jobs.owner = given.owner AND jobs.word = given.word AND jobs.word IS NOT NULL
+            "UPDATE jobs SET idempotency_key = NULL FROM unnest($1::text[], $2::text[]) AS given (owner, idempotency_key)
+             WHERE jobs.owner = given.owner AND jobs.idempotency_key = given.idempotency_key AND jobs.idempotency_key IS NOT NULL
                AND (jobs.created_at <= now() - $3 * interval '1 millisecond'
                     OR jobs.expires_at <= now())",
         )
         .bind(&owners)
-        .bind(&words)
+        .bind(&keys)
         .bind(ms(self.terms.idempotency_ttl))
         .execute(&mut **transaction)
         .await?;
         let found = transaction
             .query(select_record!(
-                ", word, fingerprint FROM jobs WHERE word IS NOT NULL
-             AND (owner, word) IN (SELECT * FROM unnest($1::text[], $2::text[]))"
+                ", idempotency_key, fingerprint FROM jobs WHERE idempotency_key IS NOT NULL
+             AND (owner, idempotency_key) IN (SELECT * FROM unnest($1::text[], $2::text[]))"
             ))
             .bind(&owners)
-            .bind(&words)
+            .bind(&keys)
             .fetch_all(&mut **transaction)
             .await?;
         let mut known = HashMap::new();
         for found in &found {
-            let key = (row::owner(found)?, found.try_get::<String, _>("word")?);
+            let key = (row::owner(found)?, found.try_get::<String, _>("idempotency_key")?);
             known.insert(key, (row::record(found)?, row::digest(found, "fingerprint")?));
         }
         let earlier = |job: &&NewJob| {
@@ -133,7 +137,7 @@ impl Node {
             .collect();
         let mut of_owner = queued_of(transaction, &keys, caps.queued_per_owner).await?;
         let mut of_all: i64 = transaction
-            .query_scalar("SELECT COALESCE(SUM(queued), 0)::bigint FROM tallies")
+            .query_scalar("SELECT COALESCE(SUM(queued), 0)::bigint FROM job_counts")
             .fetch_one(&mut **transaction)
             .await?;
         for (job, answer) in jobs.iter().zip(answers).filter(|(_, answer)| answer.is_none()) {
@@ -166,10 +170,10 @@ async fn queued_of(
     }
     let owners: Vec<&str> = keys.iter().map(|owner| owner.as_str()).collect();
     for sql in [
-        "INSERT INTO doors SELECT owner, door FROM unnest($1::text[]) AS owners (owner),
-                                                   (VALUES (0), (1)) AS both_doors (door)
-         ORDER BY owner, door ON CONFLICT DO NOTHING",
-        "SELECT owner FROM doors WHERE owner = ANY ($1) AND door = 0 ORDER BY owner FOR UPDATE",
+        "INSERT INTO owner_locks SELECT owner, purpose FROM unnest($1::text[]) AS owners (owner),
+                                                   (VALUES (0), (1)) AS both_purposes (purpose)
+         ORDER BY owner, purpose ON CONFLICT DO NOTHING",
+        "SELECT owner FROM owner_locks WHERE owner = ANY ($1) AND purpose = 0 ORDER BY owner FOR UPDATE",
     ] {
         transaction.query(sql).bind(&owners).execute(&mut **transaction).await?;
     }
@@ -198,13 +202,13 @@ async fn insert(
     let digests: Vec<&[u8]> =
         jobs.iter().map(|job| job.picture.digest.as_bytes().as_slice()).collect();
     let created = transaction.query(
-        "INSERT INTO jobs (id, owner, state, attempt, fence, cancel_requested, word, fingerprint, order_query,
+        "INSERT INTO jobs (id, owner, state, attempt, fence, cancel_requested, idempotency_key, fingerprint, order_query,
                            image_digest, image_bytes, image_shape, created_at, revision, history)
-         SELECT id, owner, 0, 0, 0, false, word, fingerprint, order_query, image_digest, image_bytes, image_shape,
+         SELECT id, owner, 0, 0, 0, false, idempotency_key, fingerprint, order_query, image_digest, image_bytes, image_shape,
                 now(), 1, ARRAY[1, (extract(epoch FROM now()) * 1000)::bigint, 0, 0]
          FROM unnest($1::uuid[], $2::text[], $3::text[], $4::text[], $5::bytea[], $6::bigint[],
                      $7::text[], $8::bytea[])
-              AS new (id, owner, word, order_query, image_digest, image_bytes, image_shape, fingerprint)
+              AS new (id, owner, idempotency_key, order_query, image_digest, image_bytes, image_shape, fingerprint)
          ON CONFLICT DO NOTHING RETURNING id, created_at",
     )
     .bind(jobs.iter().map(|job| uuid(job.id)).collect::<Vec<_>>())

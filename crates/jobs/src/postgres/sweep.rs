@@ -2,8 +2,8 @@
 //! over what another has under way.
 
 use super::Node;
+use super::finish::{Transition, apply};
 use super::row::{self, ms, number};
-use super::settle::{Settled, settle};
 use crate::embedded::watchers::Changes;
 use crate::queue::{MAX_ATTEMPTS, Outcome, QueueError, Swept};
 use crate::record::{self, JobId, State};
@@ -41,7 +41,7 @@ impl Node {
             swept.requeued += of(State::Queued);
             swept.exhausted += of(State::Failed);
             let (jobs, work) = (taken.iter().map(|(id, _)| *id).collect(), !taken.is_empty());
-            self.calls.announce(Changes { jobs, work });
+            self.notifications.send(Changes { jobs, work });
             if (taken.len() as i64) < MOST_ROWS || Instant::now() >= until {
                 break;
             }
@@ -82,10 +82,10 @@ impl Node {
         let settled: Vec<_> = silent
             .iter()
             .map(|(id, attempt, cancelled, outcome)| {
-                Settled::after(*id, *attempt, *cancelled, outcome)
+                Transition::after(*id, *attempt, *cancelled, outcome)
             })
             .collect();
-        settle(&mut transaction, &settled, self.terms.result_ttl).await?;
+        apply(&mut transaction, &settled, self.terms.result_ttl).await?;
         transaction.commit().await?;
         Ok(settled.iter().map(|job| (job.id, job.next)).collect())
     }
@@ -129,7 +129,7 @@ impl Node {
         let mut transaction = self.database.begin().await?;
         transaction
             .query(
-                "INSERT INTO notes VALUES ('pulse', 0, now())
+                "INSERT INTO shared_values VALUES ('pulse', 0, now())
              ON CONFLICT (name) DO UPDATE SET at = excluded.at",
             )
             .execute(&mut *transaction)
@@ -165,14 +165,15 @@ impl Node {
 
     /// Tells other nodes how long jobs take here, where that is news, and returns what was told last.
     pub(super) async fn share_mean(&self, own_s: Option<f64>) -> Result<Option<f64>, QueueError> {
-        let told_s = || self.told_s.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let news = own_s.filter(|own_s| *told_s() != Some(*own_s));
+        let sent_mean_s =
+            || self.sent_mean_s.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let news = own_s.filter(|own_s| *sent_mean_s() != Some(*own_s));
         let share = || async {
             let mut transaction = self.database.begin().await?;
             if let Some(mean_s) = news {
                 transaction
                     .query(
-                        "INSERT INTO notes VALUES ('mean', $1, now())
+                        "INSERT INTO shared_values VALUES ('mean', $1, now())
                      ON CONFLICT (name) DO UPDATE SET value = excluded.value, at = excluded.at",
                     )
                     .bind(mean_s)
@@ -180,7 +181,7 @@ impl Node {
                     .await?;
             }
             let last = transaction
-                .query_scalar("SELECT value FROM notes WHERE name = 'mean'")
+                .query_scalar("SELECT value FROM shared_values WHERE name = 'mean'")
                 .fetch_optional(&mut *transaction)
                 .await?;
             transaction.commit().await?;
@@ -188,7 +189,7 @@ impl Node {
         };
         let last = self.database.retry(share).await?;
         if news.is_some() {
-            *told_s() = news;
+            *sent_mean_s() = news;
         }
         Ok(last)
     }

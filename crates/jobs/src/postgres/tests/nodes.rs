@@ -82,10 +82,12 @@ async fn no_more_jobs_of_an_owner_wait_than_may() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_word_given_to_two_nodes_at_once_is_one_job() {
-    let Some(engine) = engine("words", false) else { return };
+    let Some(engine) = engine("keys", false) else { return };
     let nodes = [engine.opened(terms()).await, engine.opened(terms()).await];
-    let with_word =
-        |_| NewJob { idempotency_key: Some("word".into()), ..job(&Owner::Anonymous, "i") };
+    let with_word = |_| NewJob {
+        idempotency_key: Some("idempotency_key".into()),
+        ..job(&Owner::Anonymous, "i")
+    };
     let submissions = (0..40).map(|n| nodes[n % 2].submit(with_word(n)));
     let submitted = futures_util::future::join_all(submissions).await;
     let id = |done: &Result<Submitted, QueueError>| match done {

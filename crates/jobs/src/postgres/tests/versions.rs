@@ -9,7 +9,7 @@ async fn nodes_that_start_at_once_make_the_tables_once() {
         let nodes = futures_util::future::join_all((0..4).map(|_| engine.opened(terms()))).await;
         submit(&nodes[0], &Owner::Anonymous, "image").await;
         assert!(nodes[3].claim().await.unwrap().is_some());
-        let sql = format!("SELECT count(*) FROM \"{}\".tallies", engine.schema);
+        let sql = format!("SELECT count(*) FROM \"{}\".job_counts", engine.schema);
         assert_eq!(engine.server.0.run_sql(&sql), "64");
     }
 }

@@ -4,8 +4,8 @@
 //! that call commit one after another, and calls that come meanwhile are told together. One that is
 //! lost with its node is made good by looking again.
 
+use super::batches::Batcher;
 use super::database::Database;
-use super::gather::Gather;
 use crate::embedded::watchers::{Changes, Watchers};
 use crate::record::JobId;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
@@ -29,21 +29,21 @@ const WORK: &str = "work";
 
 /// Calls to other nodes.
 #[derive(Debug)]
-pub(super) struct Calls {
-    gathered: Gather<Arc<Changes>, ()>,
+pub(super) struct Notifications {
+    gathered: Batcher<Arc<Changes>, ()>,
     watchers: Arc<Watchers>,
     hears: Arc<AtomicBool>,
     listening: JoinHandle<()>,
 }
 
 /// A connection on which calls of other nodes are heard.
-pub(super) struct Line {
+pub(super) struct Listening {
     options: PgConnectOptions,
     channel: String,
     listener: PgListener,
 }
 
-impl Line {
+impl Listening {
     /// Opens one, unless the address is that of a pooler, which lends connections for a transaction
     /// each: it does not pass on with what parameters a connection is asked for.
     pub(super) async fn open(
@@ -68,20 +68,20 @@ impl Line {
     }
 }
 
-impl Calls {
+impl Notifications {
     /// Calls nodes, and hears of theirs where there is a line.
     pub(super) fn start(
         database: &Arc<Database>,
         watchers: &Arc<Watchers>,
         channel: &str,
-        line: Option<Line>,
+        line: Option<Listening>,
     ) -> Self {
         let node = Uuid::now_v7().simple().to_string();
         let hears = Arc::new(AtomicBool::new(line.is_some()));
         let heard = (Arc::clone(watchers), Arc::clone(&hears));
         let listening = tokio::spawn(listen(line, node.clone(), heard.0, heard.1));
         let (database, channel) = (Arc::clone(database), channel.to_owned());
-        let gathered = Gather::start(move |changes: Arc<[Arc<Changes>]>| {
+        let gathered = Batcher::start(move |changes: Arc<[Arc<Changes>]>| {
             let calls = calls(&node, &changes);
             let (database, channel) = (Arc::clone(&database), channel.clone());
             async move {
@@ -103,7 +103,7 @@ impl Calls {
     }
 
     /// Tells this node and all others what was committed.
-    pub(super) fn announce(&self, changes: Changes) {
+    pub(super) fn send(&self, changes: Changes) {
         if changes.work || !changes.jobs.is_empty() {
             self.watchers.tell(&changes);
             self.gathered.tell(Arc::new(changes));
@@ -111,17 +111,17 @@ impl Calls {
     }
 
     /// Calls the workers of this node alone.
-    pub(super) fn call_here(&self) {
+    pub(super) fn wake_workers(&self) {
         self.watchers.tell(&Changes { jobs: Vec::new(), work: true });
     }
 
     /// Whether calls of other nodes are heard now.
-    pub(super) fn are_heard(&self) -> bool {
+    pub(super) fn are_received(&self) -> bool {
         self.hears.load(Ordering::Acquire)
     }
 }
 
-impl Drop for Calls {
+impl Drop for Notifications {
     fn drop(&mut self) {
         self.listening.abort();
     }
@@ -154,7 +154,12 @@ async fn listener(options: &PgConnectOptions, channel: &str) -> sqlx::Result<PgL
 }
 
 /// Hears calls, and has everybody look who waits when some may have been lost.
-async fn listen(line: Option<Line>, node: String, watchers: Arc<Watchers>, hears: Arc<AtomicBool>) {
+async fn listen(
+    line: Option<Listening>,
+    node: String,
+    watchers: Arc<Watchers>,
+    hears: Arc<AtomicBool>,
+) {
     let Some(mut line) = line else { return };
     loop {
         match line.listener.try_recv().await {

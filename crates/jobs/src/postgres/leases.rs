@@ -9,16 +9,16 @@ use tokio::time::Instant;
 
 /// All of them.
 #[derive(Debug, Default)]
-pub(super) struct Holdings(Mutex<Held>);
+pub(super) struct HeldLeases(Mutex<Held>);
 
 #[derive(Debug, Default)]
 struct Held {
-    jobs: HashMap<JobId, Holding>,
-    aside: Option<Aside>,
+    jobs: HashMap<JobId, HeldLease>,
+    reserved: Option<Reserved>,
 }
 
 #[derive(Debug)]
-struct Holding {
+struct HeldLease {
     fence: u64,
     attempt: u32,
     until: Instant,
@@ -26,16 +26,16 @@ struct Holding {
 
 /// A job that waits until its last attempt can be made alone.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Aside {
+pub(super) struct Reserved {
     pub(super) job: JobId,
     /// When it was last kept from other nodes.
     pub(super) since: Instant,
 }
 
-impl Holdings {
+impl HeldLeases {
     /// A worker of this node has a job.
     pub(super) fn add(&self, lease: Lease, attempt: u32, term: Duration) {
-        let holding = Holding { fence: lease.fence, attempt, until: Instant::now() + term };
+        let holding = HeldLease { fence: lease.fence, attempt, until: Instant::now() + term };
         self.held().jobs.insert(lease.job, holding);
     }
 
@@ -68,13 +68,13 @@ impl Holdings {
     }
 
     /// The job that is set aside.
-    pub(super) fn aside(&self) -> Option<Aside> {
-        self.held().aside
+    pub(super) fn reserved(&self) -> Option<Reserved> {
+        self.held().reserved
     }
 
     /// Sets a job aside, or none.
-    pub(super) fn set_aside(&self, job: Option<JobId>) {
-        self.held().aside = job.map(|job| Aside { job, since: Instant::now() });
+    pub(super) fn reserve(&self, job: Option<JobId>) {
+        self.held().reserved = job.map(|job| Reserved { job, since: Instant::now() });
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {

@@ -19,7 +19,7 @@ const SLOTS: u32 = 64;
 
 /// What becomes of a job.
 #[derive(Clone, Debug)]
-pub(super) struct Settled<'a> {
+pub(super) struct Transition<'a> {
     pub(super) id: JobId,
     pub(super) was: State,
     pub(super) next: State,
@@ -29,7 +29,7 @@ pub(super) struct Settled<'a> {
     problem: Option<&'a Value>,
 }
 
-impl<'a> Settled<'a> {
+impl<'a> Transition<'a> {
     /// By the outcome of an attempt at a job that runs.
     pub(super) fn after(
         id: JobId,
@@ -71,9 +71,9 @@ impl<'a> Settled<'a> {
 
 /// Writes down what becomes of jobs, whose rows the transaction has locked, and gives up the pictures of
 /// those that have ended.
-pub(super) async fn settle(
+pub(super) async fn apply(
     transaction: &mut Transaction,
-    jobs: &[Settled<'_>],
+    jobs: &[Transition<'_>],
     ttl: Duration,
 ) -> sqlx::Result<()> {
     if jobs.is_empty() {
@@ -113,14 +113,14 @@ pub(super) async fn settle(
     .await?;
     let change = |state| {
         let count =
-            |of: fn(&Settled<'_>) -> State| jobs.iter().filter(|job| of(job) == state).count();
+            |of: fn(&Transition<'_>) -> State| jobs.iter().filter(|job| of(job) == state).count();
         count(|job| job.next) as i64 - count(|job| job.was) as i64
     };
-    tally(transaction, change(State::Queued), change(State::Running)).await
+    count_changes(transaction, change(State::Queued), change(State::Running)).await
 }
 
 /// Counts what waits and runs; the last statement of a transaction, so that others wait briefly.
-pub(super) async fn tally(
+pub(super) async fn count_changes(
     transaction: &mut Transaction,
     queued: i64,
     running: i64,
@@ -130,7 +130,7 @@ pub(super) async fn tally(
     }
     let slot = getrandom::u32().unwrap_or_default() % SLOTS;
     transaction
-        .query("UPDATE tallies SET queued = queued + $2, running = running + $3 WHERE slot = $1")
+        .query("UPDATE job_counts SET queued = queued + $2, running = running + $3 WHERE slot = $1")
         .bind(slot as i32)
         .bind(queued)
         .bind(running)
@@ -166,10 +166,10 @@ impl Node {
         ends: &[(Lease, Outcome)],
     ) -> Result<Vec<Finish>, QueueError> {
         let finished = self.database.retry(|| self.try_finish(ends)).await?;
-        ends.iter().for_each(|(lease, _)| self.holdings.remove(*lease));
+        ends.iter().for_each(|(lease, _)| self.leases.remove(*lease));
         let work = finished.iter().any(|end| matches!(end, Finish::Committed(_)));
         let jobs = ends.iter().map(|(lease, _)| lease.job).collect();
-        self.calls.announce(Changes { jobs, work });
+        self.notifications.send(Changes { jobs, work });
         Ok(finished)
     }
 
@@ -197,7 +197,7 @@ impl Node {
                 (Some(row), Some(State::Running)) => {
                     let cancel_requested = row.try_get("cancel_requested")?;
                     let attempt = number::<i32, _>(row, "attempt")?;
-                    let next = Settled::after(*job, attempt, cancel_requested, outcome);
+                    let next = Transition::after(*job, attempt, cancel_requested, outcome);
                     let end = Finish::Committed(next.next);
                     settled.push(next);
                     end
@@ -214,7 +214,7 @@ impl Node {
             finished.push(end);
         }
         give_up(&mut transaction, unused).await?;
-        settle(&mut transaction, &settled, self.terms.result_ttl).await?;
+        apply(&mut transaction, &settled, self.terms.result_ttl).await?;
         transaction.commit().await?;
         Ok(finished)
     }
@@ -228,7 +228,7 @@ impl Node {
         // Whether it may be cancelled by an attempt whose end was not heard of.
         let is_written = AtomicBool::new(false);
         let done = self.database.retry(|| self.try_cancel(owner, id, &is_written)).await?;
-        self.calls.announce(Changes { jobs: vec![id], work: false });
+        self.notifications.send(Changes { jobs: vec![id], work: false });
         Ok(done)
     }
 
@@ -258,8 +258,8 @@ impl Node {
         let done = if found.try_get("is_over")? {
             Cancellation::Gone
         } else if state == State::Queued {
-            let cancelled = [Settled::by(id, state, &Outcome::Cancelled)];
-            settle(&mut transaction, &cancelled, self.terms.result_ttl).await?;
+            let cancelled = [Transition::by(id, state, &Outcome::Cancelled)];
+            apply(&mut transaction, &cancelled, self.terms.result_ttl).await?;
             is_written.store(true, Ordering::Release);
             Cancellation::Cancelled
         } else if state == State::Running {

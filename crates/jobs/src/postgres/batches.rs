@@ -14,9 +14,9 @@ type Answer<A> = oneshot::Sender<Result<A, QueueError>>;
 
 /// Gathers questions of one kind.
 #[derive(Debug)]
-pub(super) struct Gather<Q, A>(mpsc::UnboundedSender<(Q, Answer<A>)>);
+pub(super) struct Batcher<Q, A>(mpsc::UnboundedSender<(Q, Answer<A>)>);
 
-impl<Q, A> Gather<Q, A>
+impl<Q, A> Batcher<Q, A>
 where
     Q: Clone + Send + Sync + 'static,
     A: Send + 'static,
