@@ -8,7 +8,7 @@ use crate::mesh_format::Format;
 use crate::model::write_model_with_comments;
 use crate::obj::write_obj;
 use crate::ply::write_ply;
-use crate::pmesh::{write_pmesh, write_progression};
+use crate::pmesh::{write_pmesh_while, write_progression};
 use crate::png::write_png_while;
 use crate::pnm::write_pnm;
 use crate::stl::write_stl;
@@ -73,7 +73,8 @@ pub struct EncodeOptions<'a> {
 
 /// Writes a mesh in a format, for as long as the file is wanted.
 ///
-/// Only the PNG and the rebuilt picture poll `wanted`; the other formats stop when `out` fails.
+/// Only the PNG, the rebuilt picture and the check of pmesh that the points alone determine the
+/// faces poll `wanted`; the other formats stop when `out` fails.
 ///
 /// # Errors
 /// When the format cannot hold the mesh, it would take more memory than is allowed, writing fails,
@@ -101,7 +102,7 @@ pub fn encode(
         Format::Obj => write_obj(mesh, &geometry, out),
         Format::Stl => write_stl(mesh, &geometry, out),
         Format::Json => write_json(mesh, fidelity, &geometry, out),
-        Format::Pmesh => write_pmesh(mesh, out),
+        Format::Pmesh => write_pmesh_while(mesh, out, wanted),
         Format::Progression => match progression {
             Some(progression) => write_progression(progression, out),
             None => Err(EncodeError::NotOfPointsAlone { format: format.name() }),

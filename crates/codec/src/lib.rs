@@ -10,7 +10,7 @@
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
 //! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
-//! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_progression`] |
+//! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_pmesh_while`], [`write_progression`] |
 //! | glTF 2.0 | | [`write_glb`], [`write_gltf`] |
 //! | SVG | | [`write_svg`] |
 //! | PLY, OBJ, STL | | [`write_ply`], [`write_obj`], [`write_stl`] |
@@ -102,7 +102,7 @@ pub use obj::write_obj;
 pub use ply::write_ply;
 pub use pmesh::{
     PmeshError, is_pmesh, read_pmesh, read_progression, read_progression_while, write_pmesh,
-    write_progression,
+    write_pmesh_while, write_progression,
 };
 pub use png::{write_png, write_png_while, write_png_with};
 pub use pnm::write_pnm;

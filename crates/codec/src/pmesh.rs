@@ -33,7 +33,7 @@ mod read;
 mod write;
 
 pub use read::{PmeshError, read_pmesh, read_progression, read_progression_while};
-pub use write::{write_pmesh, write_progression};
+pub use write::{write_pmesh, write_pmesh_while, write_progression};
 
 use pixmesh_meshing::{Point, Shape};
 

@@ -222,5 +222,5 @@ fn comments_are_lines_of_their_own_and_change_nothing() {
     let read = read_model(&text, &Limits::default()).unwrap();
     assert_eq!(read, mesh);
     // The other diagonal of the square is the preferred one.
-    assert!(!read.is_preferred_delaunay());
+    assert_eq!(read.is_preferred_delaunay(&()), Ok(false));
 }

@@ -8,7 +8,8 @@ mod samples;
 use pixmesh_codec::{
     Alpha, DecodeError, DecodeOptions, EncodeError, Limits, ModelDefect, PmeshError,
     PngCompression, Texture, Wanted, WeightsError, read_model_while, read_progression_while,
-    read_weights_while, write_model, write_png, write_png_while, write_pnm, write_progression,
+    read_weights_while, write_model, write_pmesh_while, write_png, write_png_while, write_pnm,
+    write_progression,
 };
 use pixmesh_meshing::{Cancelled, Image, Mesh, Method, Progression, Target, mesh_image};
 use samples::encoders::{bmp, gray_gif, tiff, webp};
@@ -203,5 +204,19 @@ fn a_pmesh_is_read_as_long_as_it_is_wanted() {
         assert!(matches!(refused.unwrap_err(), PmeshError::Cancelled(_)), "{last}");
         // Where the stream's reader was told, the one who reads it asks once more.
         assert!((last + 1..=last + 2).contains(&asked), "{last}: {asked}");
+    }
+}
+
+#[test]
+fn a_pmesh_is_checked_as_long_as_it_is_wanted() {
+    let (_, mesh) = large_mesh();
+    let write = |last| ask(last, |wanted| write_pmesh_while(&mesh, &mut Vec::new(), wanted));
+    let (whole, questions) = write(usize::MAX);
+    whole.unwrap();
+    assert!(questions >= 4 * mesh.faces().len() / (1 << 14), "{questions}");
+    for last in 0..questions {
+        let (refused, asked) = write(last);
+        assert!(matches!(refused, Err(EncodeError::Cancelled(_))), "{last}");
+        assert_eq!(asked, last + 1);
     }
 }

@@ -3,6 +3,7 @@
 use super::number::{append, folded};
 use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::EncodeError;
+use crate::wanted::{Wanted, While, always};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use pixmesh_meshing::{Mesh, Point, Progression, Shape};
@@ -15,9 +16,23 @@ const NAME: &str = "pmesh";
 ///
 /// # Errors
 /// [`EncodeError::Connectivity`] when its faces are not those of the preferred-directions Delaunay
-/// triangulation; when it has more than 255 components or too many vertices; and whatever `out` fails with.
+/// triangulation; when it has more than 255 components or too many vertices; and whatever `out`
+/// fails with.
 pub fn write_pmesh(mesh: &Mesh, out: &mut impl Write) -> Result<(), EncodeError> {
-    if !mesh.is_preferred_delaunay() {
+    write_pmesh_while(mesh, out, &always)
+}
+
+/// Writes a mesh as [`write_pmesh`] does, for as long as it is wanted. Only the check of its faces
+/// polls `wanted`.
+///
+/// # Errors
+/// As [`write_pmesh`], and [`EncodeError::Cancelled`] when it is no longer wanted.
+pub fn write_pmesh_while(
+    mesh: &Mesh,
+    out: &mut impl Write,
+    wanted: &Wanted<'_>,
+) -> Result<(), EncodeError> {
+    if !mesh.is_preferred_delaunay(&While(wanted))? {
         return Err(EncodeError::Connectivity { format: NAME });
     }
     write(mesh.shape(), mesh.points(), mesh.samples(), None, out)

@@ -199,8 +199,11 @@ impl Mesh {
             return Err(MeshError::Area { actual, expected });
         }
         let mut is_used = vec![false; self.points.len()];
-        for &v in self.faces.iter().flatten() {
-            is_used[v as usize] = true;
+        for (face, &corners) in self.faces.iter().enumerate() {
+            poll_at(face, self.faces.len(), control)?;
+            for v in corners {
+                is_used[v as usize] = true;
+            }
         }
         let unused = is_used.iter().position(|&is_used| !is_used);
         unused.map_or(Ok(()), |vertex| Err(MeshError::VertexUnused { vertex }))
@@ -254,6 +257,7 @@ impl Mesh {
     ) -> Result<Vec<(u32, u32, bool, usize)>, Cancelled> {
         let mut edges = Vec::with_capacity(3 * self.faces.len());
         for (face, &[a, b, c]) in self.faces.iter().enumerate() {
+            poll_at(face, self.faces.len(), control)?;
             for (from, to) in [(a, b), (b, c), (c, a)] {
                 edges.push((from.min(to), from.max(to), from > to, face));
             }
@@ -272,19 +276,28 @@ impl Mesh {
     /// Whether the faces are the preferred-directions Delaunay triangulation of the points, so that
     /// the points alone determine the faces. A valid mesh may have another triangulation.
     ///
-    /// Costs one sort of the edges: a triangulation is Delaunay when each of its edges is.
-    #[must_use]
-    pub fn is_preferred_delaunay(&self) -> bool {
-        let Ok(edges) = self.sorted_edges(&()) else { return false };
-        edges.windows(2).all(|pair| {
+    /// Costs one sort of the edges: a triangulation is Delaunay when each of its edges is. Polls
+    /// every few thousand edges.
+    ///
+    /// # Errors
+    /// When the control cancels.
+    pub fn is_preferred_delaunay(&self, control: &dyn Control) -> Result<bool, Cancelled> {
+        let edges = self.sorted_edges(control)?;
+        for (i, pair) in edges.windows(2).enumerate() {
+            poll_at(i, edges.len(), control)?;
             let [(from, to, _, left), (same_from, same_to, _, right)] = [pair[0], pair[1]];
             let opposite = |face: usize| {
                 let apex = self.faces[face].into_iter().find(|&v| v != from && v != to);
                 self.points[apex.unwrap_or(from) as usize]
             };
             let [a, b] = [from, to].map(|v| self.points[v as usize]);
-            (from, to) != (same_from, same_to) || !in_circle(a, b, opposite(left), opposite(right))
-        })
+            if (from, to) == (same_from, same_to)
+                && in_circle(a, b, opposite(left), opposite(right))
+            {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 }
 

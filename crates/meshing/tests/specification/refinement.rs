@@ -26,7 +26,7 @@ fn check(image: &Image, parameters: &Parameters) -> u64 {
     assert_eq!(Fidelity::between(image, &rebuilt, &()).unwrap(), made.fidelity);
     let faces = triangles_of(made.mesh.points(), made.mesh.faces());
     let is_delaunay = faces == triangulate(made.mesh.points());
-    assert_eq!(made.mesh.is_preferred_delaunay(), is_delaunay);
+    assert_eq!(made.mesh.is_preferred_delaunay(&()), Ok(is_delaunay));
     assert!(is_delaunay || parameters.connectivity == Connectivity::Free);
     assert_eq!(made, model(image, parameters));
     made.fidelity.squared_error

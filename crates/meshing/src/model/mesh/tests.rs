@@ -31,10 +31,10 @@ fn square_has_the_rising_diagonal() {
     let points: Vec<Point> =
         [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| Point::new(x, y)).to_vec();
     let mesh = |faces| Mesh::new(shape, points.clone(), vec![0; 4], faces, &()).unwrap();
-    assert!(mesh(vec![[0, 1, 2], [0, 2, 3]]).is_preferred_delaunay());
-    assert!(mesh(vec![[2, 3, 0], [1, 2, 0]]).is_preferred_delaunay());
-    assert!(!mesh(vec![[0, 1, 3], [1, 2, 3]]).is_preferred_delaunay());
-    assert!(!mesh(vec![[2, 3, 1], [3, 0, 1]]).is_preferred_delaunay());
+    assert!(mesh(vec![[0, 1, 2], [0, 2, 3]]).is_preferred_delaunay(&()).unwrap());
+    assert!(mesh(vec![[2, 3, 0], [1, 2, 0]]).is_preferred_delaunay(&()).unwrap());
+    assert!(!mesh(vec![[0, 1, 3], [1, 2, 3]]).is_preferred_delaunay(&()).unwrap());
+    assert!(!mesh(vec![[2, 3, 1], [3, 0, 1]]).is_preferred_delaunay(&()).unwrap());
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn any_flip_makes_a_mesh_not_preferred_delaunay() {
     let faces = crate::triangulation::triangulate(&sorted);
     let samples = vec![0; sorted.len()];
     let mesh = |faces: Vec<Face>| Mesh::from_kernel(shape, sorted.clone(), samples.clone(), faces);
-    assert!(mesh(faces.clone()).is_preferred_delaunay());
+    assert!(mesh(faces.clone()).is_preferred_delaunay(&()).unwrap());
     let mut flips = 0;
     for (f, &first) in faces.iter().enumerate() {
         for (g, &second) in faces.iter().enumerate().skip(f + 1) {
@@ -68,7 +68,7 @@ fn any_flip_makes_a_mesh_not_preferred_delaunay() {
             }
             let mut flipped = faces.clone();
             (flipped[f], flipped[g]) = flipped_faces.into();
-            assert!(!mesh(flipped).is_preferred_delaunay());
+            assert!(!mesh(flipped).is_preferred_delaunay(&()).unwrap());
             flips += 1;
         }
     }
@@ -117,8 +117,12 @@ fn names_every_defect() {
 #[test]
 fn cancels_at_every_poll() {
     let mesh = Mesh::from_kernel(SHAPE, points(), vec![0; 5], faces());
-    for polls in 0..5 {
-        let control = crate::control::tests::Recorder::cancelling_at(polls);
-        assert_eq!(mesh.check(&control), Err(MeshError::Cancelled(Cancelled)));
+    let cancelling_at = crate::control::tests::Recorder::cancelling_at;
+    for polls in 0..7 {
+        assert_eq!(mesh.check(&cancelling_at(polls)), Err(MeshError::Cancelled(Cancelled)));
     }
+    for polls in 0..3 {
+        assert_eq!(mesh.is_preferred_delaunay(&cancelling_at(polls)), Err(Cancelled));
+    }
+    assert_eq!(mesh.is_preferred_delaunay(&cancelling_at(3)), Ok(true));
 }
