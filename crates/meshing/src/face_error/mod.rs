@@ -1,23 +1,18 @@
 //! The error of faces: how far their rounded interpolants are from the image.
 //!
 //! An [`ErrorEvaluator`] holds what all threads share, a [`FaceErrors`] the memory of one thread.
-//! The specification of an error is a walk over the rows of a face ([`pixels_of_face`]) with its
-//! [`interpolant`] and one of the [`metrics`]. The squared error, which every method of the thesis
-//! uses, has two faster forms: a walk in floating point here, and vectors for small faces
-//! ([`squared`]). Tests tie both to sums pixel by pixel.
+//! The specification of an error is the [`scan_conversion`] of a face by one of the [`metrics`]. The
+//! squared error, which every method of the thesis uses, has two faster forms: a walk in floating
+//! point here, and vectors for small faces. Tests tie both to sums pixel by pixel.
 
-pub(crate) mod interpolant;
 pub(crate) mod metrics;
-pub(crate) mod pixels_of_face;
 pub(crate) mod quadratic_model;
-mod squared;
+pub(crate) mod scan_conversion;
 
 use crate::control::{Cancelled, Control, Poller, Stage};
-use crate::face_error::interpolant::Interpolant;
 use crate::face_error::metrics::Run;
-use crate::face_error::pixels_of_face::try_for_each_row;
 use crate::face_error::quadratic_model::ModelPixels;
-use crate::face_error::squared::Pixels;
+use crate::face_error::scan_conversion::{Interpolant, Pixels, try_for_each_row};
 use crate::image::{Image, Point};
 use crate::parallel::in_parallel;
 use crate::parameters::choices::ErrorMetric;
@@ -326,7 +321,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::control::POINTS_PER_POLL;
     use crate::control::tests::{Recorder, poller};
-    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::face_error::scan_conversion::for_each_row;
     use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
 

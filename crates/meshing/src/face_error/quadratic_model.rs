@@ -15,9 +15,9 @@
 //! candidate positions; the exact error decides on them. Rounded products of 16-bit samples are
 //! good enough. As in [`squared`](crate::face_error::squared), all machines predict the same.
 
-use crate::face_error::interpolant::Plane;
-use crate::face_error::pixels_of_face::{ROWS, SmallFace};
-use crate::face_error::squared::{LANES, MAX_COMPONENTS, Pixels, Sample};
+use crate::face_error::scan_conversion::{
+    LANES, MAX_COMPONENTS, Pixels, Plane, ROWS, Sample, SmallFace,
+};
 use crate::image::Point;
 use crate::triangulation::predicates::orientation;
 use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
@@ -240,7 +240,7 @@ fn firsts<const STRIDE: usize>(lanes: [f32; LANES]) -> [f32; MAX_COMPONENTS] {
 mod tests {
     use super::*;
     use crate::control::tests::poller;
-    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::face_error::scan_conversion::for_each_row;
     use crate::image::Image;
     use proptest::prelude::*;
 

@@ -7,7 +7,7 @@
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::error::MeshingError;
 use crate::face_error::FaceMeasure;
-use crate::face_error::pixels_of_face::{for_each_row, try_for_each_row};
+use crate::face_error::scan_conversion::{for_each_row, try_for_each_row};
 use crate::image::{Image, Point, ShapeMismatch};
 use crate::model::mesh::Mesh;
 use crate::parameters::choices::ErrorMetric;
@@ -204,7 +204,7 @@ impl FaceMeasure for &RowSums {
 mod tests {
     use super::*;
     use crate::control::tests::{Recorder, poller};
-    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::face_error::scan_conversion::for_each_row;
     use crate::image::corner_points;
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;

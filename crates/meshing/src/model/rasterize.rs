@@ -1,8 +1,9 @@
 //! The image rebuilt from a mesh.
 
 use crate::control::{Cancelled, Control, Poller, Stage};
-use crate::face_error::interpolant::{Interpolant, PLANE_PRECISION, Plane};
-use crate::face_error::pixels_of_face::{ROWS, SmallFace, try_for_each_row};
+use crate::face_error::scan_conversion::{
+    Interpolant, PLANE_PRECISION, Plane, ROWS, SmallFace, try_for_each_row,
+};
 use crate::image::{Image, Shape};
 use crate::model::mesh::Mesh;
 use crate::triangulation::Face;

@@ -6,8 +6,7 @@
 
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::face_error::interpolant::Interpolant;
-use crate::face_error::pixels_of_face::try_for_each_row;
+use crate::face_error::scan_conversion::{Interpolant, try_for_each_row};
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::image::{Image, Point, corner_points};
 use crate::parameters::choices::ErrorMetric;
@@ -163,7 +162,7 @@ mod tests {
     use crate::control::POINTS_PER_POLL;
     use crate::control::tests::{Recorder, poller};
     use crate::face_error::FaceMeasure;
-    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::face_error::scan_conversion::for_each_row;
     use crate::triangulation::triangulate;
     use proptest::prelude::*;
 

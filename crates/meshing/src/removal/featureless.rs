@@ -13,7 +13,7 @@
 //! nearest feature: in few photographs is any vertex so far away, and these keep the order of rows.
 
 use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
-use crate::face_error::pixels_of_face::try_for_each_row;
+use crate::face_error::scan_conversion::try_for_each_row;
 use crate::image::{Image, Point, corner_points};
 use crate::removal::greedy::Removal;
 use crate::removal::tile_order::tile_order;

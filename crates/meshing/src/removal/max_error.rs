@@ -7,8 +7,7 @@
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::face_error::FaceMeasure;
-use crate::face_error::interpolant::Interpolant;
-use crate::face_error::pixels_of_face::try_for_each_row;
+use crate::face_error::scan_conversion::{Interpolant, try_for_each_row};
 use crate::image::{Image, Point};
 use crate::removal::Removal;
 

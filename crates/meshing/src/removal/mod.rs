@@ -5,11 +5,13 @@
 //! significant one. The significance of a vertex is the change of the error over the faces that its
 //! removal replaces, in whole numbers. A removal changes the keys of its neighbours, some six.
 //!
-//! `greedy` is the loop, `queue` the order, `candidate` the evaluation, `star` the mesh. `start`
-//! evaluates all vertices for the first time; `partition` lets threads remove from tiles.
+//! `greedy` is the loop and what one removal changes, `queue` the order, `star` the mesh. These
+//! three, `hole` and `predicates` of `triangulation`, and `mod` and `scan_conversion` of
+//! `face_error` are what runs for one removal by the squared error.
+//!
+//! `start` evaluates all vertices for the first time; `partition` lets threads remove from tiles.
 //! Vertices in areas of one color leave before all others (see `featureless`).
 
-pub(crate) mod candidate;
 pub(crate) mod conversion;
 pub(crate) mod featureless;
 mod greedy;

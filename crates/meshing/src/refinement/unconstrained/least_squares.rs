@@ -8,7 +8,7 @@
 
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::poll_at;
-use crate::face_error::pixels_of_face::try_for_each_row;
+use crate::face_error::scan_conversion::try_for_each_row;
 use crate::image::Point;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::triangulation::predicates::orientation;
@@ -177,7 +177,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::control::tests::Recorder;
-    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::face_error::scan_conversion::for_each_row;
     use crate::refinement::tests::picture;
     use crate::refinement::unconstrained::valued_mesh::tests::{
         error_of_rebuilt, faces_of, valued,

@@ -7,7 +7,7 @@
 
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::Link;
-use crate::face_error::pixels_of_face::try_for_each_row;
+use crate::face_error::scan_conversion::try_for_each_row;
 use crate::image::Point;
 use crate::refinement::relocation::window;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
@@ -229,7 +229,7 @@ fn add_face(
 mod tests {
     use super::*;
     use crate::control::tests::poller;
-    use crate::face_error::pixels_of_face::for_each_row;
+    use crate::face_error::scan_conversion::for_each_row;
     use crate::image::{Image, Shape, corner_points};
     use crate::model::mesh::Mesh;
     use crate::model::rasterize::rasterize;
