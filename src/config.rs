@@ -14,7 +14,7 @@ pub use container::{BESIDE_BUDGET, memory_limit};
 use pixmesh_jobs::Terms;
 use pixmesh_jobs::blobs::BlobEngine;
 use pixmesh_jobs::fairness::Caps;
-use pixmesh_jobs::nats::settings::{BrokerSettings, QueueEngine};
+use pixmesh_jobs::settings::QueueSettings;
 pub use quantity::{ByteSize, Period};
 pub use trace::TraceSettings;
 
@@ -78,13 +78,13 @@ pub struct JobSettings {
     /// Folder of the jobs, their pictures and results; one process has it at a time.
     #[arg(long, env = "PIXMESH_DATA_DIR", default_value = "./pixmesh-data")]
     pub data_dir: PathBuf,
-    /// What keeps the queue, and how it is reached.
+    /// The engine of the queue and its connection.
     #[command(flatten)]
-    pub broker: BrokerSettings,
-    /// Store of pictures and results: `file` in the data folder, file:///FOLDER or s3://BUCKET for
-    /// many nodes, or `nats`, the broker's own [default: that of the queue].
-    #[arg(long, env = "PIXMESH_BLOBS")]
-    pub blobs: Option<BlobEngine>,
+    pub queue: QueueSettings,
+    /// Store of pictures and results: `file` in the data folder of one process; file:///FOLDER or
+    /// s3://BUCKET for many nodes.
+    #[arg(long, env = "PIXMESH_BLOBS", default_value = "file")]
+    pub blobs: BlobEngine,
     /// Take jobs in and do none: workers of the same queue do them.
     #[arg(long, env = "PIXMESH_NO_WORKER")]
     pub no_worker: bool,
@@ -173,7 +173,7 @@ impl Settings {
     /// When the queue is none that nodes share.
     pub fn checked_for_work(self) -> Result<Self, Box<dyn Error>> {
         self.jobs.check()?;
-        if !self.jobs.broker.is_shared() {
+        if !self.jobs.queue.is_shared() {
             return Err(
                 "a worker needs a queue that nodes share: --queue postgres://HOST:PORT/DATABASE"
                     .into(),
@@ -202,8 +202,8 @@ impl Settings {
         };
         pixmesh_jobs::Settings {
             data_dir: &jobs.data_dir,
-            broker: &jobs.broker,
-            blobs: jobs.blob_engine(),
+            queue: &jobs.queue,
+            blobs: jobs.blobs.clone(),
             terms: Terms::new(caps, jobs.job_lease.0, jobs.result_ttl.0),
         }
     }
@@ -267,49 +267,23 @@ fn cores() -> usize {
 }
 
 impl JobSettings {
-    /// The store of pictures and results.
-    #[must_use]
-    pub fn blob_engine(&self) -> BlobEngine {
-        let default = match self.broker.queue {
-            QueueEngine::Nats(_) => BlobEngine::Broker,
-            QueueEngine::Embedded | QueueEngine::Postgres(_) => BlobEngine::File,
-        };
-        self.blobs.clone().unwrap_or(default)
-    }
-
-    /// Refuses what cannot be together.
+    /// Refuses settings that contradict each other.
     fn check(&self) -> Result<(), Box<dyn Error>> {
-        let blobs = self.blob_engine();
-        match (self.broker.is_shared(), blobs == BlobEngine::File) {
+        let Self { queue, blobs, .. } = self;
+        match (queue.is_shared(), *blobs == BlobEngine::File) {
             (true, true) => Err(format!(
-                "--blobs file is a store of one node, and --queue {} one of many: name a store that \
-                 all nodes have by --blobs s3://BUCKET or --blobs file:///FOLDER",
-                self.broker
+                "--blobs file is a store of one node, and --queue {queue} is shared by many: name a \
+                 store that all nodes use with --blobs s3://BUCKET or --blobs file:///FOLDER"
             )
             .into()),
-            (true, false)
-                if blobs == BlobEngine::Broker
-                    && matches!(self.broker.queue, QueueEngine::Postgres(_)) =>
-            {
-                Err("--blobs nats is the store of --queue nats://...: name --blobs s3://BUCKET or \
-                     --blobs file:///FOLDER"
-                    .into())
-            }
-            (false, false) => {
-                let queue = match blobs {
-                    BlobEngine::Broker => "nats://HOST:PORT",
-                    _ => "postgres://HOST:PORT/DATABASE",
-                };
-                Err(format!(
-                    "--blobs {blobs} is a store of many nodes, and --queue embedded one of one \
-                     node: name --queue {queue} too"
-                )
-                .into())
-            }
+            (false, false) => Err(format!(
+                "--blobs {blobs} is a store of many nodes, and --queue embedded is the queue of one: \
+                 name a shared queue with --queue postgres://HOST:PORT/DATABASE"
+            )
+            .into()),
             (false, true) if self.no_worker => {
-                Err("--no-worker leaves the jobs of --queue embedded \
-                                                    undone: name --queue \
-                                                    postgres://HOST:PORT/DATABASE"
+                Err("--no-worker leaves the jobs of --queue embedded undone: name a shared queue \
+                     with --queue postgres://HOST:PORT/DATABASE"
                     .into())
             }
             _ if self.job_lease.0 < SHORTEST_LEASE => {
@@ -351,8 +325,8 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
         writeln!(formatter, "--max-connections {}", limits.max_connections)?;
         writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;
-        write!(formatter, "{}", jobs.broker.shown())?;
-        writeln!(formatter, "--blobs {}", jobs.blob_engine())?;
+        write!(formatter, "{}", jobs.queue.shown())?;
+        writeln!(formatter, "--blobs {}", jobs.blobs)?;
         writeln!(formatter, "--no-worker {}", jobs.no_worker)?;
         writeln!(formatter, "--job-lease {}", jobs.job_lease)?;
         writeln!(formatter, "--job-deadline {}", jobs.job_deadline)?;

@@ -53,16 +53,16 @@ pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Asks the broker, where there is one, and the store of blobs.
+/// Opens the shared database and the store of blobs, where the settings name them.
 fn check_queue(settings: &Settings) -> Finding {
     let jobs = &settings.jobs;
-    if !jobs.broker.is_shared() {
+    if !jobs.queue.is_shared() {
         return Ok("embedded".into());
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| error.to_string())?;
     runtime
         .block_on(Jobs::open(&settings.of_jobs()))
-        .map(|_| format!("{} and --blobs {} answer", jobs.broker, jobs.blob_engine()))
+        .map(|_| format!("{} and --blobs {} answer", jobs.queue, jobs.blobs))
         .map_err(|error| error.to_string())
 }

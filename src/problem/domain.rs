@@ -74,18 +74,18 @@ impl From<QueueError> for Problem {
             )
             .setting("--blobs")
             .retry_after_s(RETRY_AFTER_S),
-            QueueError::BrokerFull(_) => {
-                Self::new(Kind::StorageFull, "the broker has no room left for jobs")
+            QueueError::DatabaseFull(_) => {
+                Self::new(Kind::StorageFull, "the database has no room left for jobs")
                     .setting("--queue")
             }
-            QueueError::Broker(_) => Self::new(
+            QueueError::Database(_) => Self::new(
                 Kind::StorageUnavailable,
-                "the broker can neither store nor read jobs now",
+                "the database can neither store nor read jobs now",
             )
             .setting("--queue")
             .retry_after_s(RETRY_AFTER_S),
             QueueError::Unreachable(_) => {
-                Self::new(Kind::StorageUnavailable, "the broker that keeps jobs does not answer")
+                Self::new(Kind::StorageUnavailable, "the database of the jobs does not answer")
                     .setting("--queue")
                     .retry_after_s(RETRY_AFTER_S)
             }

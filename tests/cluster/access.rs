@@ -1,257 +1,228 @@
-//! Whom a broker lets in, and which broker a node trusts.
+//! Authentication and TLS between nodes and the database.
 
-use crate::certificates::Authority;
-use crate::nats_server::{NatsServer, free_port, program};
-use crate::node::{self, Node};
-use crate::operator::{Operator, strange_credentials};
+use crate::certificates::{Authority, Identity};
+use crate::client::send;
+use crate::cluster::Cluster;
+use crate::node::{Node, program};
 use crate::pictures::disc;
 use crate::start::refused;
-use std::path::Path;
+use pixmesh_test_support::postgres::{self, PostgresServer, free_port};
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
-/// How soon it must be known that something is refused: not after all the time that a broker has
-/// to come up.
+/// A wrong setting must fail before the time that a node waits for a database that is starting.
 const SOON: Duration = Duration::from_secs(10);
-const STREAMS: &str = "jetstream { sync_interval: always, store_dir: \"STORE\" }\n";
+/// Every user may connect without TLS.
+const TRUST: &str = "host all all 127.0.0.1/32 trust\n";
 
-/// The flags of a worker that is to be refused.
-fn worker<'a>(queue: &'a str, flags: &[&'a str]) -> Vec<&'a str> {
-    [&["worker", "--ops-listen", "127.0.0.1:0", "--queue", queue], flags].concat()
+/// A database that a user in it must authenticate to, and a folder for blobs.
+struct Database {
+    server: PostgresServer,
+    blobs: TempDir,
 }
 
-/// Refused for a reason, and soon.
+impl Database {
+    /// Starts a server that presents a certificate for a host and authenticates clients by the lines of
+    /// `pg_hba.conf` before `TRUST`.
+    fn start(authority: &Authority, host: &str, rules: &str) -> Option<Self> {
+        let identity = authority.identity(host);
+        let read = |path: &str| std::fs::read_to_string(path).unwrap();
+        let files = [
+            ("server.crt", read(&identity.certificate)),
+            ("server.key", read(&identity.key)),
+            ("authority.crt", read(&authority.path())),
+            ("pg_hba.conf", format!("{rules}{TRUST}")),
+        ];
+        let files = files.each_ref().map(|(name, text)| (*name, text.as_str()));
+        let settings = ["ssl=on", "ssl_ca_file=authority.crt"];
+        let server = PostgresServer::start_with(&postgres::programs()?, &settings, &files);
+        server.run_sql("CREATE USER \"us er\" PASSWORD 'r:g@t/'");
+        server.run_sql("CREATE USER node");
+        server.run_sql("GRANT CREATE ON DATABASE postgres TO \"us er\", node");
+        Some(Self { server, blobs: TempDir::new().unwrap() })
+    }
+
+    /// The address for a user (and password) with parameters.
+    fn url(&self, user: &str, parameters: &str) -> String {
+        format!("postgres://{user}@127.0.0.1:{}/postgres{parameters}", self.server.port)
+    }
+
+    fn flags<'a>(&self, flags: &[&'a str], blobs: &'a str) -> Vec<&'a str> {
+        [&["--blobs", blobs], flags].concat()
+    }
+
+    fn blob_address(&self) -> String {
+        format!("file://{}", self.blobs.path().display())
+    }
+
+    /// Checks that a node and a worker complete a job.
+    #[track_caller]
+    fn accepts(&self, queue: &str, flags: &[&str]) {
+        let blobs = self.blob_address();
+        let flags = self.flags(flags, &blobs);
+        let node = Node::serve(program(), queue, &flags);
+        let _worker = Node::work(program(), queue, &flags);
+        let job = node.job("size=50", &disc(50, 50, 1));
+        node.wait_for(&job, "completed");
+    }
+
+    /// Checks that a worker ends soon with an error that contains texts.
+    #[track_caller]
+    fn refuses(&self, queue: &str, flags: &[&str], texts: &[&str]) {
+        refuses(queue, &self.flags(flags, &self.blob_address()), texts);
+    }
+
+    /// What `pixmesh doctor` prints.
+    fn doctor(&self, queue: &str, flags: &[&str]) -> String {
+        let mut command = program();
+        command.args(["doctor", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"]);
+        command.args(["--queue", queue]).args(self.flags(flags, &self.blob_address()));
+        let output = command.output().unwrap();
+        String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
+    }
+}
+
 #[track_caller]
-fn turned_away(queue: &str, flags: &[&str], needles: &[&str]) {
+fn refuses(queue: &str, flags: &[&str], texts: &[&str]) {
     let began = Instant::now();
-    refused(&worker(queue, flags), needles);
+    let worker = ["worker", "--ops-listen", "127.0.0.1:0", "--queue", queue];
+    refused(&[&worker, flags].concat(), texts);
     assert!(began.elapsed() < SOON, "{:?}", began.elapsed());
 }
 
-/// A node that takes requests and one that works do a job together.
-#[track_caller]
-fn let_in(queue: &str, flags: &[&str]) {
-    let (node, _worker) = (Node::serve(queue, flags), Node::work(queue, flags));
-    let job = node.job("size=50", &disc(50, 50, 1));
-    node.wait_for(&job, "completed");
-}
-
-/// What doctor says of a queue.
-fn examined(queue: &str, flags: &[&str]) -> String {
-    let mut command = node::program();
-    command.args(["doctor", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"]);
-    let output = command.args(["--queue", queue]).args(flags).output().unwrap();
-    String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
-}
-
-/// A server that shows a certificate; with `verify` it asks for one, too.
-fn secured(program: &Path, authority: &Authority, host: &str, verify: bool) -> NatsServer {
-    let server = authority.identity(host);
-    let configuration = format!(
-        "{STREAMS}tls {{ cert_file: \"{}\", key_file: \"{}\", ca_file: \"{}\", verify: {verify} }}",
-        server.certificate,
-        server.key,
-        authority.path()
-    );
-    NatsServer::start_with(program, &configuration)
-}
-
 #[test]
-fn a_broker_s_certificate_is_checked_by_the_authority_that_is_named() {
-    let Some(program) = program() else { return };
+fn the_certificate_of_the_database_is_checked_by_the_named_authority() {
     let (authority, stranger) = (Authority::new(), Authority::new());
-    let broker = secured(&program, &authority, "127.0.0.1", false);
-    let queue = format!("tls://127.0.0.1:{}", broker.port);
-    let_in(&queue, &["--queue-ca", &authority.path()]);
-    // A server that wants TLS gets it, whatever the address says.
-    let plain = examined(&broker.address(), &["--queue-ca", &authority.path()]);
-    assert!(plain.contains("ok    queue"), "{plain}");
-    let wrong = stranger.path();
-    turned_away(&queue, &["--queue-ca", &wrong], &["authority", "--queue-ca", &wrong]);
-    turned_away(&queue, &[], &["certificate", "name its file with --queue-ca"]);
-}
-
-#[test]
-fn a_machine_whose_authorities_cannot_be_read_is_told_at_once() {
-    let Some(program) = program() else { return };
-    let authority = Authority::new();
-    let broker = secured(&program, &authority, "127.0.0.1", false);
-    let missing = authority.folder().join("missing").display().to_string();
-    let queue = format!("tls://127.0.0.1:{}", broker.port);
-    let began = Instant::now();
-    let mut command = node::program();
-    command.env("SSL_CERT_FILE", &missing).args(worker(&queue, &[]));
-    let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && said.contains("TLS cannot be set up"), "{said}");
-    assert!(said.contains(&missing), "{said}");
-    assert!(began.elapsed() < SOON, "{:?}", began.elapsed());
+    let Some(database) = Database::start(&authority, "127.0.0.1", "") else { return };
+    let queue = database.url("pixmesh", "");
+    let (ours, theirs) = (authority.path(), stranger.path());
+    database.accepts(&queue, &["--queue-ca", &ours]);
+    assert!(database.doctor(&queue, &["--queue-ca", &ours]).contains("ok    queue"));
+    database.refuses(&queue, &["--queue-ca", &theirs], &["authority", "--queue-ca", &theirs]);
+    let verified = database.url("pixmesh", "?sslmode=verify-full");
+    database.refuses(&verified, &[], &["no known authority", "--queue-ca"]);
 }
 
 #[test]
 fn a_certificate_for_another_host_is_refused() {
-    let Some(program) = program() else { return };
     let authority = Authority::new();
-    let broker = secured(&program, &authority, "broker.example", false);
-    let queue = format!("tls://127.0.0.1:{}", broker.port);
-    let flags = ["--queue-ca", &authority.path()];
-    turned_away(&queue, &flags, &["not for the host in --queue", "127.0.0.1"]);
-}
-
-#[test]
-fn a_broker_without_tls_is_not_spoken_to_where_tls_is_asked_for() {
-    let Some(program) = program() else { return };
-    let (authority, broker) = (Authority::new(), NatsServer::start(&program));
-    let queue = format!("tls://127.0.0.1:{}", broker.port);
-    turned_away(&queue, &["--queue-ca", &authority.path()], &["does not speak TLS"]);
-    let flags = ["--queue-ca", &authority.path()];
-    turned_away(&broker.address(), &flags, &["does not speak TLS", "--queue-ca"]);
-}
-
-#[test]
-fn a_broker_that_wants_certificates_lets_in_those_who_have_one() {
-    let Some(program) = program() else { return };
-    let (authority, stranger) = (Authority::new(), Authority::new());
-    let broker = secured(&program, &authority, "127.0.0.1", true);
-    let queue = format!("tls://127.0.0.1:{}", broker.port);
-    let (ours, theirs) = (authority.identity("node"), stranger.identity("node"));
+    let Some(database) = Database::start(&authority, "db.example", "") else { return };
     let ca = authority.path();
-    let flags = |identity: &'_ crate::certificates::Identity| {
-        ["--queue-ca", &ca, "--queue-cert", &identity.certificate, "--queue-key", &identity.key]
-            .map(str::to_owned)
-    };
-    let_in(&queue, &flags(&ours).each_ref().map(String::as_str));
-    turned_away(&queue, &["--queue-ca", &ca], &["wants a certificate", "--queue-cert"]);
-    let theirs = flags(&theirs);
-    turned_away(&queue, &theirs.each_ref().map(String::as_str), &["refuses", "--queue-cert"]);
+    let queue = database.url("pixmesh", "");
+    database.refuses(&queue, &["--queue-ca", &ca], &["not for the host in --queue"]);
+    let without_host = database.url("pixmesh", "?sslmode=verify-ca");
+    database.accepts(&without_host, &["--queue-ca", &ca]);
 }
 
 #[test]
-fn a_file_that_is_of_no_use_is_named_with_its_setting() {
+fn a_database_without_tls_is_refused_where_tls_is_required() {
+    let authority = Authority::new();
+    let Some(cluster) = Cluster::start() else { return };
+    let (queue, ca, blobs) = (cluster.server.url(), authority.path(), cluster.blob_address());
+    let texts = ["does not offer TLS", "--queue-ca"];
+    refuses(&queue, &["--queue-ca", &ca, "--blobs", &blobs], &texts);
+    refuses(&format!("{queue}?sslmode=require"), &["--blobs", &blobs], &texts);
+}
+
+#[test]
+fn a_database_that_requires_certificates_accepts_nodes_that_have_one() {
+    let (authority, stranger) = (Authority::new(), Authority::new());
+    let rules = "hostssl all node all cert\n";
+    let Some(database) = Database::start(&authority, "127.0.0.1", rules) else { return };
+    let queue = database.url("node", "");
+    let (ours, theirs, ca) =
+        (authority.identity("node"), stranger.identity("node"), authority.path());
+    let flags = |identity: &Identity| {
+        let Identity { certificate, key } = identity;
+        ["--queue-ca", &ca, "--queue-cert", certificate, "--queue-key", key].map(str::to_owned)
+    };
+    database.accepts(&queue, &flags(&ours).each_ref().map(String::as_str));
+    database.refuses(&queue, &["--queue-ca", &ca], &["--queue-cert"]);
+    let theirs = flags(&theirs);
+    database.refuses(&queue, &theirs.each_ref().map(String::as_str), &["refuses", "--queue-cert"]);
+}
+
+#[test]
+fn a_file_without_the_expected_content_is_named_with_its_setting() {
     let authority = Authority::new();
     let (node, other) = (authority.identity("node"), authority.identity("other"));
     let (ca, empty) = (authority.path(), authority.write("empty.pem", ""));
     let missing = authority.folder().join("missing").display().to_string();
-    // Nobody need listen there: files are read first.
-    let queue = format!("tls://127.0.0.1:{}", free_port());
+    // No server is needed: the program reads the files first.
+    let queue = format!("postgres://pixmesh@127.0.0.1:{}/jobs", free_port());
     let (begin, end) = ("-----BEGIN CERTIFICATE-----", "-----END CERTIFICATE-----");
-    let nonsense = authority.write("nonsense.pem", &format!("{begin}\nAAAA\n{end}\n"));
-    for ca in [&missing, &empty, &node.key, &nonsense] {
-        turned_away(&queue, &["--queue-ca", ca], &["--queue-ca", ca]);
+    let invalid = authority.write("invalid.pem", &format!("{begin}\nAAAA\n{end}\n"));
+    let refuses = |flags: &[&str], texts: &[&str]| {
+        refuses(&queue, &[&["--blobs", "file:///tmp"], flags].concat(), texts);
+    };
+    for ca in [&missing, &empty, &node.key, &invalid] {
+        refuses(&["--queue-ca", ca], &["--queue-ca", ca]);
     }
     for (certificate, key, flag, named) in [
         (&missing, &node.key, "--queue-cert", &missing),
         (&empty, &node.key, "--queue-cert", &empty),
-        (&nonsense, &node.key, "--queue-cert", &nonsense),
         (&node.certificate, &missing, "--queue-key", &missing),
         (&node.certificate, &ca, "--queue-key", &ca),
-        (&node.certificate, &other.key, "--queue-key", &other.key),
     ] {
         let flags = ["--queue-ca", &ca, "--queue-cert", certificate, "--queue-key", key];
-        turned_away(&queue, &flags, &[flag, named]);
+        refuses(&flags, &[flag, named]);
     }
-    for credentials in [&missing, &empty, &ca] {
-        let flags = ["--queue-credentials", credentials];
-        turned_away(&queue, &flags, &["--queue-credentials", credentials]);
+    for password in [&missing, &empty] {
+        let flags = ["--queue-password-file", password];
+        refuses(&flags, &["--queue-password-file", password]);
     }
-    let alone = ["--queue-cert", &node.certificate];
-    turned_away(&queue, &alone, &["--queue-key"]);
+    refuses(&["--queue-cert", &node.certificate], &["--queue-key"]);
+    let Some(database) = Database::start(&authority, "127.0.0.1", "") else { return };
+    let flags = ["--queue-ca", &ca, "--queue-cert", &node.certificate, "--queue-key", &other.key];
+    database.refuses(&database.url("node", ""), &flags, &["--queue-key", &other.key]);
 }
 
 #[test]
-fn a_name_with_its_password_is_let_in_and_no_other() {
-    let Some(program) = program() else { return };
-    let users = format!("{STREAMS}authorization {{ user: us er, password: \"r:g@t/\" }}");
-    let users = users.replace("us er", "\"us er\"");
-    let broker = NatsServer::start_with(&program, &users);
-    let address = |user: &str| format!("nats://{user}127.0.0.1:{}", broker.port);
-    let right = address("us%20er:r%3Ag%40t%2F@");
-    let_in(&right, &[]);
-    let said = examined(&right, &[]);
-    assert!(said.contains("ok    queue") && !said.contains("us%20er"), "{said}");
-    let wrong = address("us%20er:wrong-one@");
-    turned_away(&wrong, &[], &["refuses the name and password in --queue"]);
-    assert!(!examined(&wrong, &[]).contains("wrong-one"));
-    turned_away(&address(""), &[], &["wants credentials", "--queue-credentials"]);
+fn a_password_is_read_from_the_address_or_a_file_and_never_printed() {
+    let authority = Authority::new();
+    let rules = "host all \"us er\" all scram-sha-256\n";
+    let Some(database) = Database::start(&authority, "127.0.0.1", rules) else { return };
+    database.accepts(&database.url("us%20er:r%3Ag%40t%2F", ""), &[]);
+    let file = authority.write("password", "r:g@t/\n");
+    let queue = database.url("us%20er", "");
+    database.accepts(&queue, &["--queue-password-file", &file]);
+    let printed = database.doctor(&queue, &["--queue-password-file", &file]);
+    assert!(printed.contains("ok    queue") && !printed.contains("us%20er"), "{printed}");
+    let wrong = database.url("us%20er:wrong-one", "");
+    database.refuses(&wrong, &[], &["refuses", "--queue-password-file"]);
+    assert!(!database.doctor(&wrong, &[]).contains("wrong-one"));
 }
 
 #[test]
-fn a_token_is_let_in_and_no_other() {
-    let Some(program) = program() else { return };
-    let token = format!("{STREAMS}authorization {{ token: \"secret-token\" }}");
-    let broker = NatsServer::start_with(&program, &token);
-    let address = |token: &str| format!("nats://{token}@127.0.0.1:{}", broker.port);
-    let_in(&address("secret-token"), &[]);
-    turned_away(&address("wrong-token"), &[], &["refuses the token in --queue"]);
-    let said = examined(&address("wrong-token"), &[]);
-    assert!(said.contains("BAD   queue") && !said.contains("wrong-token"), "{said}");
+fn a_user_that_may_not_create_the_schema_is_told_which_privilege_is_missing() {
+    let authority = Authority::new();
+    let Some(database) = Database::start(&authority, "127.0.0.1", "") else { return };
+    database.server.run_sql("REVOKE CREATE ON DATABASE postgres FROM node");
+    database.refuses(&database.url("node", ""), &[], &["grant CREATE", "--queue"]);
+    let other = format!("postgres://node@127.0.0.1:{}/other", database.server.port);
+    database.refuses(&other, &[], &["create the database", "--queue"]);
 }
 
 #[test]
-fn a_user_that_an_operator_s_account_has_signed_is_let_in_by_a_file_of_credentials() {
-    let Some(program) = program() else { return };
-    let (operator, files) = (Operator::new(), Authority::new());
-    let configuration = format!("{STREAMS}{}", operator.configuration());
-    let broker = NatsServer::start_with(&program, &configuration);
-    let queue = broker.address();
-    let good = files.write("good.creds", &operator.credentials());
-    let_in(&queue, &["--queue-credentials", &good]);
-    for (name, text) in [
-        ("strange.creds", strange_credentials()),
-        ("expired.creds", operator.expired_credentials()),
-    ] {
-        let path = files.write(name, &text);
-        turned_away(&queue, &["--queue-credentials", &path], &["refuses", name]);
+fn two_deployments_share_a_database_by_different_schemas() {
+    let Some(cluster) = Cluster::start() else { return };
+    let image = disc(50, 50, 1);
+    let [blue, green] = ["blue", "green"].map(|name| cluster.serve(&["--queue-schema", name]));
+    let key = [("Idempotency-Key", "key")];
+    let location = |node: &Node, query: &str| {
+        let answer = node.submit(query, &key, &image);
+        assert_eq!(answer.status, 202, "{}", answer.text());
+        answer.header("location").to_owned()
+    };
+    let queued = location(&blue, "size=50");
+    let worker = cluster.work(&["--queue-schema", "green"]);
+    let done = location(&green, "size=51");
+    green.wait_for(&done, "completed");
+    assert_eq!(worker.completions(), 1);
+    assert_eq!(blue.get(&queued).json()["state"], "queued");
+    assert_eq!((green.get(&queued).status, blue.get(&done).status), (404, 404));
+    for node in [&blue, &green] {
+        assert_eq!(node.get("/v1/jobs").json()["jobs"].as_array().unwrap().len(), 1);
     }
-    turned_away(&queue, &[], &["wants credentials"]);
-}
-
-#[test]
-fn a_user_needs_the_permissions_that_are_documented_and_is_told_when_they_are_missing() {
-    let Some(program) = program() else { return };
-    let users = "authorization { users: [
-        { user: u, password: p, permissions: { publish: \"pixmesh.>\" } }
-        { user: all, password: p, permissions: {
-            publish: [\"$JS.API.>\", \"$JS.ACK.>\", \"$O.>\", \"pixmesh.>\"]
-            subscribe: [\"_INBOX.>\", \"pixmesh.>\"]
-        } }
-    ] }";
-    let broker = NatsServer::start_with(&program, &format!("{STREAMS}{users}"));
-    let queue = |user: &str| format!("nats://{user}:p@127.0.0.1:{}", broker.port);
-    refused(&worker(&queue("u"), &[]), &["$JS.API.>", "_INBOX.>"]);
-    let_in(&queue("all"), &[]);
-    assert!(!broker.log().contains("Violation - User \"all\""), "{}", broker.log());
-}
-
-#[test]
-fn one_server_of_several_is_enough_to_start_with() {
-    let Some(program) = program() else { return };
-    let broker = NatsServer::start(&program);
-    let queue = format!("nats://127.0.0.1:{},{}", free_port(), broker.address());
-    let_in(&queue, &[]);
-}
-
-#[test]
-fn two_deployments_share_a_broker_and_see_nothing_of_each_other() {
-    let Some(program) = program() else { return };
-    let broker = NatsServer::start(&program);
-    let (queue, image) = (broker.address(), disc(50, 50, 1));
-    let blue = Node::serve(&queue, &["--queue-prefix", "blue"]);
-    let green = Node::serve(&queue, &["--queue-prefix", "green"]);
-    let word = [("Idempotency-Key", "word")];
-    let waiting = blue.submit("size=50", &word, &image);
-    assert_eq!(waiting.status, 202, "{}", waiting.text());
-    let waiting = waiting.header("location").to_owned();
-    let worker = Node::work(&queue, &["--queue-prefix", "green"]);
-    let other = green.submit("size=51", &word, &image);
-    assert_eq!(other.status, 202, "the same word in another deployment: {}", other.text());
-    let other = other.header("location").to_owned();
-    green.wait_for(&other, "completed");
-    worker.wait_until("it has said so", || worker.completions() == 1);
-    assert_eq!(blue.get(&waiting).json()["state"], "queued");
-    assert_eq!((green.get(&waiting).status, blue.get(&other).status), (404, 404));
-    for (node, count) in [(&blue, 1), (&green, 1)] {
-        assert_eq!(node.get("/v1/jobs").json()["jobs"].as_array().unwrap().len(), count);
-    }
-    let _worker = Node::work(&queue, &["--queue-prefix", "blue"]);
-    blue.wait_for(&waiting, "completed");
+    assert_eq!(send(blue.public, "DELETE", &done, &[], &[]).status, 404);
 }

@@ -1,13 +1,14 @@
-//! An authority of a test's own, and the certificates that it signs.
+//! A certificate authority for a test, and the certificates that it signs.
 
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use tempfile::TempDir;
 
-/// A folder with the authority's certificate and all that it signed; removed when dropped.
+/// The authority, and a temporary folder with its certificate and those that it signed.
 pub(crate) struct Authority {
     issuer: CertifiedIssuer<'static, KeyPair>,
-    folder: PathBuf,
+    folder: TempDir,
 }
 
 /// A certificate and its key.
@@ -19,10 +20,8 @@ pub(crate) struct Identity {
 impl Authority {
     pub(crate) fn new() -> Self {
         static COUNT: AtomicUsize = AtomicUsize::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("pixmesh-authority-{}-{count}", std::process::id());
-        let folder = std::env::temp_dir().join(&name);
-        std::fs::create_dir_all(&folder).unwrap();
+        let name = format!("authority {}", COUNT.fetch_add(1, Ordering::Relaxed));
+        let folder = TempDir::new().unwrap();
         let mut parameters = CertificateParams::new(Vec::new()).unwrap();
         parameters.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
         parameters.distinguished_name.push(DnType::CommonName, name);
@@ -32,15 +31,16 @@ impl Authority {
         authority
     }
 
-    /// The file with the certificate by which those that it signed are checked.
+    /// The file with the authority's certificate.
     pub(crate) fn path(&self) -> String {
-        self.folder.join("authority.pem").display().to_string()
+        self.folder.path().join("authority.pem").display().to_string()
     }
 
-    /// A certificate for a host, or for whoever goes by that name.
+    /// A certificate for a host, or for a client of that name.
     pub(crate) fn identity(&self, host: &str) -> Identity {
         let key = KeyPair::generate().unwrap();
-        let parameters = CertificateParams::new([host.to_owned()]).unwrap();
+        let mut parameters = CertificateParams::new([host.to_owned()]).unwrap();
+        parameters.distinguished_name.push(DnType::CommonName, host);
         let certificate = parameters.signed_by(&key, &self.issuer).unwrap();
         Identity {
             certificate: self.write(&format!("{host}.pem"), &certificate.pem()),
@@ -48,20 +48,14 @@ impl Authority {
         }
     }
 
-    /// Writes a file, and returns where it is.
+    /// Writes a file, and returns its path.
     pub(crate) fn write(&self, name: &str, text: &str) -> String {
-        let path = self.folder.join(name);
+        let path = self.folder.path().join(name);
         std::fs::write(&path, text).unwrap();
         path.display().to_string()
     }
 
     pub(crate) fn folder(&self) -> &Path {
-        &self.folder
-    }
-}
-
-impl Drop for Authority {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.folder);
+        self.folder.path()
     }
 }

@@ -2,7 +2,7 @@
 //! memory. It shows that requests are well formed, and nothing of how a real store behaves.
 
 use crate::client::send;
-use crate::nats_server::free_port;
+use pixmesh_test_support::postgres::free_port;
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

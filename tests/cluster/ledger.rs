@@ -1,4 +1,4 @@
-//! What a client knows: which jobs were accepted, and what must become of each.
+//! A client's record of the accepted jobs, against which the service is checked.
 
 use crate::client::{Answer, send, try_send};
 use crate::node::Node;
@@ -8,9 +8,9 @@ use std::net::SocketAddr;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The longest time in which all jobs of a ledger come to their end.
+/// The longest time in which all jobs of a ledger end.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// What is asked for, of which pictures.
+/// Parameters, and the picture of each job by its number.
 #[derive(Clone, Copy)]
 pub(crate) struct Work {
     pub(crate) query: &'static str,
@@ -38,27 +38,27 @@ impl Ledger {
         Self { work, jobs: HashMap::new() }
     }
 
-    /// Submits a job with its word once; `None` where there is no answer. It is accepted or not: the
-    /// ledger does not know of it.
+    /// Submits a job with its idempotency key once; `None` without an answer. The ledger does not record
+    /// the job.
     pub(crate) fn attempt(work: Work, node: SocketAddr, number: usize) -> Option<Answer> {
-        let word = format!("word-{number}");
-        let headers = [("Idempotency-Key", word.as_str())];
+        let key = format!("key-{number}");
+        let headers = [("Idempotency-Key", key.as_str())];
         let target = format!("/v1/jobs?{}", work.query);
         try_send(node, "POST", &target, &headers, &(work.picture)(number))
     }
 
-    /// Submits a job once, and takes it down if it is accepted.
+    /// Submits a job once, and records it if it is accepted.
     pub(crate) fn submit_once(&mut self, node: &Node, number: usize) -> Option<Answer> {
         let answer = Self::attempt(self.work, node.public, number)?;
         if answer.status == 202 {
             let location = answer.header("location").to_owned();
             let known = self.jobs.insert(location, number);
-            assert!(known.is_none_or(|known| known == number), "two words, one job");
+            assert!(known.is_none_or(|known| known == number), "two keys, one job");
         }
         Some(answer)
     }
 
-    /// Submits jobs in turn to nodes, each with a word, again and again until it is accepted.
+    /// Submits jobs to the nodes in turn, each again and again until it is accepted.
     pub(crate) fn submit(&mut self, nodes: &[&Node], numbers: std::ops::Range<usize>) {
         for number in numbers {
             let began = Instant::now();
@@ -79,19 +79,19 @@ impl Ledger {
         self.jobs.len()
     }
 
-    /// How many have come to their end.
+    /// The number of completed jobs.
     pub(crate) fn ended(&self, node: &Node) -> usize {
         self.jobs.keys().filter(|job| node.get(job).json()["state"] == "completed").count()
     }
 
-    /// How many attempts there were at all of them.
+    /// The sum of the attempts of all jobs.
     pub(crate) fn attempts(&self, node: &Node) -> usize {
         let attempts = |job| node.get(job).json()["attempt"].as_u64().unwrap();
         self.jobs.keys().map(|job| attempts(job) as usize).sum()
     }
 
-    /// Waits until every job is completed, with the mesh that its picture has, in at most three
-    /// attempts, and that no other job is there.
+    /// Waits until every job is completed, and checks its mesh, that it had at most three attempts, and
+    /// that there are no other jobs.
     pub(crate) fn check(&self, node: &Node) {
         let began = Instant::now();
         let mut meshes: HashMap<Vec<u8>, Vec<u8>> = HashMap::new();
@@ -112,7 +112,7 @@ impl Ledger {
                 if mesh.status == 200 {
                     break mesh;
                 }
-                // To be sent again, as it says.
+                // A 503 asks for another try.
                 assert_eq!(mesh.status, 503, "{job}: {}", mesh.text());
                 assert!(began.elapsed() < PATIENCE, "{job}: {}\n{}", mesh.text(), node.log());
                 thread::sleep(Duration::from_millis(50));

@@ -1,23 +1,22 @@
-//! Many nodes with one queue: real processes of the program, real servers of the broker, and an
-//! emulator of the S3 protocol.
+//! Many nodes with one queue: real processes of the program, real PostgreSQL servers, and an emulator of
+//! the S3 protocol.
 //!
-//! `./test` installs what they need. Without it these tests say what they leave out, unless
+//! `./test` installs what they need. Without it these tests print what they leave out, unless
 //! `PIXMESH_REQUIRE_TOOLS` is set.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stderr, reason = "what is left out must be said")]
+#![allow(clippy::print_stderr, reason = "a person must see which tests were left out")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 mod access;
 mod certificates;
 #[path = "../service/client.rs"]
 mod client;
+mod cluster;
+mod database_faults;
 mod emulator;
-mod faults;
 mod ledger;
-mod nats_server;
 mod node;
 mod nodes;
-mod operator;
 #[path = "../service/pictures.rs"]
 mod pictures;
 mod proxy;
@@ -26,3 +25,4 @@ mod start;
 mod stores;
 #[path = "../clients/tools.rs"]
 mod tools;
+mod worker_faults;

@@ -1,4 +1,4 @@
-//! Nodes: processes of the program under test that share a queue; killed when dropped.
+//! Nodes: processes of the program under test, killed when dropped.
 
 use crate::client::{Answer, connect, send};
 use rustix::process::{Pid, Signal, kill_process};
@@ -11,7 +11,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_pixmesh");
-/// The longest time that anything is waited for.
+/// The longest wait for a condition.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The program, without any setting of this environment.
@@ -29,7 +29,7 @@ pub(crate) fn program() -> Command {
 /// A process.
 pub(crate) struct Node {
     child: Child,
-    /// Where it takes requests; of a worker, where it takes those for operations.
+    /// The address for requests; of a worker, the address for operations.
     pub(crate) public: SocketAddr,
     pub(crate) operations: SocketAddr,
     log: Arc<Mutex<String>>,
@@ -37,24 +37,14 @@ pub(crate) struct Node {
 
 impl Node {
     /// One that takes requests and does no jobs.
-    pub(crate) fn serve(queue: &str, flags: &[&str]) -> Self {
-        Self::serve_with(program(), queue, flags)
-    }
-
-    /// The same, of a command with an environment.
-    pub(crate) fn serve_with(command: Command, queue: &str, flags: &[&str]) -> Self {
+    pub(crate) fn serve(command: Command, queue: &str, flags: &[&str]) -> Self {
         let node = Self::start(command, "serve", queue, &[&["--no-worker"], flags].concat());
         node.wait_until("it is ready", || node.operate("/readyz").status == 200);
         node
     }
 
-    /// One that does jobs, with one slot for them.
-    pub(crate) fn work(queue: &str, flags: &[&str]) -> Self {
-        Self::work_with(program(), queue, flags)
-    }
-
-    /// The same, of a command with an environment.
-    pub(crate) fn work_with(command: Command, queue: &str, flags: &[&str]) -> Self {
+    /// A worker with one slot.
+    pub(crate) fn work(command: Command, queue: &str, flags: &[&str]) -> Self {
         let node = Self::start(command, "worker", queue, &[&["--workers", "1"], flags].concat());
         node.wait_until("it is ready", || node.operate("/readyz").status == 200);
         node
@@ -84,7 +74,7 @@ impl Node {
         send(self.public, "GET", target, &[], &[])
     }
 
-    /// All of an answer that ends with its connection, its pieces as they came.
+    /// The whole text of an answer that ends with its connection, with the frames of its chunks.
     pub(crate) fn stream(&self, target: &str) -> String {
         let mut connection = connect(self.public);
         let head = format!("GET {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n");
@@ -135,15 +125,19 @@ impl Node {
         self.log.lock().unwrap().clone()
     }
 
-    /// How many jobs it says it has completed.
+    /// The number of completed jobs in its log.
     pub(crate) fn completions(&self) -> usize {
         self.log().matches("state=\"completed\"").count()
     }
 
-    /// Stops the process where it is, as if its machine hung: what it has, it keeps until its lease ends.
+    /// Stops the process without ending it, as if its machine hung.
     pub(crate) fn pause(&self) {
-        let process = Pid::from_child(&self.child);
-        kill_process(process, Signal::STOP).unwrap();
+        kill_process(Pid::from_child(&self.child), Signal::STOP).unwrap();
+    }
+
+    /// Continues a paused process.
+    pub(crate) fn resume(&self) {
+        kill_process(Pid::from_child(&self.child), Signal::CONT).unwrap();
     }
 
     /// Ends the process as if the machine had failed.

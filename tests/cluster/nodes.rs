@@ -1,22 +1,22 @@
-//! Two nodes that take requests and two that work, as clients see them.
+//! Two nodes that take requests and two workers, as clients see them.
 
 use crate::client::send;
-use crate::nats_server::{NatsServer, program};
+use crate::cluster::Cluster;
 use crate::node::Node;
 use crate::pictures::{disc, noise};
 use std::thread;
 use std::time::Duration;
 
-/// Work that takes seconds.
+/// Parameters with which noise takes seconds.
 const SLOW: &str = "method=mgpr&density=1";
+/// Nodes count jobs and share their mean duration at this interval; the rest is a reserve.
+const STATS_INTERVAL: Duration = Duration::from_secs(6);
 
 #[test]
-fn a_job_is_one_and_the_same_whatever_node_is_asked() {
-    let Some(program) = program() else { return };
-    let broker = NatsServer::start(&program);
-    let queue = broker.address();
-    let (one, other) = (Node::serve(&queue, &[]), Node::serve(&queue, &[]));
-    let workers = [Node::work(&queue, &[]), Node::work(&queue, &[])];
+fn every_node_answers_for_every_job() {
+    let Some(cluster) = Cluster::start() else { return };
+    let (one, other) = (cluster.serve(&[]), cluster.serve(&[]));
+    let workers = [cluster.work(&[]), cluster.work(&[])];
     let image = disc(64, 48, 3);
     let job = one.job("method=mgprfs&size=60", &image);
     other.wait_for(&job, "completed");
@@ -25,7 +25,6 @@ fn a_job_is_one_and_the_same_whatever_node_is_asked() {
     assert_eq!(mesh.body, direct.body);
     assert_eq!(one.get(&format!("{job}/mesh")).body, direct.body);
     assert_eq!(other.get("/v1/jobs").json()["jobs"][0]["id"], job.rsplit('/').next().unwrap());
-    // The stream of events comes from any node, whole.
     let events = other.stream(&format!("{job}/events"));
     for state in ["queued", "running", "completed"] {
         assert!(events.contains(&format!("\"state\":\"{state}\"")), "{events}");
@@ -35,13 +34,11 @@ fn a_job_is_one_and_the_same_whatever_node_is_asked() {
 }
 
 #[test]
-fn the_same_word_is_the_same_job_on_every_node() {
-    let Some(program) = program() else { return };
-    let broker = NatsServer::start(&program);
-    let queue = broker.address();
-    let nodes = [Node::serve(&queue, &[]), Node::serve(&queue, &[])];
+fn an_idempotency_key_holds_on_all_nodes() {
+    let Some(cluster) = Cluster::start() else { return };
+    let nodes = [cluster.serve(&[]), cluster.serve(&[])];
     let image = disc(40, 40, 1);
-    let headers = [("Idempotency-Key", "word")];
+    let headers = [("Idempotency-Key", "key")];
     let answers: Vec<_> = thread::scope(|scope| {
         let submit = |n: usize| nodes[n % 2].submit("size=40", &headers, &image);
         let tries: Vec<_> = (0..8).map(|n| scope.spawn(move || submit(n))).collect();
@@ -56,16 +53,15 @@ fn the_same_word_is_the_same_job_on_every_node() {
 }
 
 #[test]
-fn a_cancellation_and_progress_cross_nodes() {
-    let Some(program) = program() else { return };
-    let broker = NatsServer::start(&program);
-    let queue = broker.address();
-    let (one, other) = (Node::serve(&queue, &[]), Node::serve(&queue, &[]));
-    let worker = Node::work(&queue, &[]);
+fn progress_and_cancellation_cross_nodes() {
+    let Some(cluster) = Cluster::start() else { return };
+    let (one, other) = (cluster.serve(&[]), cluster.serve(&[]));
+    let worker = cluster.work(&[]);
     let job = one.job(SLOW, &noise(700));
     other.wait_for(&job, "running");
-    other
-        .wait_until("progress is seen", || other.get(&job).json()["progress"]["stage"].is_string());
+    other.wait_until("the other node shows progress", || {
+        other.get(&job).json()["progress"]["stage"].is_string()
+    });
     let cancelled = send(other.public, "DELETE", &job, &[], &[]);
     assert_eq!(cancelled.status, 202, "{}", cancelled.text());
     one.wait_for(&job, "cancelled");
@@ -77,20 +73,18 @@ fn a_cancellation_and_progress_cross_nodes() {
     assert_eq!(other.get(&job).status, 404);
 }
 
-/// How many seconds of work wait, as a node counts.
-fn work_s(node: &Node) -> Option<f64> {
+/// The seconds of queued work that a node reports.
+fn queued_work_s(node: &Node) -> Option<f64> {
     let metrics = node.operate("/metrics").text();
     let line = metrics.lines().find_map(|l| l.strip_prefix("pixmesh_jobs_queued_work_seconds "))?;
     Some(line.parse().unwrap())
 }
 
 #[test]
-fn what_waits_shows_in_metrics_of_every_node_and_more_than_may_is_refused() {
-    let Some(program) = program() else { return };
-    let broker = NatsServer::start(&program);
-    let queue = broker.address();
+fn all_nodes_count_queued_jobs_and_refuse_more_than_the_limit() {
+    let Some(cluster) = Cluster::start() else { return };
     let flags = ["--max-queued-jobs", "5"];
-    let nodes = [Node::serve(&queue, &flags), Node::serve(&queue, &flags)];
+    let nodes = [cluster.serve(&flags), cluster.serve(&flags)];
     for n in 0..5 {
         nodes[n % 2].job(&format!("size={}", 40 + n), &disc(40, 40, 1));
     }
@@ -107,22 +101,22 @@ fn what_waits_shows_in_metrics_of_every_node_and_more_than_may_is_refused() {
                 && age.is_some_and(|age| age.parse::<f64>().unwrap() > 0.0)
         });
     }
-    let worker = Node::work(&queue, &[]);
-    nodes[0].wait_until("all are done", || worker.completions() == 5);
+    let worker = cluster.work(&[]);
+    nodes[0].wait_until("all jobs are done", || worker.completions() == 5);
     for node in [&nodes[0], &nodes[1], &worker] {
-        node.wait_until("no work waits", || work_s(node) == Some(0.0));
+        node.wait_until("no work is queued", || queued_work_s(node) == Some(0.0));
     }
-    // Who has done no jobs knows all the same how long those take that wait.
-    let is_told =
-        || worker.operate("/metrics").text().contains("pixmesh_job_duration_seconds_count 5");
-    worker.wait_until("it has counted them", is_told);
-    thread::sleep(Duration::from_secs(6));
+    // Nodes that have done no jobs report queued work by the mean duration that the worker shares.
+    worker.wait_until("the worker has measured five jobs", || {
+        worker.operate("/metrics").text().contains("pixmesh_job_duration_seconds_count 5")
+    });
+    thread::sleep(STATS_INTERVAL);
     drop(worker);
     nodes[0].job("size=90", &disc(40, 40, 1));
-    let new = Node::serve(&queue, &[]);
+    let new = cluster.serve(&[]);
     for node in [&nodes[0], &nodes[1], &new] {
-        node.wait_until("the work that waits is told in seconds", || {
-            work_s(node).is_some_and(|seconds| seconds > 0.0)
+        node.wait_until("the node reports the seconds of queued work", || {
+            queued_work_s(node).is_some_and(|seconds| seconds > 0.0)
         });
     }
 }

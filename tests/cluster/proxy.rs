@@ -1,130 +1,141 @@
-//! A wire that can be cut, broken and made slow: connections to it go on to another address.
+//! A TCP proxy that holds, delays or closes connections, and that can switch to another server.
 
-use std::io::{Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
-/// The wire.
+/// The proxy.
 #[derive(Clone, Debug)]
 pub(crate) struct Proxy {
     pub(crate) port: u16,
-    /// What is sent waits.
-    is_cut: Arc<AtomicBool>,
-    /// What is answered waits.
-    is_deaf: Arc<AtomicBool>,
-    is_broken: Arc<AtomicBool>,
+    target: Arc<AtomicU16>,
+    /// Holds what clients send.
+    holds_requests: Arc<AtomicBool>,
+    /// Holds what the server answers.
+    holds_answers: Arc<AtomicBool>,
+    /// Closes every connection.
+    refuses: Arc<AtomicBool>,
     delay_ms: Arc<AtomicU64>,
-    trap: Arc<Mutex<Option<(String, Cut)>>>,
+    trigger: Arc<Mutex<Option<Trigger>>>,
 }
 
-/// On which side of a message a wire is cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Cut {
-    /// The message does not pass any more, nor what follows.
-    Before,
-    /// The message passes, and no answer to it.
-    After,
+/// A sequence of texts in requests after which the proxy holds all traffic.
+#[derive(Debug)]
+struct Trigger {
+    texts: VecDeque<String>,
+    hold: Hold,
 }
 
-/// Which way bytes go.
+/// What the proxy does with the request that completes a trigger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
-    There,
-    Back,
+pub(crate) enum Hold {
+    /// The server does not receive the request.
+    Request,
+    /// The server receives the request, and the client does not receive the answer.
+    Answer,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Direction {
+    ToServer,
+    ToClient,
 }
 
 impl Proxy {
-    /// One to a port of this machine.
-    pub(crate) fn to(port: u16) -> Self {
+    /// Starts a proxy to a port of this machine.
+    pub(crate) fn to(target: u16) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let proxy = Self {
             port: listener.local_addr().unwrap().port(),
-            is_cut: Arc::default(),
-            is_deaf: Arc::default(),
-            is_broken: Arc::default(),
+            target: Arc::new(AtomicU16::new(target)),
+            holds_requests: Arc::default(),
+            holds_answers: Arc::default(),
+            refuses: Arc::default(),
             delay_ms: Arc::default(),
-            trap: Arc::default(),
+            trigger: Arc::default(),
         };
         let shared = proxy.clone();
         thread::spawn(move || {
-            for near in listener.incoming().map_while(Result::ok) {
-                let Ok(far) = TcpStream::connect(SocketAddr::from(([127, 0, 0, 1], port))) else {
-                    continue;
-                };
-                let (wire, back) = (shared.clone(), shared.clone());
-                let (near2, far2) = (near.try_clone().unwrap(), far.try_clone().unwrap());
-                thread::spawn(move || wire.carry(near, far, Way::There));
-                thread::spawn(move || back.carry(far2, near2, Way::Back));
+            for client in listener.incoming().map_while(Result::ok) {
+                let target = shared.target.load(Ordering::SeqCst);
+                let Ok(server) = TcpStream::connect(("127.0.0.1", target)) else { continue };
+                let (there, back) = (shared.clone(), shared.clone());
+                let (client2, server2) = (client.try_clone().unwrap(), server.try_clone().unwrap());
+                thread::spawn(move || there.copy(client, server, Direction::ToServer));
+                thread::spawn(move || back.copy(server2, client2, Direction::ToClient));
             }
         });
         proxy
     }
 
-    /// The address of a broker behind it.
-    pub(crate) fn address(&self) -> String {
-        format!("nats://127.0.0.1:{}", self.port)
+    /// Holds all traffic: connections stay open and no bytes pass.
+    pub(crate) fn hold(&self) {
+        self.holds_requests.store(true, Ordering::SeqCst);
+        self.holds_answers.store(true, Ordering::SeqCst);
     }
 
-    /// Cuts it: nothing passes any more, and nobody is told.
-    pub(crate) fn cut(&self) {
-        self.is_cut.store(true, Ordering::SeqCst);
-        self.is_deaf.store(true, Ordering::SeqCst);
+    /// Holds all traffic once requests have contained these texts, one after the other.
+    pub(crate) fn hold_at(&self, texts: &[&str], hold: Hold) {
+        let texts = texts.iter().map(|&text| text.to_owned()).collect();
+        *self.trigger.lock().unwrap() = Some(Trigger { texts, hold });
     }
 
-    /// Cuts it as soon as somebody sends a message in which a text is.
-    pub(crate) fn cut_at(&self, text: &str, side: Cut) {
-        *self.trap.lock().unwrap() = Some((text.to_owned(), side));
+    /// Whether the request came that completed the trigger.
+    pub(crate) fn is_triggered(&self) -> bool {
+        self.trigger.lock().unwrap().is_none() && self.holds_answers.load(Ordering::SeqCst)
     }
 
-    /// Whether the message came at which it was to be cut.
-    pub(crate) fn was_cut(&self) -> bool {
-        self.trap.lock().unwrap().is_none() && self.is_deaf.load(Ordering::SeqCst)
+    /// Closes all connections, and every new one.
+    pub(crate) fn refuse(&self) {
+        self.refuses.store(true, Ordering::SeqCst);
     }
 
-    /// Breaks it: connections end at once, as if nobody were there.
-    pub(crate) fn break_off(&self) {
-        self.is_broken.store(true, Ordering::SeqCst);
-    }
-
-    /// Mends it; what was held up passes then.
-    pub(crate) fn mend(&self) {
-        for fault in [&self.is_cut, &self.is_deaf, &self.is_broken] {
+    /// Passes traffic again, and first what was held.
+    pub(crate) fn pass(&self) {
+        for fault in [&self.holds_requests, &self.holds_answers, &self.refuses] {
             fault.store(false, Ordering::SeqCst);
         }
     }
 
-    /// Makes everything that passes wait.
+    /// Connects new connections to another server, and closes those to the server before.
+    pub(crate) fn switch_to(&self, target: u16) {
+        self.target.store(target, Ordering::SeqCst);
+        self.refuse();
+        thread::sleep(Duration::from_millis(200));
+        self.pass();
+    }
+
+    /// Delays everything that passes.
     pub(crate) fn delay(&self, delay: Duration) {
         self.delay_ms.store(delay.as_millis() as u64, Ordering::SeqCst);
     }
 
-    fn carry(&self, mut from: TcpStream, mut to: TcpStream, way: Way) {
+    fn copy(&self, mut from: TcpStream, mut to: TcpStream, direction: Direction) {
         let mut buffer = [0; 16384];
         from.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
-        while !self.is_broken.load(Ordering::SeqCst) {
+        while !self.refuses.load(Ordering::SeqCst) {
             let count = match from.read(&mut buffer) {
                 Ok(0) => break,
                 Ok(count) => count,
-                Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => continue,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => continue,
                 Err(_) => break,
             };
             thread::sleep(Duration::from_millis(self.delay_ms.load(Ordering::SeqCst)));
-            let mut rest = &buffer[..count];
-            if way == Way::There {
-                let (passes, waits) = rest.split_at(self.watch_for(rest));
-                if to.write_all(passes).is_err() {
-                    break;
+            let holds = match direction {
+                Direction::ToServer => {
+                    self.check_trigger(&buffer[..count]);
+                    &self.holds_requests
                 }
-                rest = waits;
-            }
-            let is_held = if way == Way::There { &self.is_cut } else { &self.is_deaf };
-            while is_held.load(Ordering::SeqCst) {
+                Direction::ToClient => &self.holds_answers,
+            };
+            while holds.load(Ordering::SeqCst) {
                 thread::sleep(Duration::from_millis(10));
             }
-            if to.write_all(rest).is_err() {
+            if to.write_all(&buffer[..count]).is_err() {
                 break;
             }
         }
@@ -132,17 +143,18 @@ impl Proxy {
         let _ = from.shutdown(Shutdown::Both);
     }
 
-    /// Cuts the wire where the message is among these bytes at which it is to be, and returns how
-    /// many of them still pass: those of the lines before.
-    fn watch_for(&self, bytes: &[u8]) -> usize {
-        let mut trap = self.trap.lock().unwrap();
-        let Some((text, side)) = &*trap else { return 0 };
-        let Some(found) = bytes.windows(text.len()).position(|part| part == text.as_bytes()) else {
-            return 0;
-        };
-        self.is_cut.store(*side == Cut::Before, Ordering::SeqCst);
-        self.is_deaf.store(true, Ordering::SeqCst);
-        *trap = None;
-        bytes[..found].iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1)
+    /// Holds traffic if these bytes of a request complete the trigger.
+    fn check_trigger(&self, bytes: &[u8]) {
+        let mut trigger = self.trigger.lock().unwrap();
+        let Some(Trigger { texts, hold }) = &mut *trigger else { return };
+        let contains = |text: &str| bytes.windows(text.len()).any(|part| part == text.as_bytes());
+        while texts.front().is_some_and(|text| contains(text)) {
+            texts.pop_front();
+        }
+        if texts.is_empty() {
+            self.holds_requests.store(*hold == Hold::Request, Ordering::SeqCst);
+            self.holds_answers.store(true, Ordering::SeqCst);
+            *trigger = None;
+        }
     }
 }

@@ -1,7 +1,6 @@
-//! The signals for scaling that are documented and deployed, evaluated by promtool on what real nodes
-//! print.
+//! promtool evaluates the documented and deployed scaling signals on the metrics of real nodes.
 
-use crate::nats_server::{NatsServer, program};
+use crate::cluster::Cluster;
 use crate::node::Node;
 use crate::pictures::{disc, noise};
 use crate::tools::{checkout, is_there, run};
@@ -11,35 +10,33 @@ use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
-/// Where the signals are.
+/// The files with the signals.
 const FILES: [&str; 2] = ["docs/scaling.md", "deploy/kubernetes/overlays/cluster/autoscaling.yaml"];
-/// Within how many seconds what waits is to begin, in all of them.
+/// All signals ask for enough slots to start queued jobs within this time, in seconds.
 const WAIT_S: f64 = 30.0;
 
 #[test]
-fn the_signals_for_scaling_tell_how_many_slots_are_needed() {
-    let Some(program) = program() else { return };
+fn scaling_signals_give_the_number_of_slots_needed() {
     if !is_there("promtool") {
         return;
     }
-    let broker = NatsServer::start(&program);
-    let queue = broker.address();
-    let nodes = [Node::serve(&queue, &[]), Node::serve(&queue, &[])];
+    let Some(cluster) = Cluster::start() else { return };
+    let nodes = [cluster.serve(&[]), cluster.serve(&[])];
     for n in 0..3 {
         nodes[0].job(&format!("size={}", 40 + n), &disc(40, 40, 1));
     }
-    // Nobody has worked yet: a job counts as a second, so that a first worker is asked for.
+    // Before the first completed job each queued job counts as one second, so that a worker starts.
     wait_for_counts(&nodes, [3.0, 0.0]);
     assert_eq!(value(&nodes[0], "pixmesh_jobs_queued_work_seconds"), None);
     evaluate(&nodes, 3.0 / WAIT_S);
-    let worker = Node::work(&queue, &[]);
+    let worker = cluster.work(&[]);
     wait_for_counts(&nodes, [0.0, 0.0]);
     evaluate(&nodes, 0.0);
-    let told = Duration::from_secs(6);
-    thread::sleep(told);
+    // Nodes share the mean duration of jobs every 3 s.
+    thread::sleep(Duration::from_secs(6));
     let running = nodes[0].job("method=mgpr&density=1", &noise(900));
     nodes[0].wait_for(&running, "running");
-    // Every node counts once in five seconds: the job must not be done before both have.
+    // Each node counts every 3 s; the job must not end before both have counted it.
     worker.pause();
     for n in 0..4 {
         nodes[1].job(&format!("size={}", 50 + n), &disc(40, 40, 1));
@@ -51,7 +48,7 @@ fn the_signals_for_scaling_tell_how_many_slots_are_needed() {
     drop(worker);
 }
 
-/// Waits until every node counts so many jobs that wait, and that run.
+/// Waits until every node reports these numbers of queued and running jobs.
 #[track_caller]
 fn wait_for_counts(nodes: &[Node], expected: [f64; 2]) {
     for node in nodes {
@@ -62,14 +59,14 @@ fn wait_for_counts(nodes: &[Node], expected: [f64; 2]) {
     }
 }
 
-/// What a node says of a metric without labels.
+/// A node's value of a metric without labels.
 fn value(node: &Node, name: &str) -> Option<f64> {
     let metrics = node.operate("/metrics").text();
     let mut values = metrics.lines().filter_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
     values.next().map(|value| value.parse().unwrap())
 }
 
-/// Has every signal that is made of slots evaluated, and the others read.
+/// Checks the value of every signal in slots, and that the other signals evaluate.
 #[track_caller]
 fn evaluate(nodes: &[Node], slots: f64) {
     let series: Vec<Value> =
@@ -96,7 +93,7 @@ fn evaluate(nodes: &[Node], slots: f64) {
     run(Command::new("promtool").args(["test", "rules"]).arg(path));
 }
 
-/// What a node prints of its queue, as Prometheus keeps it.
+/// A node's metrics of the queue, as Prometheus stores them.
 fn series(number: usize, node: &Node) -> Vec<Value> {
     let metrics = node.operate("/metrics").text();
     let of_queue = metrics.lines().filter(|line| line.starts_with("pixmesh_jobs_"));

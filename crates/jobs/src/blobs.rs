@@ -9,7 +9,6 @@
 //! [`YOUNG`], in which its job is stored, and only older ones are deleted; one that is stored again
 //! is made young again.
 
-mod bucket;
 pub mod chunks;
 mod failure;
 mod health;
@@ -18,9 +17,7 @@ mod verified;
 
 pub use location::BlobEngine;
 
-use crate::nats::Broker;
 use crate::queue::QueueError;
-use bucket::BrokerBucket;
 use bytes::{Bytes, BytesMut};
 use chunks::ChunkedBlob;
 use failure::failure;
@@ -94,14 +91,11 @@ impl Blobs {
         Ok(Self { store, folder, holds: Arc::default(), health: Arc::default() })
     }
 
-    /// The blobs in a store that nodes share; `broker` is the queue's, where it has one.
+    /// The blobs in a store that nodes share.
     ///
     /// # Errors
     /// When the store cannot be used, or is none that nodes share.
-    pub async fn shared(
-        engine: &BlobEngine,
-        broker: Option<&Broker>,
-    ) -> Result<Self, Box<dyn Error + Send + Sync>> {
+    pub async fn shared(engine: &BlobEngine) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let store: Arc<dyn ObjectStore> = match engine {
             BlobEngine::File => return Err("--blobs file is a store of one node".into()),
             BlobEngine::Folder(path) => {
@@ -111,10 +105,6 @@ impl Blobs {
                 Arc::new(store.map_err(|error| named(error.to_string()))?.with_fsync(true))
             }
             BlobEngine::S3(address) => s3(address).await?,
-            BlobEngine::Broker => {
-                let broker = broker.ok_or("--blobs nats is the store of --queue nats://...")?;
-                Arc::new(BrokerBucket::open(broker).await?)
-            }
         };
         let (holds, health) = (Arc::default(), Arc::default());
         let blobs = Self { store, folder: None, holds, health };

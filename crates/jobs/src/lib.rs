@@ -23,11 +23,11 @@
 //! | [`queue`] | the queue as a trait, whatever engine keeps it |
 //! | [`fairness`] | whose job is next |
 //! | [`embedded`] | the queue in an SQLite database of this process |
-//! | [`nats`] | the queue in a broker that many nodes share |
 //! | [`postgres`] | the queue in a PostgreSQL database that many nodes share |
 //! | [`blobs`] | pictures and meshes, by the digest of their bytes |
 //! | [`folder`] | the folder of both, which one process has at a time |
 //! | [`durations`] | how long jobs took of late |
+//! | [`settings`] | the settings of the queue's engine |
 //! | [`worker`] | takes jobs from the queue and does them |
 //! | [`retention`] | deletes what is no longer kept |
 
@@ -38,12 +38,12 @@ pub mod durations;
 pub mod embedded;
 pub mod fairness;
 pub mod folder;
-pub mod nats;
 pub mod postgres;
 pub mod queue;
 pub mod record;
 pub mod retention;
 mod secret;
+pub mod settings;
 pub mod telemetry;
 pub mod worker;
 
@@ -54,11 +54,10 @@ use bytes::Bytes;
 use durations::Durations;
 use embedded::Embedded;
 use folder::DataFolder;
-use nats::settings::BrokerSettings;
-use nats::{Broker, Nats};
 use postgres::Postgres;
 pub use queue::{Queue, QueueError, Submitted, Terms};
 use record::NewJob;
+use settings::QueueSettings;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
@@ -68,8 +67,8 @@ use std::sync::Arc;
 pub struct Settings<'a> {
     /// The folder of a queue of one process.
     pub data_dir: &'a Path,
-    /// The queue's engine, and how it is reached.
-    pub broker: &'a BrokerSettings,
+    /// The engine of the queue and its connection.
+    pub queue: &'a QueueSettings,
     /// Where pictures and meshes are kept.
     pub blobs: BlobEngine,
     /// What the queue is asked to keep to.
@@ -88,27 +87,21 @@ pub struct Jobs {
 }
 
 impl Jobs {
-    /// Opens the jobs where the settings say: in a folder, which is taken, or with a broker.
+    /// Opens the queue and the store of blobs that the settings name. The embedded engine locks its
+    /// data folder.
     ///
     /// # Errors
-    /// When the folder cannot be used or another process has it, or the broker or the store of blobs
-    /// cannot be used.
+    /// When the folder cannot be used or another process has it, or when the database or the store of
+    /// blobs cannot be used.
     pub async fn open(settings: &Settings<'_>) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let Settings { broker, terms, .. } = *settings;
-        if !broker.is_shared() {
+        let Settings { queue, terms, .. } = *settings;
+        let Some(database) = queue.postgres() else {
             return Self::in_folder(settings).map_err(|error| error.to_string().into());
-        }
-        if let Some(database) = broker.postgres() {
-            let blobs = Blobs::shared(&settings.blobs, None).await?;
-            let queue = Postgres::open(&database, terms).await;
-            let queue = queue.map_err(|error| format!("--queue {broker}: {error}"))?;
-            return Ok(Self { queue: Arc::new(queue), blobs, durations: Arc::default() });
-        }
-        let connected = Broker::connect(broker).await?;
-        let blobs = Blobs::shared(&settings.blobs, Some(&connected)).await?;
-        let queue = Nats::open(connected, terms).await;
-        let queue = queue.map_err(|error| format!("--queue {broker}: {error}"))?;
-        Ok(Self { queue: Arc::new(queue), blobs, durations: Arc::default() })
+        };
+        let blobs = Blobs::shared(&settings.blobs).await?;
+        let opened = Postgres::open(&database, terms).await;
+        let queue = Arc::new(opened.map_err(|error| format!("--queue {queue}: {error}"))?);
+        Ok(Self { queue, blobs, durations: Arc::default() })
     }
 
     /// Opens the jobs of one process.

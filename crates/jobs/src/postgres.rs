@@ -135,8 +135,8 @@ impl Postgres {
     }
 }
 
-/// The line on which calls are heard, waited for as long as a start may take; `None` where the address
-/// is that of a pooler that lends connections for a transaction each.
+/// Connects for notifications, and waits for a database that is starting; `None` if the address is that
+/// of a pooler in transaction mode.
 async fn listening(
     settings: &PostgresSettings,
     url: &str,
@@ -145,13 +145,19 @@ async fn listening(
     loop {
         match Listening::open(&options, &settings.schema).await {
             Ok(None) => {
-                tracing::warn!("calls are not heard through this pooler: nodes look every second");
+                tracing::warn!(
+                    "no notifications through this pooler: nodes poll every second; name the \
+                     database itself with --queue-direct"
+                );
                 return Ok(None);
             }
             Ok(listening) => return Ok(listening),
             Err(error) => {
+                if let Some(advice) = settings.explain(&error) {
+                    return Err(advice.into());
+                }
                 if !database::is_lost(&error) || Instant::now() >= until {
-                    return Err(error.into());
+                    return Err(format!("the database does not answer: {error}").into());
                 }
             }
         }

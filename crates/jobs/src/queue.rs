@@ -72,14 +72,14 @@ pub enum QueueError {
     /// The store of pictures and results fails, or does not answer.
     #[error("the store of blobs fails: {0}")]
     Blobs(String),
-    /// The broker has no room left.
-    #[error("no room is left in the broker: {0}")]
-    BrokerFull(String),
-    /// The broker answers, but cannot do what it is asked.
-    #[error("the broker fails: {0}")]
-    Broker(String),
-    /// The engine that keeps the queue does not answer.
-    #[error("the broker does not answer: {0}")]
+    /// No room is left on the storage of the shared database.
+    #[error("no room is left in the database: {0}")]
+    DatabaseFull(String),
+    /// The shared database answers, but cannot do what it is asked.
+    #[error("the database fails: {0}")]
+    Database(String),
+    /// The shared database does not answer.
+    #[error("the database does not answer: {0}")]
     Unreachable(String),
 }
 

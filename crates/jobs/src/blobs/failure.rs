@@ -1,6 +1,5 @@
 //! What a failure of a store means.
 
-use crate::nats::is_full;
 use crate::queue::QueueError;
 use std::error::Error;
 use std::io::{self, ErrorKind};
@@ -13,7 +12,6 @@ pub(super) fn failure(error: &object_store::Error) -> QueueError {
         Some(ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge) => {
             QueueError::StorageFull(error.to_string())
         }
-        _ if is_full(error) => QueueError::BrokerFull(error.to_string()),
         _ => QueueError::Storage(error.to_string()),
     }
 }

@@ -13,8 +13,6 @@ pub enum BlobEngine {
     Folder(PathBuf),
     /// An S3-compatible store, by `s3://BUCKET` with or without a prefix.
     S3(String),
-    /// The object store of the queue's broker.
-    Broker,
 }
 
 impl FromStr for BlobEngine {
@@ -23,12 +21,11 @@ impl FromStr for BlobEngine {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once("://") {
             None if text == "file" => Ok(Self::File),
-            None if text == "nats" => Ok(Self::Broker),
             Some(("file", path)) if path.starts_with('/') => Ok(Self::Folder(path.into())),
             Some(("s3", bucket)) if !bucket.is_empty() && !bucket.starts_with('/') => {
                 Ok(Self::S3(text.to_owned()))
             }
-            _ => Err("must be file, file:///FOLDER, s3://BUCKET or nats".into()),
+            _ => Err("must be file, file:///FOLDER or s3://BUCKET".into()),
         }
     }
 }
@@ -39,7 +36,6 @@ impl fmt::Display for BlobEngine {
             Self::File => formatter.write_str("file"),
             Self::Folder(path) => write!(formatter, "file://{}", path.display()),
             Self::S3(address) => formatter.write_str(address),
-            Self::Broker => formatter.write_str("nats"),
         }
     }
 }
@@ -50,13 +46,13 @@ mod tests {
 
     #[test]
     fn stores_read_back_as_they_are_written() {
-        for text in ["file", "nats", "file:///srv/blobs", "s3://bucket", "s3://bucket/prefix"] {
+        for text in ["file", "file:///srv/blobs", "s3://bucket", "s3://bucket/prefix"] {
             assert_eq!(
                 text.parse::<BlobEngine>().map(|engine| engine.to_string()),
                 Ok(text.into())
             );
         }
-        for wrong in ["", "files", "file://relative", "s3://", "http://a", "nats://a"] {
+        for wrong in ["", "files", "file://relative", "s3://", "http://a", "nats"] {
             assert!(wrong.parse::<BlobEngine>().is_err(), "{wrong}");
         }
     }

@@ -33,7 +33,7 @@ where
                 let (questions, answers): (Vec<Q>, Vec<Answer<A>>) = gathered.drain(..).unzip();
                 let questions: Arc<[Q]> = questions.into();
                 let done = answer(Arc::clone(&questions)).await;
-                if matches!(done, Err(QueueError::Storage(_))) && questions.len() > 1 {
+                if matches!(done, Err(QueueError::Database(_))) && questions.len() > 1 {
                     // One that the database does not take spoils none of the others.
                     for (question, reply) in questions.iter().zip(answers) {
                         let alone = answer([question.clone()].into()).await;
@@ -68,5 +68,5 @@ where
 }
 
 fn gone() -> QueueError {
-    QueueError::Storage("what writes jobs has ended".into())
+    QueueError::Database("what writes jobs has ended".into())
 }

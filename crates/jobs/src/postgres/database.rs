@@ -110,8 +110,16 @@ impl Database {
         Ok(Transaction { connection, is_persistent: true, is_begun: false, is_over: false })
     }
 
-    /// Makes an attempt, and more where it may succeed another time.
+    /// Makes attempts until one succeeds or fails for good, for as long as a caller waits.
     pub(super) async fn retry<T, F>(&self, attempt: impl Fn() -> F) -> Result<T, QueueError>
+    where
+        F: Future<Output = sqlx::Result<T>>,
+    {
+        self.attempts(attempt).await.map_err(|error| failure(&error))
+    }
+
+    /// The same with the error of the last attempt.
+    pub(super) async fn attempts<T, F>(&self, attempt: impl Fn() -> F) -> sqlx::Result<T>
     where
         F: Future<Output = sqlx::Result<T>>,
     {
@@ -129,7 +137,7 @@ impl Database {
             let may_succeed = is_lost(&error) || is_conflict(&error) && conflicts < MOST_CONFLICTS;
             if !may_succeed || Instant::now() + PAUSE >= until {
                 self.is_healthy.store(false, Ordering::Release);
-                return Err(failure(&error));
+                return Err(error);
             }
             sleep(PAUSE).await;
         }
@@ -209,7 +217,7 @@ pub(super) fn session(schema: &str, is_for_transaction: bool) -> String {
     let set = if is_for_transaction { "SET LOCAL" } else { "SET" };
     format!(
         "{set} search_path TO \"{schema}\"; {set} lock_timeout = '3s'; \
-         {set} statement_timeout = '10s'; {set} idle_in_transaction_session_timeout = '10s'; \
+         {set} statement_timeout = '10s'; {set} idle_in_transaction_session_timeout = '5s'; \
          SELECT set_config('synchronous_commit', 'on', {is_for_transaction}) \
          WHERE current_setting('synchronous_commit') = 'off'"
     )
@@ -248,9 +256,9 @@ pub(super) fn failure(error: &sqlx::Error) -> QueueError {
         sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) => QueueError::Damaged(text),
         error if is_lost(error) => QueueError::Unreachable(text),
         error => match code(error).as_deref() {
-            Some("53100" | "53200" | "54000") => QueueError::StorageFull(text),
+            Some("53100" | "53200" | "54000") => QueueError::DatabaseFull(text),
             Some("XX001" | "XX002") => QueueError::Damaged(text),
-            _ => QueueError::Storage(text),
+            _ => QueueError::Database(text),
         },
     }
 }

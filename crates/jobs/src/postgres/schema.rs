@@ -4,7 +4,7 @@
 //! pooler passes on as a whole. A node of an earlier version goes on with tables of a later one while
 //! it runs; once it ends, it is not started again beside them.
 
-use super::database::Database;
+use super::database::{Database, failure};
 use super::settings::PostgresSettings;
 use crate::queue::QueueError;
 use sqlx::AssertSqlSafe;
@@ -33,7 +33,10 @@ pub(super) async fn migrate(
         sqlx::raw_sql(AssertSqlSafe(prepared.as_str())).execute(&mut *transaction).await?;
         transaction.commit().await
     };
-    database.retry(prepare).await?;
+    database
+        .attempts(prepare)
+        .await
+        .map_err(|error| settings.explain(&error).unwrap_or_else(|| failure(&error).to_string()))?;
     let versions =
         Migrator { locking: false, migrations: VERSIONS.migrations.clone(), ..Migrator::DEFAULT };
     let change = || async {
@@ -62,6 +65,6 @@ pub(super) async fn migrate(
              start a program that is as new as the newest node"
         )
         .into(),
-        other => QueueError::Storage(other.to_string()).into(),
+        other => QueueError::Database(other.to_string()).into(),
     })
 }

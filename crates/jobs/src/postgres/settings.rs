@@ -1,68 +1,159 @@
-//! How the database is reached.
+//! The connection to the database, and what is wrong with it when it fails.
 
+use rustls::RootCertStore;
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use sqlx::ConnectOptions;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::error::Error;
 use std::fmt;
+use std::fs;
+use std::io;
 use std::num::NonZeroU32;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// How the database is reached, and what of it is used.
+/// The connection to the database.
 #[derive(Clone)]
 pub struct PostgresSettings {
     /// The address, as `postgres://NAME:PASSWORD@HOST:PORT/DATABASE?sslmode=verify-full`.
     pub url: String,
-    /// The address past a pooler, where `url` is that of one that lends connections for a transaction
-    /// each: calls between nodes are heard there. Without it nodes look again and again.
+    /// The address without the pooler, if `url` is that of a pooler in transaction mode: nodes receive
+    /// notifications there. Without it they poll.
     pub direct_url: Option<String>,
-    /// File with the certificates that the server's is checked by; asks for TLS.
+    /// File with the certificate authorities that may sign the server's certificate; requires TLS.
     pub ca: Option<PathBuf>,
-    /// File with the certificate that the server knows this node by.
+    /// File with the certificate that this node presents to the server.
     pub certificate: Option<PathBuf>,
-    /// File with that certificate's key.
+    /// File with the private key of that certificate.
     pub key: Option<PathBuf>,
-    /// File with the password.
+    /// File with the password in its first line.
     pub password_file: Option<PathBuf>,
-    /// The most connections of this node, beside the one on which calls are heard.
+    /// The most connections of this node, without the one that receives notifications.
     pub max_connections: NonZeroU32,
-    /// The schema of the tables, made where there is none: 1 to 32 letters, digits, hyphens or
+    /// The schema of the tables, created if it does not exist: 1 to 32 letters, digits, hyphens or
     /// underscores.
     pub schema: String,
 }
 
+type Failure = Box<dyn Error + Send + Sync>;
+
 impl PostgresSettings {
-    /// How connections are made to the address, or past the pooler.
+    /// The options of connections to an address.
     ///
     /// # Errors
-    /// When the address cannot be read, or a file.
-    pub(super) fn options(
-        &self,
-        url: &str,
-    ) -> Result<PgConnectOptions, Box<dyn Error + Send + Sync>> {
-        let mut options: PgConnectOptions =
-            url.parse().map_err(|_| "the address is none of a PostgreSQL database")?;
-        // Poolers know no such parameter; numbers travel in binary.
+    /// When the address or a file is not valid.
+    pub(super) fn options(&self, url: &str) -> Result<PgConnectOptions, Failure> {
+        let mut options: PgConnectOptions = url.parse().map_err(|error| {
+            format!("this is not the address of a PostgreSQL database: {error}")
+        })?;
+        // Poolers refuse the parameter extra_float_digits; the binary protocol does not need it.
         options = options.application_name("pixmesh").extra_float_digits(None);
         if let Some(path) = &self.ca {
-            options = options.ssl_root_cert(path);
+            options = options.ssl_root_cert_from_pem(authorities(path)?);
             if !matches!(options.get_ssl_mode(), PgSslMode::VerifyCa) {
                 options = options.ssl_mode(PgSslMode::VerifyFull);
             }
         }
         if let (Some(certificate), Some(key)) = (&self.certificate, &self.key) {
-            options = options.ssl_client_cert(certificate).ssl_client_key(key);
+            let pem = read("--queue-cert", certificate)?;
+            if CertificateDer::from_pem_slice(&pem).is_err() {
+                return Err(no_such_pem("--queue-cert", certificate, "certificate"));
+            }
+            let key_pem = read("--queue-key", key)?;
+            if PrivateKeyDer::from_pem_slice(&key_pem).is_err() {
+                return Err(no_such_pem("--queue-key", key, "private key"));
+            }
+            options = options.ssl_client_cert_from_pem(pem).ssl_client_key_from_pem(key_pem);
         }
         if let Some(path) = &self.password_file {
-            let text = std::fs::read_to_string(path)
-                .map_err(|error| format!("--queue-credentials {}: {error}", path.display()))?;
-            options = options.password(text.lines().next().unwrap_or_default());
+            let text = String::from_utf8(read("--queue-password-file", path)?);
+            let text = text.map_err(|_| format!("{} is not text", path.display()))?;
+            let password = text.lines().next().filter(|password| !password.is_empty());
+            let missing =
+                || format!("--queue-password-file {}: the first line is empty", path.display());
+            options = options.password(password.ok_or_else(missing)?);
         }
         Ok(options.disable_statement_logging())
     }
+
+    /// The setting that makes connections fail with this error, and what to do; `None` for an error
+    /// that may pass.
+    pub(super) fn explain(&self, error: &sqlx::Error) -> Option<String> {
+        let file = |path: &Option<PathBuf>| {
+            path.as_ref().map_or_else(String::new, |path| format!(" {}", path.display()))
+        };
+        let advice = match error {
+            sqlx::Error::Database(refusal) => match refusal.code().as_deref() {
+                Some("28P01" | "28000") => {
+                    "the database refuses this node: check the name and password in --queue or \
+                     --queue-password-file, and --queue-cert if it requires a certificate"
+                        .to_owned()
+                }
+                Some("3D000") => "create the database, or name another one in --queue".to_owned(),
+                Some("42501") => format!(
+                    "grant CREATE on the database to the user in --queue, or create the schema {} \
+                     for it",
+                    self.schema
+                ),
+                _ => return None,
+            },
+            sqlx::Error::Tls(reason) if reason.to_string().contains("does not support TLS") => {
+                "the database does not offer TLS, which --queue-ca and sslmode require".to_owned()
+            }
+            sqlx::Error::Tls(_) => format!(
+                "TLS cannot be set up: check that --queue-key{} is the key of --queue-cert{}",
+                file(&self.key),
+                file(&self.certificate)
+            ),
+            sqlx::Error::Io(error) => match tls_error(error)? {
+                rustls::Error::InvalidCertificate(
+                    rustls::CertificateError::NotValidForName
+                    | rustls::CertificateError::NotValidForNameContext { .. },
+                ) => "the certificate of the database is not for the host in --queue".to_owned(),
+                rustls::Error::InvalidCertificate(_) => format!(
+                    "no known authority has signed the certificate of the database: name the file \
+                     of its authority with --queue-ca{}",
+                    file(&self.ca)
+                ),
+                rustls::Error::AlertReceived(_) => format!(
+                    "the database refuses the certificate of this node: check --queue-cert{}",
+                    file(&self.certificate)
+                ),
+                _ => return None,
+            },
+            _ => return None,
+        };
+        Some(format!("{advice} ({error})"))
+    }
+}
+
+/// The PEM text of a file with at least one certificate that can be read.
+fn authorities(path: &Path) -> Result<Vec<u8>, Failure> {
+    let pem = read("--queue-ca", path)?;
+    let certificates: Vec<_> = CertificateDer::pem_slice_iter(&pem).collect();
+    let mut store = RootCertStore::empty();
+    let are_valid =
+        certificates.into_iter().all(|found| found.is_ok_and(|der| store.add(der).is_ok()));
+    if !are_valid || store.is_empty() {
+        return Err(no_such_pem("--queue-ca", path, "certificate"));
+    }
+    Ok(pem)
+}
+
+fn read(setting: &str, path: &Path) -> Result<Vec<u8>, Failure> {
+    fs::read(path).map_err(|error| format!("{setting} {}: {error}", path.display()).into())
+}
+
+fn no_such_pem(setting: &str, path: &Path, kind: &str) -> Failure {
+    format!("{setting} {}: there is no valid {kind} in PEM format", path.display()).into()
+}
+
+fn tls_error(error: &io::Error) -> Option<&rustls::Error> {
+    error.get_ref()?.downcast_ref()
 }
 
 impl fmt::Debug for PostgresSettings {
-    /// Without addresses, which may have passwords in them.
+    /// Without addresses, which may contain passwords.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter
             .debug_struct("PostgresSettings")

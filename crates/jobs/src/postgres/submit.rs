@@ -33,7 +33,7 @@ impl Node {
             self.notifications.send(Changes { jobs: Vec::new(), work: true });
         }
         let met = || {
-            QueueError::Storage(
+            QueueError::Database(
                 "other submissions with the same idempotency key are under way: try again".into(),
             )
         };

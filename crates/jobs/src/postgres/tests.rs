@@ -1,20 +1,16 @@
 //! What the queue in a database promises like all engines, directly and through a pooler, and some
 //! promises of its own. All tests share a real server, and each has a schema of its own.
 
-#![allow(clippy::print_stderr, reason = "what is left out must be said")]
-#![allow(dead_code, reason = "some of what tests of servers share is not used here")]
-
 use super::*;
 use crate::conformance::{Engine, conforms};
 use crate::fairness::Caps;
 use crate::record::Picture;
-use postgres_server::{Pooler, PostgresServer};
+use pixmesh_test_support::postgres::{self as servers, Pooler, PostgresServer};
 use std::num::NonZeroU32;
 use std::sync::Weak;
 
 mod nodes;
-#[path = "../../../../tests/cluster/postgres_server.rs"]
-mod postgres_server;
+
 mod restarts;
 mod versions;
 
@@ -73,7 +69,7 @@ fn settings(url: String, schema: &str) -> PostgresSettings {
 /// no server to be had.
 fn engine(promise: &str, is_pooled: bool) -> Option<InSchema> {
     static SERVER: Mutex<Weak<(PostgresServer, Pooler)>> = Mutex::new(Weak::new());
-    let (programs, pooler) = (postgres_server::programs()?, postgres_server::pooler()?);
+    let (programs, pooler) = (servers::programs()?, servers::pooler()?);
     let mut shared = SERVER.lock().unwrap();
     let server = shared.upgrade().unwrap_or_else(|| {
         let server = PostgresServer::start(&programs, &["fsync=off", "max_connections=300"]);

@@ -222,5 +222,5 @@ async fn what_the_database_refuses_spoils_nothing_beside_it() {
     let submitted = futures_util::future::join_all(submissions).await;
     let refused: Vec<usize> = (0..20).filter(|&n| submitted[n].is_err()).collect();
     assert_eq!(refused, [5]);
-    assert!(matches!(submitted[5], Err(QueueError::Storage(_))));
+    assert!(matches!(submitted[5], Err(QueueError::Database(_))));
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nothing_acknowledged_is_lost_when_the_database_is_killed() {
-    let Some(programs) = postgres_server::programs() else { return };
+    let Some(programs) = servers::programs() else { return };
     let mut server = PostgresServer::start(&programs, &[]);
     let terms = Terms { lease: Duration::from_secs(3), ..terms() };
     let queue = Arc::new(Postgres::open(&settings(server.url(), "killed"), terms).await.unwrap());
@@ -77,7 +77,7 @@ async fn nothing_acknowledged_is_lost_when_the_database_is_killed() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_database_that_is_away_is_said_to_be_so_in_time() {
-    let Some(programs) = postgres_server::programs() else { return };
+    let Some(programs) = servers::programs() else { return };
     let mut server = PostgresServer::start(&programs, &["fsync=off"]);
     let queue = Postgres::open(&settings(server.url(), "away"), terms()).await.unwrap();
     server.kill();
