@@ -54,7 +54,6 @@ impl FlatColors {
         weights: Option<&[u8]>,
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
-        let sums = RowSums::new(image, weights, Stage::Rasterize, control)?;
         let (count, width) = (image.component_count(), image.width());
         let mut poller = Poller::new(control, Stage::Rasterize, 0, mesh.faces().len());
         let mut colors = Vec::with_capacity(mesh.faces().len() * count);
@@ -64,7 +63,17 @@ impl FlatColors {
             let corners = mesh.corners(face);
             poller.done = f;
             for (c, component) in components.iter_mut().enumerate() {
-                let sum = sums.of_face(c, corners);
+                let mut sum = Sum::default();
+                try_for_each_row(corners, |y, first, end| {
+                    poller.step((end - first) as usize)?;
+                    let row = y as usize * width;
+                    for i in row + first as usize..row + end as usize {
+                        let weight = weights.map_or(1, |weights| weights[i].into());
+                        sum.weights += weight;
+                        sum.samples += u128::from(weight * u64::from(image.components()[c][i]));
+                    }
+                    Ok(())
+                })?;
                 let color = sum.mean().unwrap_or_else(|| mesh.vertex_samples(face[0] as usize)[c]);
                 colors.push(color);
                 poller.step(STEPS_PER_FACE)?;
