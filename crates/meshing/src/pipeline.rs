@@ -235,6 +235,8 @@ fn reduce_for_flat_faces(
     let count = if plan.initial_size == plan.size { 0 } else { surplus };
     let removals = remove_in_batches(&mut mesh, count, |_| {}, control)?;
     let SortedMesh { points, faces, .. } = refine(&mut mesh, guided.parameters.effort, control)?;
+    drop(mesh);
+    sums.free(control)?;
     Ok(Reduced { points, faces, removals, squared_error: None })
 }
 

@@ -1,9 +1,9 @@
 //! The error of faces: how far their rounded interpolants are from the image.
 //!
 //! An [`ErrorEvaluator`] holds what all threads share, a [`FaceErrors`] the memory of one thread.
-//! The specification of an error is the [`scan_conversion`] of a face by one of the [`metrics`]. The
-//! squared error, which every method of the thesis uses, has two faster forms: a walk in floating
-//! point here, and vectors for small faces. Tests tie both to sums pixel by pixel.
+//! The specification of an error is the [`scan_conversion`] of a face by one of the [`metrics`].
+//! The squared error, which every method of the thesis uses, has two faster forms: a walk in
+//! floating point here, and vectors for small faces. Tests tie both to sums pixel by pixel.
 
 pub(crate) mod metrics;
 pub(crate) mod quadratic_model;
