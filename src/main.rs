@@ -67,7 +67,7 @@ fn run(command: Command) -> Result<(), Box<dyn Error>> {
         Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
         Command::Doctor(settings) => doctor::examine(&settings)?,
         Command::Key(KeyCommand::New(order)) => issue(&order)?,
-        Command::Openapi => write!(io::stdout(), "{}", routes::openapi::document_text())?,
+        Command::Openapi => write!(io::stdout(), "{}", routes::openapi_document())?,
     }
     Ok(())
 }

@@ -22,38 +22,32 @@ use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
 use crate::problem::{self, Kind, Problem};
 use crate::service::{Operations, Service};
-use axum::Router;
 use axum::extract::{Request, State};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::get;
+use axum::{Extension, Router};
+use jobs::document::JobEvent;
+use openapi::DocumentText;
 use std::any::Any;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
 
 /// The public routes.
 pub fn public(service: Arc<Service>) -> Router {
     let authenticate = from_fn_with_state(service.keys.clone(), authenticate);
     let stop = from_fn_with_state(service.cut.clone(), stop);
     let cors = cors::layer(&service.origins);
-    let routes = Router::new()
-        .route("/", get(studio::show))
+    let (documented, document) = documented().split_for_parts();
+    let routes = documented
         .route("/studio/{asset}", get(studio::asset))
-        .route("/v1/meshes", post(meshes::create))
-        .route("/v1/jobs", get(jobs::list::list).post(jobs::create))
-        .route("/v1/jobs/{id}", get(jobs::show).delete(jobs::cancel))
-        .route("/v1/jobs/{id}/events", get(jobs::events::follow))
-        .route("/v1/jobs/{id}/mesh", get(jobs::mesh::show))
-        .route("/v1/reconstructions", post(reconstructions::create))
-        .route("/v1/comparisons", post(comparisons::create))
-        .route("/v1/methods", get(methods::list))
-        .route("/problems/{slug}", get(problems::show))
-        .route("/openapi.json", get(openapi::show))
-        .route("/docs", get(docs::show))
         .route("/docs/", get(docs::show))
         .route("/docs/{asset}", get(docs::asset))
+        .layer(Extension(DocumentText::of(&document)))
         .fallback(not_found)
         .with_state(service);
     routes.layer(
@@ -67,6 +61,29 @@ pub fn public(service: Arc<Service>) -> Router {
             .layer(authenticate)
             .layer(stop),
     )
+}
+
+/// The public routes that the OpenAPI document describes.
+fn documented() -> OpenApiRouter<Arc<Service>> {
+    OpenApiRouter::with_openapi(openapi::base::<JobEvent>())
+        .routes(routes!(studio::show))
+        .routes(routes!(meshes::create))
+        .routes(routes!(jobs::list::list, jobs::submit::create))
+        .routes(routes!(jobs::show, jobs::cancel))
+        .routes(routes!(jobs::events::follow))
+        .routes(routes!(jobs::mesh::show))
+        .routes(routes!(reconstructions::create))
+        .routes(routes!(comparisons::create))
+        .routes(routes!(methods::list))
+        .routes(routes!(problems::show))
+        .routes(routes!(openapi::show))
+        .routes(routes!(docs::show))
+}
+
+/// The OpenAPI document as indented JSON.
+#[must_use]
+pub fn openapi_document() -> String {
+    DocumentText::of(&documented().into_openapi()).into_string()
 }
 
 /// The routes for operations, on a listener of their own.

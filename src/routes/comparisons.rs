@@ -1,6 +1,8 @@
 //! `POST /v1/comparisons`: a picture, and a picture or MODEL that approximates it, in; how close
 //! they are out.
 
+use super::openapi::answers::{Problems, UploadProblems};
+use super::openapi::bodies::ComparisonForm;
 use crate::extract::fields::Few;
 use crate::extract::upload::{COMPARED, Upload};
 use crate::problem::{Kind, Problem};
@@ -22,6 +24,19 @@ use utoipa::ToSchema;
 ///
 /// # Errors
 /// Every refusal of upload, admission and work.
+#[utoipa::path(
+    post, path = "/v1/comparisons", operation_id = "createComparison",
+    summary = "How close a picture, or a mesh, is to a picture",
+    description = "A form with the parts `image` and `approximation`; the latter is a picture or a \
+                   MODEL of the same width, height, components and precision. The service recognises \
+                   it by its content.",
+    request_body(content = inline(ComparisonForm), content_type = "multipart/form-data"),
+    responses(
+        (status = 200, description = "The figures", body = Figures),
+        Problems, UploadProblems,
+    ),
+    security((), ("key" = [])),
+)]
 pub(super) async fn create(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,

@@ -1,5 +1,6 @@
 //! `GET /docs`: a page for the OpenAPI document, with its assets from the program itself.
 
+use super::openapi::bodies::Text;
 use crate::problem::{Kind, Problem, internal};
 use axum::extract::Path;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
@@ -17,6 +18,14 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'u
 ///
 /// # Errors
 /// `internal` when the page is not there.
+#[utoipa::path(
+    get, path = "/docs", operation_id = "docs",
+    summary = "A page for this document",
+    description = "Swagger UI, with all of its files from the service itself.",
+    responses((
+        status = 200, description = "The page", body = inline(Text), content_type = "text/html",
+    )),
+)]
 pub async fn show() -> Result<Response, Problem> {
     file("index.html")
 }

@@ -13,11 +13,12 @@ pub mod events;
 mod found;
 pub mod list;
 pub mod mesh;
-mod submit;
+pub(super) mod submit;
 
-pub use submit::create;
 pub(super) use submit::prefer;
 
+use super::openapi::answers::{Problems, ProblemsOf};
+use super::openapi::parameters::JobPath;
 use crate::extract::fields::Few;
 use crate::problem::Problem;
 use crate::service::Service;
@@ -26,6 +27,7 @@ use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use document::Job;
 use found::{answer, find, found, gone, id_of, unknown};
 use pixmesh_engine::Owner;
 use pixmesh_jobs::queue::Cancellation;
@@ -36,6 +38,16 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// `not-found`, or `gone` when it is no longer kept.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}", operation_id = "getJob",
+    summary = "A job", description = "Its state, its progress, and its result.",
+    params(JobPath),
+    responses(
+        (status = 200, description = "The job", body = Job),
+        Problems, ProblemsOf::<404>, ProblemsOf::<410>,
+    ),
+    security((), ("key" = [])),
+)]
 pub async fn show(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,
@@ -51,6 +63,19 @@ pub async fn show(
 ///
 /// # Errors
 /// `not-found`, or `gone` when it is no longer kept.
+#[utoipa::path(
+    delete, path = "/v1/jobs/{id}", operation_id = "cancelJob",
+    summary = "Cancels or deletes a job",
+    description = "A queued or running job is cancelled; running work stops within moments. An ended \
+                   job is deleted, with its mesh.",
+    params(JobPath),
+    responses(
+        (status = 202, description = "It is cancelled, or will be in a moment", body = Job),
+        (status = 204, description = "It had ended, and is deleted"),
+        Problems, ProblemsOf::<404>, ProblemsOf::<410>, ProblemsOf::<507>,
+    ),
+    security((), ("key" = [])),
+)]
 pub async fn cancel(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,

@@ -2,6 +2,10 @@
 
 use super::answer::{self, Figures};
 use super::jobs;
+use super::openapi::answers::{Accepted, Mesh, Problems, ProblemsOf, UploadProblems};
+use super::openapi::bodies::{Binary, MeshForm};
+use super::openapi::examples::PICTURE;
+use super::openapi::parameters::{IdempotencyKey, MeshParameters, Prefer};
 use crate::extract::accept::{self, Representation};
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE, Upload};
@@ -29,6 +33,26 @@ const LONG_BODY: u64 = 256 << 10;
 ///
 /// # Errors
 /// Every refusal of upload, parameters, admission and work.
+#[utoipa::path(
+    post, path = "/v1/meshes", operation_id = "createMesh",
+    summary = "An image in, its mesh out",
+    description = "The body is the image itself, with the parameters in the query, or a form with one \
+                   part `image` and the parameters as fields or as one JSON part `params`, and with a \
+                   second picture `weights` if some pixels matter more. A parameter may be given once \
+                   in all. The service recognises the image's format by its content. With the header \
+                   Prefer the answer may be a job.",
+    params(MeshParameters, Prefer, IdempotencyKey),
+    request_body(
+        description = "A PNG, JPEG, WebP, GIF, TIFF, BMP or PNM image, or a form with one.",
+        content(
+            (inline(Binary) = "image/*", example = json!(PICTURE)),
+            (inline(Binary) = "application/octet-stream"),
+            (inline(MeshForm) = "multipart/form-data"),
+        ),
+    ),
+    responses(Mesh, Accepted, Problems, UploadProblems, ProblemsOf::<406>, ProblemsOf::<507>),
+    security((), ("key" = [])),
+)]
 pub async fn create(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,

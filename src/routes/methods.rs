@@ -1,5 +1,6 @@
 //! `GET /v1/methods`: every method, policy, parameter and format, from the parser's own table.
 
+use super::openapi::answers::ProblemsOf;
 use crate::extract::accept::offered;
 use axum::Json;
 use pixmesh_engine::params::{
@@ -72,6 +73,16 @@ pub(super) struct FormatRow {
 }
 
 /// Answers with everything that can be asked for.
+#[utoipa::path(
+    get, path = "/v1/methods", operation_id = "methods",
+    summary = "Every method, policy, parameter and format",
+    description = "The table by which the service reads parameters.",
+    responses(
+        (status = 200, description = "Every method, policy, parameter and format", body = Methods),
+        ProblemsOf::<401>, ProblemsOf::<429>,
+    ),
+    security((), ("key" = [])),
+)]
 pub(super) async fn list() -> Json<Methods> {
     Json(Methods {
         default: DEFAULT_METHOD.name(),

@@ -1,6 +1,9 @@
 //! `POST /v1/reconstructions`: a MODEL in, the picture rebuilt from it out.
 
 use super::answer;
+use super::openapi::answers::{Picture, Problems, ProblemsOf, UploadProblems};
+use super::openapi::bodies::{Binary, ModelForm, Text};
+use super::openapi::parameters::PictureParameters;
 use crate::extract::accept::{self, Representation};
 use crate::extract::fields::Few;
 use crate::extract::upload::{MODEL, Upload};
@@ -27,6 +30,23 @@ pub(super) const PARAMETERS: &[&str] = &["format"];
 ///
 /// # Errors
 /// Every refusal of upload, parameters, admission and work.
+#[utoipa::path(
+    post, path = "/v1/reconstructions", operation_id = "createReconstruction",
+    summary = "A MODEL in, the picture rebuilt from it out",
+    description = "The body is the MODEL text, or a form with one part `model`.",
+    params(PictureParameters),
+    request_body(
+        description = "A mesh as MODEL text, or a form with one.",
+        content(
+            (inline(Text) = "text/plain"),
+            (inline(Text) = "application/vnd.pixmesh.model"),
+            (inline(Binary) = "application/octet-stream"),
+            (inline(ModelForm) = "multipart/form-data"),
+        ),
+    ),
+    responses(Picture, Problems, UploadProblems, ProblemsOf::<406>),
+    security((), ("key" = [])),
+)]
 pub async fn create(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,

@@ -4,6 +4,8 @@
 //! without a step that builds them. A debug build reads them from the checkout each time.
 
 use super::index;
+use super::index::Index;
+use super::openapi::bodies::Text;
 use crate::extract::accept;
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::answer;
@@ -44,6 +46,14 @@ static COMPRESSED: LazyLock<Mutex<HashMap<[u8; 32], Bytes>>> = LazyLock::new(Mut
 ///
 /// # Errors
 /// `internal` when the page cannot be compressed.
+#[utoipa::path(
+    get, path = "/", operation_id = "index",
+    summary = "The studio, a page to try the service in; links to the resources as JSON",
+    description = "A browser gets the page; a client that prefers application/json gets the links.",
+    responses((status = 200, description = "The page, or the links", content(
+        (Index = "application/json"), (inline(Text) = "text/html"),
+    ))),
+)]
 pub async fn show(request: HeaderMap) -> Result<Response, Problem> {
     let mut response = if accept::prefers_json_to_html(&request) {
         index::show().await.into_response()

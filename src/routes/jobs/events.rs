@@ -8,6 +8,9 @@ use super::document::JobEvent;
 use super::found;
 use crate::extract::fields::Few;
 use crate::problem::Problem;
+use crate::routes::openapi::answers::{Problems, ProblemsOf};
+use crate::routes::openapi::bodies::Text;
+use crate::routes::openapi::parameters::{JobPath, LastEventId};
 use crate::service::Service;
 use axum::Extension;
 use axum::extract::rejection::PathRejection;
@@ -35,6 +38,21 @@ const COME_BACK: Duration = Duration::from_secs(1);
 ///
 /// # Errors
 /// `not-found`, or `gone` when the job is no longer kept.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/events", operation_id = "followJob",
+    summary = "The events of a job, as they happen",
+    description = "Server-sent events named state and progress, the data of each a JobEvent, until \
+                   the job ends. A client that reconnects with Last-Event-ID receives what it missed.",
+    params(JobPath, LastEventId),
+    responses(
+        (
+            status = 200, description = "The events", body = inline(Text),
+            content_type = "text/event-stream",
+        ),
+        Problems, ProblemsOf::<404>, ProblemsOf::<410>,
+    ),
+    security((), ("key" = [])),
+)]
 pub async fn follow(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,

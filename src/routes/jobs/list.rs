@@ -3,6 +3,8 @@
 use super::document::Job;
 use crate::extract::fields::Few;
 use crate::problem::{Kind, Problem};
+use crate::routes::openapi::answers::{Problems, ProblemsOf};
+use crate::routes::openapi::parameters::{DEFAULT_JOBS, MOST_JOBS, PageParameters};
 use crate::service::Service;
 use axum::Extension;
 use axum::Json;
@@ -15,11 +17,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// The parameters.
-pub(in crate::routes) const PARAMETERS: &[&str] = &["state", "limit", "cursor"];
-/// The most jobs of a page, and as many as there are where the client says nothing.
-pub(in crate::routes) const MOST: u64 = 100;
-pub(in crate::routes) const DEFAULT: u64 = 20;
+const PARAMETERS: &[&str] = &["state", "limit", "cursor"];
 
 /// Some of the caller's jobs, newest first.
 #[derive(Serialize, ToSchema)]
@@ -41,6 +39,17 @@ pub(in crate::routes) struct PageLinks {
 ///
 /// # Errors
 /// Every refusal of parameters.
+#[utoipa::path(
+    get, path = "/v1/jobs", operation_id = "listJobs",
+    summary = "The caller's jobs, newest first",
+    description = "The cursor of a page, which is null on the last one, asks for the next.",
+    params(PageParameters),
+    responses(
+        (status = 200, description = "Some of the jobs", body = Jobs),
+        Problems, ProblemsOf::<422>,
+    ),
+    security((), ("key" = [])),
+)]
 pub(in crate::routes) async fn list(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,
@@ -49,8 +58,8 @@ pub(in crate::routes) async fn list(
     let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
     let state = parameters.get("state").map(state_named).transpose()?;
     let before = parameters.get("cursor").map(cursor).transpose()?;
-    let limit = parameters.get("limit").map(|text| whole_between("limit", text, 1, MOST));
-    let limit = limit.transpose()?.unwrap_or(DEFAULT) as usize;
+    let limit = parameters.get("limit").map(|text| whole_between("limit", text, 1, MOST_JOBS));
+    let limit = limit.transpose()?.unwrap_or(DEFAULT_JOBS) as usize;
     let page = service.jobs.queue.list(&owner, PageRequest { state, before, limit }).await?;
     let next = page.next.map(|id| next_page(id, limit, state));
     Ok(Json(Jobs {

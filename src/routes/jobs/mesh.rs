@@ -11,6 +11,8 @@ use crate::extract::accept;
 use crate::extract::fields::Few;
 use crate::problem::{Kind, Problem};
 use crate::routes::answer::{self, Figures};
+use crate::routes::openapi::answers::{Mesh, MeshPart, Problems, ProblemsOf};
+use crate::routes::openapi::parameters::{JobPath, KeptMeshParameters};
 use crate::service::Service;
 use axum::Extension;
 use axum::body::Body;
@@ -50,6 +52,23 @@ pub(super) struct Wish {
 /// # Errors
 /// `not-found`, `gone`, `job-unfinished`, `job-without-mesh`, `job-without-order`,
 /// `parameter-out-of-range`, `range-not-satisfiable`, and every refusal of admission.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/mesh", operation_id = "getJobMesh",
+    summary = "The mesh of a completed job, in any format and size",
+    description = "The service stores the mesh once, and writes it in the format of the query, of \
+                   Accept, or of the job's parameters, in this order. With a size: the mesh of that \
+                   many vertices that removal passes through on its way down from the job's mesh. \
+                   That needs a method that ends with removal, or a job with format=progression. The \
+                   format progression has all of these meshes at once, with their squared errors.",
+    params(JobPath, KeptMeshParameters),
+    responses(
+        Mesh, MeshPart,
+        (status = 304, description = "The client has it already"),
+        Problems, ProblemsOf::<404>, ProblemsOf::<406>, ProblemsOf::<409>, ProblemsOf::<410>,
+        ProblemsOf::<416>, ProblemsOf::<422>,
+    ),
+    security((), ("key" = [])),
+)]
 pub async fn show(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,

@@ -6,6 +6,9 @@ use crate::extract::idempotency;
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE_OF_JOB, Upload};
 use crate::problem::{Kind, Problem, internal};
+use crate::routes::openapi::answers::{Accepted, Problems, ProblemsOf, UploadProblems};
+use crate::routes::openapi::bodies::{Binary, MeshForm, MeshObject};
+use crate::routes::openapi::parameters::{IdempotencyKey, MeshParameters};
 use crate::service::Service;
 use axum::Extension;
 use axum::extract::{Request, State};
@@ -39,7 +42,27 @@ static PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-appl
 /// # Errors
 /// Every refusal of upload and parameters, `work-too-large`, `idempotency-key-reused`, `overloaded`
 /// or `too-many-jobs` when as many jobs wait as may, and failures of the storage.
-pub async fn create(
+#[utoipa::path(
+    post, path = "/v1/jobs", operation_id = "createJob",
+    summary = "An image in, a job out",
+    description = "As createMesh, but always as a job; the answer comes when image and job are on \
+                   stable storage. The job becomes completed, failed or cancelled even if the \
+                   service restarts. The body may also be a JSON object with the image in base64 and \
+                   the parameters as `params`.",
+    params(MeshParameters, IdempotencyKey),
+    request_body(
+        description = "An image, a form with one, or a JSON object with one in base64.",
+        content(
+            (inline(Binary) = "image/*"),
+            (inline(Binary) = "application/octet-stream"),
+            (inline(MeshForm) = "multipart/form-data"),
+            (inline(MeshObject) = "application/json"),
+        ),
+    ),
+    responses(Accepted, Problems, UploadProblems, ProblemsOf::<507>),
+    security((), ("key" = [])),
+)]
+pub(in crate::routes) async fn create(
     State(service): State<Arc<Service>>,
     Extension(owner): Extension<Owner>,
     request: Request,

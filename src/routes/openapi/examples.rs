@@ -9,7 +9,7 @@ use pixmesh_meshing::{Target, mesh_image};
 use serde_json::{Value, json};
 
 /// A picture that can be written in a document: a square on a ground, as plain graymap.
-pub(super) const PICTURE: &str = "P2\n6 5\n15\n0 0 0 0 0 0\n0 9 9 9 0 0\n0 9 9 9 0 0\n\
+pub(in crate::routes) const PICTURE: &str = "P2\n6 5\n15\n0 0 0 0 0 0\n0 9 9 9 0 0\n0 9 9 9 0 0\n\
                                   0 9 9 9 0 0\n0 0 0 0 0 0\n";
 /// Percent of its pixels.
 const DENSITY: f64 = 40.0;
