@@ -1,10 +1,10 @@
-//! Settings of where traces go.
+//! The settings of traces.
 
 use clap::Args;
 use pixmesh_jobs::Secret;
 use std::fmt;
 
-/// Where traces go.
+/// The collector of traces.
 #[derive(Args, Clone, Debug)]
 pub struct TraceSettings {
     /// Collector of traces, by OTLP over HTTP, such as http://127.0.0.1:4318; none by default.
@@ -24,10 +24,13 @@ impl fmt::Display for TraceSettings {
     }
 }
 
-/// The address of a collector: plain HTTP, and no name or password in it, which would be shown.
+/// The address of a collector, without a name or password, because the address is printed.
 fn endpoint(text: &str) -> Result<String, String> {
-    match text.strip_prefix("http://") {
+    let host = text.strip_prefix("http://").or_else(|| text.strip_prefix("https://"));
+    match host {
         Some(host) if !host.is_empty() && !host.contains(['@', ' ']) => Ok(text.to_owned()),
-        _ => Err("it is written http://HOST:PORT, without a name or password".into()),
+        _ => Err("must be http://HOST:PORT or https://HOST:PORT, without a name or password; \
+                  pass credentials with --otlp-headers"
+            .into()),
     }
 }
