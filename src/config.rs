@@ -11,9 +11,9 @@ mod trace;
 
 pub use access::AccessSettings;
 pub use container::{BESIDE_BUDGET, memory_limit};
+use pixmesh_jobs::Caps;
 use pixmesh_jobs::Terms;
 use pixmesh_jobs::blobs::BlobEngine;
-use pixmesh_jobs::fairness::Caps;
 use pixmesh_jobs::settings::QueueSettings;
 pub use quantity::{ByteSize, Period};
 pub use trace::TraceSettings;

@@ -143,7 +143,9 @@ fn a_picture_without_a_job_is_deleted_after_an_hour() {
     for path in blobs(cluster.blobs.path()) {
         std::fs::File::options().write(true).open(path).unwrap().set_modified(then).unwrap();
     }
-    cluster.server.run_sql("UPDATE pixmesh.given_up SET since = since - interval '2 hours'");
+    cluster
+        .server
+        .run_sql("UPDATE pixmesh.orphan_candidates SET since = since - interval '2 hours'");
     other
         .wait_until("the picture without a job is gone", || blobs(cluster.blobs.path()).len() == 1);
     let _worker = cluster.work(&[]);

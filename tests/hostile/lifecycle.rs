@@ -240,8 +240,8 @@ fn rows_of_machines() -> Vec<Row> {
 
 /// What a column of a job may hold after the disk has lied.
 const DAMAGES: [(&str, &str); 10] = [
-    ("order_query", "'no=such&parameter'"),
-    ("order_query", "'%zz'"),
+    ("options", "'no=such&parameter'"),
+    ("options", "'%zz'"),
     ("image_digest", "'../../etc/passwd'"),
     ("image_digest", "'0000000000000000000000000000000000000000000000000000000000000000'"),
     ("image_shape", "'{'"),

@@ -1,13 +1,13 @@
-//! Measures what a PostgreSQL database does as the queue of two nodes. It makes a schema of its own and
-//! deletes it at the end; one million jobs take about 1.5 GB.
+//! Measures a PostgreSQL database as the queue of two nodes, in a schema that is created and dropped. One
+//! million jobs take about 1.5 GB.
 //!
 //! `cargo run --release -p pixmesh-jobs --example database_figures -- --url postgres://NAME@HOST/DB`
-#![allow(clippy::print_stdout, reason = "the figures are what it is for")]
+#![allow(clippy::print_stdout, reason = "the program prints figures")]
 
 use clap::Parser;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
-use pixmesh_jobs::fairness::Caps;
+use pixmesh_jobs::Caps;
 use pixmesh_jobs::postgres::{Postgres, PostgresSettings};
 use pixmesh_jobs::queue::{Outcome, PageRequest, Queue, Submitted, Terms};
 use pixmesh_jobs::record::{JobId, MeshFigures, NewJob, Picture, PictureShape, State};
@@ -20,8 +20,8 @@ use std::time::{Duration, Instant};
 
 /// How long each rate is measured.
 const TIME: Duration = Duration::from_secs(5);
-/// Callers at the same time, on both nodes together.
-const AT_A_TIME: usize = 128;
+/// Concurrent callers, on both nodes together.
+const CALLERS: usize = 128;
 /// The schema of the tables.
 const SCHEMA: &str = "pixmesh_figures";
 
@@ -30,7 +30,7 @@ struct Flags {
     /// Address of the database.
     #[arg(long)]
     url: String,
-    /// Jobs among which lists are asked for.
+    /// The number of stored jobs while lists are measured.
     #[arg(long, default_value = "1000000")]
     jobs: usize,
 }
@@ -49,7 +49,7 @@ async fn main() -> Done<()> {
     for owners in [10, 10_000] {
         let nodes = fresh(&pool, &flags.url).await?;
         fill(&pool, 50_000, owners, "0", "NULL").await?;
-        claims(&nodes, &format!("the same, {owners} owners waiting")).await;
+        claims(&nodes, &format!("the same, {owners} owners with queued jobs")).await;
         let nodes = fresh(&pool, &flags.url).await?;
         fill(&pool, 20_000, owners, "0", "NULL").await?;
         let began = Instant::now();
@@ -57,7 +57,7 @@ async fn main() -> Done<()> {
             nodes[0].claim().await?;
         }
         row(
-            &format!("ms a claim alone, {owners} owners waiting"),
+            &format!("ms a single claim, {owners} owners with queued jobs"),
             began.elapsed().as_secs_f64() * 2.0,
         );
     }
@@ -81,7 +81,7 @@ async fn main() -> Done<()> {
     for _ in 0..100 {
         nodes[0].stats().await?;
     }
-    row("ms the counts of what waits and runs", began.elapsed().as_secs_f64() * 10.0);
+    row("ms the numbers of queued and running jobs", began.elapsed().as_secs_f64() * 10.0);
     let nodes = fresh(&pool, &flags.url).await?;
     fill(&pool, 100_000, 100, "2", "now() - interval '1 second'").await?;
     let (began, mut expired) = (Instant::now(), 0);
@@ -93,7 +93,7 @@ async fn main() -> Done<()> {
     Ok(())
 }
 
-/// Two nodes at new tables.
+/// Two nodes with new tables.
 async fn fresh(pool: &PgPool, url: &str) -> Done<[Arc<Postgres>; 2]> {
     let dropped = format!("DROP SCHEMA IF EXISTS {SCHEMA} CASCADE");
     sqlx::raw_sql(AssertSqlSafe(dropped)).execute(pool).await?;
@@ -105,7 +105,7 @@ async fn fresh(pool: &PgPool, url: &str) -> Done<[Arc<Postgres>; 2]> {
         result_ttl: hour,
         idempotency_ttl: hour,
         gone_ttl: hour,
-        look_again: Duration::from_secs(1),
+        poll_period: Duration::from_secs(1),
     };
     let settings = PostgresSettings {
         url: url.into(),
@@ -122,10 +122,10 @@ async fn fresh(pool: &PgPool, url: &str) -> Done<[Arc<Postgres>; 2]> {
     Ok([Arc::new(one), Arc::new(other)])
 }
 
-/// Jobs in the table, as if they had been submitted.
+/// Inserts jobs as if they had been submitted.
 async fn fill(pool: &PgPool, jobs: usize, owners: usize, state: &str, expires: &str) -> Done<()> {
     sqlx::raw_sql(AssertSqlSafe(format!(
-        "INSERT INTO {SCHEMA}.jobs (id, owner, state, attempt, fence, cancel_requested, order_query,
+        "INSERT INTO {SCHEMA}.jobs (id, owner, state, attempt, fence, cancel_requested, options,
                                     image_digest, image_bytes, image_shape, created_at, revision,
                                     history, mesh, mesh_digest, finished_at, expires_at)
          SELECT (lpad(to_hex(n), 12, '0') || '7000' || substr(md5(n::text), 1, 16))::uuid,
@@ -135,8 +135,8 @@ async fn fill(pool: &PgPool, jobs: usize, owners: usize, state: &str, expires: &
                 CASE WHEN {state} = 2 THEN sha256((-n)::text::bytea) END,
                 CASE WHEN {state} >= 2 THEN now() END, {expires}
          FROM generate_series(1, {jobs}) AS n;
-         INSERT INTO {SCHEMA}.doors SELECT 'owner-' || n, door
-         FROM generate_series(0, {owners} - 1) AS n, (VALUES (0), (1)) AS doors (door);
+         INSERT INTO {SCHEMA}.owner_locks SELECT 'owner-' || n, purpose
+         FROM generate_series(0, {owners} - 1) AS n, (VALUES (0), (1)) AS purposes (purpose);
          UPDATE {SCHEMA}.job_counts SET queued = {jobs} WHERE slot = 0"
     )))
     .execute(pool)
@@ -165,7 +165,7 @@ async fn claims(nodes: &[Arc<Postgres>; 2], what: &str) {
     row(what, took.len() as f64 / TIME.as_secs_f64());
 }
 
-/// How long each took of what many do again and again on both nodes.
+/// The durations of an operation that concurrent callers repeat on both nodes.
 async fn at_once<F>(
     nodes: &[Arc<Postgres>; 2],
     act: impl Fn(Arc<Postgres>, usize) -> F + Clone + Send + 'static,
@@ -188,7 +188,7 @@ where
         })
     };
     let mut took = Vec::new();
-    for caller in (0..AT_A_TIME).map(caller).collect::<Vec<_>>() {
+    for caller in (0..CALLERS).map(caller).collect::<Vec<_>>() {
         took.extend(caller.await.unwrap_or_default());
     }
     took
@@ -217,7 +217,7 @@ fn job(owner: Owner) -> NewJob {
     let shape =
         PictureShape { width: 512, height: 512, components: 3, precision: 8, weights: None };
     let picture = Picture { digest: Digest::of(id.as_bytes()), bytes: 1000, shape };
-    NewJob { id, owner, order: "density=2".into(), picture, idempotency_key: None }
+    NewJob { id, owner, options: "density=2".into(), picture, idempotency_key: None }
 }
 
 fn figures(n: usize) -> MeshFigures {

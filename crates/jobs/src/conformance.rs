@@ -1,14 +1,14 @@
-//! What every engine of the queue must do: one suite, whatever keeps the jobs.
+//! The tests that every engine of the queue passes.
 //!
-//! [`conforms`] makes a test of each promise for an engine, which is given as something that opens
-//! its queue, and opens it again as a new process would after the last one was killed.
+//! [`conforms`] defines them for an engine, which is given as something that opens its queue, and opens it
+//! again as a new process would after the last one was killed.
 
-use super::fairness::Caps;
 use super::queue::{
-    Cancellation, Claim, Finish, Lease, Lookup, MAX_ATTEMPTS, Outcome, Page, PageRequest, Queue,
-    Renewal, Stats, Submitted, Terms,
+    Cancellation, Caps, Claim, Finish, Lease, Lookup, MAX_ATTEMPTS, Outcome, Page, PageRequest,
+    Queue, Renewal, Stats, Submitted, Terms,
 };
-use super::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
+use super::record::{Event, JobId, NewJob, Progress, Record, State};
+use super::testing::{figures, job, picture, submit, terms};
 use async_trait::async_trait;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
@@ -17,132 +17,87 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::{sleep, timeout};
 
-mod hearing;
-mod keeping;
+mod notifications;
+mod retention;
 
-pub(super) use hearing::*;
-pub(super) use keeping::*;
+pub(super) use notifications::*;
+pub(super) use retention::*;
 
 /// Opens the queue of an engine.
 #[async_trait]
 pub(super) trait Engine: Sync {
-    /// A short time; nothing that is checked fails where a busy machine takes longer for something.
+    /// A time in which the engine does what it does at once.
     const SHORT: Duration;
 
-    /// How long workers keep jobs in tests where processes are killed.
+    /// The leases of tests that kill processes.
     const LEASE: Duration;
 
     /// Opens the queue.
     async fn open(&self, terms: Terms) -> Arc<dyn Queue>;
 
-    /// Opens the queue after the one process that had it was killed, and waits until that is known.
+    /// Opens the queue after its process was killed, once the leases of that process have ended.
     async fn open_after_kill(&self, terms: Terms) -> Arc<dyn Queue>;
 }
 
-/// Makes a test of each promise for an engine.
+/// Defines the tests of an engine.
 macro_rules! conforms {
     ($engine:expr, $of:ty) => {
         $crate::conformance::conforms! { $engine, $of;
-            a_job_goes_from_queued_by_running_to_completed
-            a_failed_job_keeps_its_problem
-            what_was_acknowledged_is_there_after_a_kill
-            a_job_whose_worker_falls_silent_is_given_to_another
-            a_job_is_tried_three_times_and_then_failed_as_such
-            the_last_attempt_is_made_alone
-            a_last_attempt_waits_for_what_runs_and_what_is_new_waits_for_it
-            an_attempt_that_was_handed_back_does_not_count
-            what_may_succeed_another_time_is_tried_again
-            a_waiting_job_is_cancelled_at_once_and_then_deleted
-            the_worker_of_a_cancelled_job_is_told
-            a_cancelled_job_stays_cancelled_when_its_worker_is_killed
-            nobody_sees_or_cancels_the_jobs_of_others
-            jobs_are_listed_newest_first_page_by_page
-            the_same_word_with_the_same_content_is_the_same_job
-            words_are_forgotten_in_time
-            no_more_jobs_wait_than_may
-            owners_take_turns_and_have_no_more_running_than_they_may
-            every_change_can_be_followed_from_any_point
-            work_is_heard_of_as_it_comes
-            what_was_handed_back_is_called_for
-            a_change_is_heard_of_as_it_comes
-            an_interruption_is_heard_of_as_it_comes
-            jobs_are_gone_after_their_time_and_then_unknown
-            blobs_are_given_up_with_the_last_job_that_has_them
-            a_blob_stored_for_nothing_is_given_up
-            a_mesh_is_kept_while_its_job_is
-            there_is_a_count_of_what_waits_and_runs
-            many_at_once_are_each_done_once
+            job_completes
+            failed_job_keeps_its_problem
+            acknowledged_jobs_survive_a_kill
+            expired_lease_requeues_the_job
+            job_fails_after_three_killed_attempts
+            last_attempt_runs_alone
+            last_attempt_waits_and_blocks_claims
+            handed_back_attempt_does_not_count
+            retryable_failure_is_retried
+            queued_job_is_cancelled_then_deleted
+            worker_learns_of_a_cancellation
+            cancellation_survives_a_kill
+            jobs_of_other_owners_are_hidden
+            list_pages_newest_first
+            idempotency_key_returns_the_same_job
+            idempotency_key_expires
+            caps_of_queued_jobs_hold
+            owners_take_turns_up_to_their_cap
+            events_follow_every_change
+            submission_wakes_a_worker
+            handed_back_job_wakes_a_worker
+            change_wakes_a_follower
+            cancellation_wakes_the_worker
+            expired_job_is_gone_then_unknown
+            picture_is_orphaned_with_its_last_job
+            picture_of_a_refused_job_is_orphaned
+            mesh_is_referenced_until_its_job_is_deleted
+            stats_count_queued_and_running_jobs
+            concurrent_workers_run_each_job_once
         }
     };
-    ($engine:expr, $of:ty; $($promise:ident)+) => {
+    ($engine:expr, $of:ty; $($case:ident)+) => {
         $(#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-        async fn $promise() {
-            // An engine whose program is not there says so.
-            let engine: Option<$of> = $engine(stringify!($promise)).into();
+        async fn $case() {
+            // `None` if the programs of the engine are not installed.
+            let engine: Option<$of> = $engine(stringify!($case)).into();
             if let Some(engine) = engine {
-                $crate::conformance::$promise::<$of>(&engine).await;
+                $crate::conformance::$case::<$of>(&engine).await;
             }
         })+
     };
 }
 pub(super) use conforms;
 
-const CAPS: Caps = Caps { queued: 1000, queued_per_owner: 1000, running_per_owner: 1000 };
-const LONG: Duration = Duration::from_secs(3600);
-
-/// Longer than a busy machine holds anything up, and short enough to be waited for.
+const LONG: Duration = Duration::from_hours(1);
+/// Longer than a busy machine delays anything.
 const BRIEF: Duration = Duration::from_secs(4);
-/// What is waited for has come within this time, or never comes.
+/// How long a test waits for an event that must come.
 const PATIENCE: Duration = Duration::from_secs(300);
-const LOOK_AGAIN: Duration = Duration::from_secs(1);
-
-fn terms() -> Terms {
-    Terms {
-        caps: CAPS,
-        lease: LONG,
-        result_ttl: LONG,
-        idempotency_ttl: LONG,
-        gone_ttl: LONG,
-        look_again: LOOK_AGAIN,
-    }
-}
-
-fn job(owner: &Owner, image: &str) -> NewJob {
-    NewJob {
-        id: JobId::new(),
-        owner: owner.clone(),
-        order: "method=med&density=2".into(),
-        picture: Picture::of_bytes(image.as_bytes()),
-        idempotency_key: None,
-    }
-}
-
-fn figures(text: &str) -> MeshFigures {
-    MeshFigures {
-        progression: None,
-        digest: Digest::of(text.as_bytes()).to_string(),
-        bytes: text.len() as u64,
-        vertices: 4,
-        faces: 2,
-        mse: 0.25,
-        psnr_db: Some(54.15),
-        timings_ms: vec![("decode".into(), 1.5)],
-        chunks: vec![Digest::of(b"a chunk")],
-    }
-}
 
 fn problem() -> Value {
     json!({ "type": "/problems/image-decode-failed", "detail": "no picture" })
 }
 
-async fn submit(queue: &Arc<dyn Queue>, owner: &Owner, image: &str) -> JobId {
-    match queue.submit(job(owner, image)).await.unwrap() {
-        Submitted::Created(record) => record.id,
-        other => panic!("not created: {other:?}"),
-    }
-}
-
-/// What a worker gets, which looks again where an engine needs a moment.
+/// The next claim of a worker.
 async fn claim(queue: &Arc<dyn Queue>) -> Claim {
     let looking = async {
         loop {
@@ -174,15 +129,15 @@ fn states(events: &[Event]) -> Vec<State> {
     events.iter().map(|event| event.state).collect()
 }
 
-pub(super) async fn a_job_goes_from_queued_by_running_to_completed<E: Engine>(engine: &E) {
+pub(super) async fn job_completes<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     let record = found(&queue, &owner, id).await;
     assert_eq!((record.state, record.attempt), (State::Queued, 0));
     let claim = claim(&queue).await;
     assert_eq!((claim.lease.job, claim.attempt, &claim.owner), (id, 1, &owner));
-    assert_eq!(claim.order, "method=med&density=2");
-    assert_eq!(claim.picture, Picture::of_bytes(b"image"));
+    assert_eq!(claim.options, "method=med&density=2");
+    assert_eq!(claim.picture, picture(b"image"));
     let record = found(&queue, &owner, id).await;
     assert!(record.state == State::Running && record.started.is_some());
     let finish = queue.finish(claim.lease, Outcome::Completed(figures("mesh"))).await.unwrap();
@@ -193,23 +148,23 @@ pub(super) async fn a_job_goes_from_queued_by_running_to_completed<E: Engine>(en
     assert_eq!(queue.claim().await.unwrap(), None);
 }
 
-pub(super) async fn a_failed_job_keeps_its_problem<E: Engine>(engine: &E) {
+pub(super) async fn failed_job_keeps_its_problem<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::Anonymous);
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     let lease = claim(&queue).await.lease;
     queue.finish(lease, Outcome::Failed(problem())).await.unwrap();
     let record = found(&queue, &owner, id).await;
     assert_eq!((record.state, record.problem), (State::Failed, Some(problem())));
 }
 
-pub(super) async fn what_was_acknowledged_is_there_after_a_kill<E: Engine>(engine: &E) {
+pub(super) async fn acknowledged_jobs_survive_a_kill<E: Engine>(engine: &E) {
     let terms = Terms { lease: E::LEASE, ..terms() };
     let owner = Owner::named("a");
     let queue = engine.open(terms).await;
-    let waiting = submit(&queue, &owner, "waiting").await;
-    let running = submit(&queue, &owner, "running").await;
+    let waiting = submit(&*queue, &owner, "waiting").await;
+    let running = submit(&*queue, &owner, "running").await;
     let lease = claim(&queue).await.lease;
-    assert_eq!(lease.job, waiting, "the oldest first");
+    assert_eq!(lease.job, waiting, "the oldest job comes first");
     queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
     let lost = claim(&queue).await.lease;
     drop(queue);
@@ -223,42 +178,42 @@ pub(super) async fn what_was_acknowledged_is_there_after_a_kill<E: Engine>(engin
     assert_eq!(found(&queue, &owner, running).await.state, State::Running);
 }
 
-pub(super) async fn a_job_whose_worker_falls_silent_is_given_to_another<E: Engine>(engine: &E) {
+pub(super) async fn expired_lease_requeues_the_job<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(Terms { lease: BRIEF, ..terms() }).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
-    let silent = claim(&queue).await.lease;
+    let id = submit(&*queue, &owner, "image").await;
+    let expired = claim(&queue).await.lease;
     assert_eq!(queue.sweep().await.unwrap().requeued, 0, "the lease has not ended");
     for _ in 0..6 {
         sleep(BRIEF / 5).await;
-        assert_eq!(queue.renew(silent, None).await.unwrap(), Renewal::Ok);
+        assert_eq!(queue.renew(expired, None).await.unwrap(), Renewal::Ok);
         assert_eq!(queue.sweep().await.unwrap().requeued, 0, "the lease is renewed");
     }
-    let fallen_silent = async {
+    let requeued = async {
         loop {
-            let requeued = queue.sweep().await.unwrap().requeued;
-            if requeued > 0 {
-                return requeued;
+            let count = queue.sweep().await.unwrap().requeued;
+            if count > 0 {
+                return count;
             }
             sleep(BRIEF / 10).await;
         }
     };
-    assert_eq!(timeout(PATIENCE, fallen_silent).await.unwrap(), 1);
+    assert_eq!(timeout(PATIENCE, requeued).await.unwrap(), 1);
     let second = claim(&queue).await;
     assert_eq!((second.lease.job, second.attempt), (id, 2));
-    assert!(second.lease.fence > silent.fence);
-    assert_eq!(queue.renew(silent, None).await.unwrap(), Renewal::Lost);
-    assert_eq!(queue.interruption(silent).await, Renewal::Lost);
-    let late = queue.finish(silent, Outcome::Completed(figures("late"))).await.unwrap();
+    assert!(second.lease.fence > expired.fence);
+    assert_eq!(queue.renew(expired, None).await.unwrap(), Renewal::Lost);
+    assert_eq!(queue.interruption(expired).await, Renewal::Lost);
+    let late = queue.finish(expired, Outcome::Completed(figures("late"))).await.unwrap();
     assert_eq!(late, Finish::Fenced);
     queue.finish(second.lease, Outcome::Completed(figures("mesh"))).await.unwrap();
     assert_eq!(found(&queue, &owner, id).await.mesh, Some(figures("mesh")));
 }
 
-pub(super) async fn a_job_is_tried_three_times_and_then_failed_as_such<E: Engine>(engine: &E) {
+pub(super) async fn job_fails_after_three_killed_attempts<E: Engine>(engine: &E) {
     let terms = Terms { lease: E::LEASE, ..terms() };
     let owner = Owner::named("a");
     let mut queue = engine.open(terms).await;
-    let id = submit(&queue, &owner, "poison").await;
+    let id = submit(&*queue, &owner, "poison").await;
     for attempt in 1..=MAX_ATTEMPTS {
         assert_eq!(claim(&queue).await.attempt, attempt);
         drop(queue);
@@ -270,12 +225,12 @@ pub(super) async fn a_job_is_tried_three_times_and_then_failed_as_such<E: Engine
     assert_eq!(queue.claim().await.unwrap(), None);
 }
 
-pub(super) async fn the_last_attempt_is_made_alone<E: Engine>(engine: &E) {
+pub(super) async fn last_attempt_runs_alone<E: Engine>(engine: &E) {
     let terms = Terms { lease: E::LEASE, ..terms() };
     let owner = Owner::named("a");
     let mut queue = engine.open(terms).await;
-    let poison = submit(&queue, &owner, "poison").await;
-    let innocent = submit(&queue, &owner, "innocent").await;
+    let poison = submit(&*queue, &owner, "poison").await;
+    let innocent = submit(&*queue, &owner, "innocent").await;
     for _ in 0..2 {
         claim(&queue).await;
         claim(&queue).await;
@@ -284,7 +239,7 @@ pub(super) async fn the_last_attempt_is_made_alone<E: Engine>(engine: &E) {
     }
     let last = claim(&queue).await;
     assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
-    assert_eq!(queue.claim().await.unwrap(), None, "nothing runs beside it");
+    assert_eq!(queue.claim().await.unwrap(), None, "no other job runs meanwhile");
     drop(queue);
     let queue = engine.open_after_kill(terms).await;
     assert_eq!(found(&queue, &owner, poison).await.state, State::Failed);
@@ -294,35 +249,33 @@ pub(super) async fn the_last_attempt_is_made_alone<E: Engine>(engine: &E) {
     assert_eq!(found(&queue, &owner, innocent).await.state, State::Completed);
 }
 
-pub(super) async fn a_last_attempt_waits_for_what_runs_and_what_is_new_waits_for_it<E: Engine>(
-    engine: &E,
-) {
+pub(super) async fn last_attempt_waits_and_blocks_claims<E: Engine>(engine: &E) {
     let queue = engine.open(terms()).await;
     let (poisoner, other) = (Owner::named("a"), Owner::named("b"));
-    let poison = submit(&queue, &poisoner, "poison").await;
+    let poison = submit(&*queue, &poisoner, "poison").await;
     for _ in 1..MAX_ATTEMPTS {
         let lease = claim(&queue).await.lease;
         queue.finish(lease, Outcome::Retry(problem())).await.unwrap();
     }
-    // An owner who had no turn comes first.
-    let before = submit(&queue, &other, "before").await;
+    // It is the turn of the other owner.
+    let before = submit(&*queue, &other, "before").await;
     let runs = claim(&queue).await.lease;
     assert_eq!(runs.job, before);
-    let new = submit(&queue, &other, "new").await;
+    let new = submit(&*queue, &other, "new").await;
     for _ in 0..2 {
-        assert_eq!(queue.claim().await.unwrap(), None, "something runs");
+        assert_eq!(queue.claim().await.unwrap(), None, "another job is running");
     }
     queue.finish(runs, Outcome::Completed(figures("mesh"))).await.unwrap();
     let last = claim(&queue).await;
     assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
-    assert_eq!(queue.claim().await.unwrap(), None, "a last attempt runs");
+    assert_eq!(queue.claim().await.unwrap(), None, "a last attempt is running");
     queue.finish(last.lease, Outcome::Retry(problem())).await.unwrap();
     assert_eq!(claim(&queue).await.lease.job, new);
 }
 
-pub(super) async fn an_attempt_that_was_handed_back_does_not_count<E: Engine>(engine: &E) {
+pub(super) async fn handed_back_attempt_does_not_count<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     for _ in 0..5 {
         let claim = claim(&queue).await;
         assert_eq!(claim.attempt, 1);
@@ -332,9 +285,9 @@ pub(super) async fn an_attempt_that_was_handed_back_does_not_count<E: Engine>(en
     assert_eq!(found(&queue, &owner, id).await.attempt, 0);
 }
 
-pub(super) async fn what_may_succeed_another_time_is_tried_again<E: Engine>(engine: &E) {
+pub(super) async fn retryable_failure_is_retried<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     let mut ends = Vec::new();
     for _ in 0..MAX_ATTEMPTS {
         let lease = claim(&queue).await.lease;
@@ -345,9 +298,9 @@ pub(super) async fn what_may_succeed_another_time_is_tried_again<E: Engine>(engi
     assert_eq!(found(&queue, &owner, id).await.problem, Some(problem()));
 }
 
-pub(super) async fn a_waiting_job_is_cancelled_at_once_and_then_deleted<E: Engine>(engine: &E) {
+pub(super) async fn queued_job_is_cancelled_then_deleted<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Cancelled);
     assert_eq!(found(&queue, &owner, id).await.state, State::Cancelled);
     sleep(E::SHORT).await;
@@ -358,33 +311,31 @@ pub(super) async fn a_waiting_job_is_cancelled_at_once_and_then_deleted<E: Engin
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Unknown);
 }
 
-pub(super) async fn the_worker_of_a_cancelled_job_is_told<E: Engine>(engine: &E) {
+pub(super) async fn worker_learns_of_a_cancellation<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     let lease = claim(&queue).await.lease;
-    let told = tokio::spawn({
+    let renewal = tokio::spawn({
         let queue = Arc::clone(&queue);
         async move { queue.interruption(lease).await }
     });
     sleep(E::SHORT).await;
-    assert!(!told.is_finished());
+    assert!(!renewal.is_finished());
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Requested);
-    let told = timeout(PATIENCE, told).await.unwrap().unwrap();
-    assert_eq!(told, Renewal::CancelRequested);
+    let renewal = timeout(PATIENCE, renewal).await.unwrap().unwrap();
+    assert_eq!(renewal, Renewal::CancelRequested);
     assert_eq!(queue.renew(lease, None).await.unwrap(), Renewal::CancelRequested);
-    // However the worker leaves it: its owner does not want it.
+    // The job is cancelled even if its mesh is stored.
     let finish = queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
     assert_eq!(finish, Finish::Committed(State::Cancelled));
     assert_eq!(found(&queue, &owner, id).await.mesh, None);
 }
 
-pub(super) async fn a_cancelled_job_stays_cancelled_when_its_worker_is_killed<E: Engine>(
-    engine: &E,
-) {
+pub(super) async fn cancellation_survives_a_kill<E: Engine>(engine: &E) {
     let terms = Terms { lease: E::LEASE, ..terms() };
     let owner = Owner::named("a");
     let queue = engine.open(terms).await;
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     claim(&queue).await;
     queue.cancel(&owner, id).await.unwrap();
     drop(queue);
@@ -392,10 +343,10 @@ pub(super) async fn a_cancelled_job_stays_cancelled_when_its_worker_is_killed<E:
     assert_eq!(found(&queue, &owner, id).await.state, State::Cancelled);
 }
 
-pub(super) async fn nobody_sees_or_cancels_the_jobs_of_others<E: Engine>(engine: &E) {
+pub(super) async fn jobs_of_other_owners_are_hidden<E: Engine>(engine: &E) {
     let queue = engine.open(terms()).await;
     let (mine, other) = (Owner::named("a"), Owner::named("b"));
-    let id = submit(&queue, &mine, "image").await;
+    let id = submit(&*queue, &mine, "image").await;
     for stranger in [&other, &Owner::Anonymous, &Owner::named("a ")] {
         assert_eq!(queue.get(stranger, id).await.unwrap(), Lookup::Unknown);
         assert_eq!(queue.cancel(stranger, id).await.unwrap(), Cancellation::Unknown);
@@ -404,12 +355,12 @@ pub(super) async fn nobody_sees_or_cancels_the_jobs_of_others<E: Engine>(engine:
     assert_eq!(list(&queue, &mine, request(10)).await.jobs.len(), 1);
 }
 
-pub(super) async fn jobs_are_listed_newest_first_page_by_page<E: Engine>(engine: &E) {
+pub(super) async fn list_pages_newest_first<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
     let mut ids = Vec::new();
     for image in ["1", "2", "3", "4", "5"] {
-        ids.push(submit(&queue, &owner, image).await);
-        submit(&queue, &Owner::named("b"), image).await;
+        ids.push(submit(&*queue, &owner, image).await);
+        submit(&*queue, &Owner::named("b"), image).await;
     }
     ids.reverse();
     let (mut listed, mut before) = (Vec::new(), None);
@@ -423,91 +374,89 @@ pub(super) async fn jobs_are_listed_newest_first_page_by_page<E: Engine>(engine:
         }
     }
     assert_eq!(listed, ids);
-    assert_eq!(list(&queue, &owner, request(5)).await.next, None, "there is no empty page");
+    assert_eq!(list(&queue, &owner, request(5)).await.next, None, "no empty page follows");
     queue.cancel(&owner, ids[2]).await.unwrap();
     let cancelled = PageRequest { state: Some(State::Cancelled), ..request(10) };
     let page = list(&queue, &owner, cancelled).await;
     assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [ids[2]]);
 }
 
-pub(super) async fn the_same_word_with_the_same_content_is_the_same_job<E: Engine>(engine: &E) {
+pub(super) async fn idempotency_key_returns_the_same_job<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
-    let with_word = |owner: &Owner, image: &str, order: &str| NewJob {
-        idempotency_key: Some("word".into()),
-        order: order.into(),
+    let with_key = |owner: &Owner, image: &str, options: &str| NewJob {
+        idempotency_key: Some("key".into()),
+        options: options.into(),
         ..job(owner, image)
     };
-    let first = queue.submit(with_word(&owner, "image", "size=5")).await.unwrap();
+    let first = queue.submit(with_key(&owner, "image", "size=5")).await.unwrap();
     let Submitted::Created(first) = first else { panic!("{first:?}") };
-    let again = queue.submit(with_word(&owner, "image", "size=5")).await.unwrap();
+    let again = queue.submit(with_key(&owner, "image", "size=5")).await.unwrap();
     assert_eq!(again, Submitted::Existing(first.clone()));
-    for (image, order) in [("other", "size=5"), ("image", "size=6")] {
-        let other = queue.submit(with_word(&owner, image, order)).await.unwrap();
-        assert_eq!(other, Submitted::KeyReused, "{image}, {order}");
+    for (image, options) in [("other", "size=5"), ("image", "size=6")] {
+        let other = queue.submit(with_key(&owner, image, options)).await.unwrap();
+        assert_eq!(other, Submitted::KeyReused, "{image}, {options}");
     }
-    let stranger = queue.submit(with_word(&Owner::named("b"), "other", "size=6")).await.unwrap();
-    assert!(matches!(stranger, Submitted::Created(_)), "others have words of their own");
-    // All at once they are one job, too.
+    let stranger = queue.submit(with_key(&Owner::named("b"), "other", "size=6")).await.unwrap();
+    assert!(matches!(stranger, Submitted::Created(_)), "each owner has keys of its own");
+    // Concurrent submissions return the same job, too.
     let queue_ref = &queue;
-    let tries = (0..8).map(|_| queue_ref.submit(with_word(&owner, "image", "size=5")));
+    let tries = (0..8).map(|_| queue_ref.submit(with_key(&owner, "image", "size=5")));
     for submitted in futures_util::future::join_all(tries).await {
         assert_eq!(submitted.unwrap(), Submitted::Existing(first.clone()));
     }
     queue.cancel(&owner, first.id).await.unwrap();
     queue.cancel(&owner, first.id).await.unwrap();
-    let fresh = queue.submit(with_word(&owner, "other", "size=6")).await.unwrap();
-    assert!(matches!(fresh, Submitted::Created(_)), "a deleted job takes its word with it");
+    let fresh = queue.submit(with_key(&owner, "other", "size=6")).await.unwrap();
+    assert!(matches!(fresh, Submitted::Created(_)), "a deleted job releases its key");
 }
 
-pub(super) async fn words_are_forgotten_in_time<E: Engine>(engine: &E) {
+pub(super) async fn idempotency_key_expires<E: Engine>(engine: &E) {
     let queue = engine.open(Terms { idempotency_ttl: E::SHORT, ..terms() }).await;
-    let with_word =
-        |image| NewJob { idempotency_key: Some("word".into()), ..job(&Owner::named("a"), image) };
-    queue.submit(with_word("image")).await.unwrap();
+    let with_key =
+        |image| NewJob { idempotency_key: Some("key".into()), ..job(&Owner::named("a"), image) };
+    queue.submit(with_key("image")).await.unwrap();
     sleep(2 * E::SHORT).await;
-    let forgotten = async {
+    let expired = async {
         loop {
-            match queue.submit(with_word("other")).await.unwrap() {
+            match queue.submit(with_key("other")).await.unwrap() {
                 Submitted::Created(_) => return,
                 Submitted::KeyReused => sleep(E::SHORT).await,
                 other => panic!("{other:?}"),
             }
         }
     };
-    timeout(PATIENCE, forgotten).await.unwrap();
+    timeout(PATIENCE, expired).await.unwrap();
 }
 
-pub(super) async fn no_more_jobs_wait_than_may<E: Engine>(engine: &E) {
-    let caps = Caps { queued: 3, queued_per_owner: 2, ..CAPS };
+pub(super) async fn caps_of_queued_jobs_hold<E: Engine>(engine: &E) {
+    let caps = Caps { queued: 3, queued_per_owner: 2, ..terms().caps };
     let queue = engine.open(Terms { caps, ..terms() }).await;
     let (a, b) = (Owner::named("a"), Owner::named("b"));
-    submit(&queue, &a, "1").await;
-    submit(&queue, &a, "2").await;
+    submit(&*queue, &a, "1").await;
+    submit(&*queue, &a, "2").await;
     let refused = queue.submit(job(&a, "3")).await.unwrap();
     assert_eq!(refused, Submitted::OwnerFull { limit: 2 });
-    submit(&queue, &b, "3").await;
+    submit(&*queue, &b, "3").await;
     assert_eq!(queue.submit(job(&b, "4")).await.unwrap(), Submitted::QueueFull { limit: 3 });
     claim(&queue).await;
-    submit(&queue, &b, "4").await;
+    submit(&*queue, &b, "4").await;
     assert_eq!(queue.submit(job(&a, "5")).await.unwrap(), Submitted::QueueFull { limit: 3 });
-    // More run and wait together than may wait.
+    // Running jobs do not count.
     for _ in 0..2 {
         claim(&queue).await;
     }
-    submit(&queue, &a, "5").await;
+    submit(&*queue, &a, "5").await;
 }
 
-pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may<E: Engine>(
-    engine: &E,
-) {
-    let caps = Caps { running_per_owner: 2, ..CAPS };
+pub(super) async fn owners_take_turns_up_to_their_cap<E: Engine>(engine: &E) {
+    let caps = Caps { running_per_owner: 2, ..terms().caps };
     let queue = engine.open(Terms { caps, ..terms() }).await;
     let (a, b) = (Owner::named("a"), Owner::named("b"));
     for image in ["1", "2", "3", "4", "5"] {
-        submit(&queue, &a, image).await;
+        submit(&*queue, &a, image).await;
     }
-    submit(&queue, &b, "6").await;
-    submit(&queue, &b, "7").await;
+    submit(&*queue, &b, "6").await;
+    submit(&*queue, &b, "7").await;
     let mut turns = Vec::new();
     while let Some(claim) = queue.claim().await.unwrap() {
         turns.push(claim);
@@ -519,10 +468,10 @@ pub(super) async fn owners_take_turns_and_have_no_more_running_than_they_may<E: 
     assert_eq!(queue.claim().await.unwrap(), None);
 }
 
-pub(super) async fn there_is_a_count_of_what_waits_and_runs<E: Engine>(engine: &E) {
+pub(super) async fn stats_count_queued_and_running_jobs<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
     for image in ["1", "2", "3"] {
-        submit(&queue, &owner, image).await;
+        submit(&*queue, &owner, image).await;
     }
     claim(&queue).await;
     sleep(E::SHORT).await;
@@ -534,18 +483,18 @@ pub(super) async fn there_is_a_count_of_what_waits_and_runs<E: Engine>(engine: &
         claim(&queue).await;
     }
     assert_eq!(queue.stats().await.unwrap(), Stats { running: 3, ..Stats::default() });
-    // What runs waits no more, however long ago it came.
-    let came = Instant::now();
-    submit(&queue, &owner, "4").await;
-    let waited_s = queue.stats().await.unwrap().oldest_queued_s;
-    // Moments are kept to the millisecond.
-    assert!(waited_s <= came.elapsed().as_secs_f64() + 0.002, "{waited_s}");
+    // Only the age of queued jobs counts.
+    let submitted = Instant::now();
+    submit(&*queue, &owner, "4").await;
+    let age_s = queue.stats().await.unwrap().oldest_queued_s;
+    // Times are stored in milliseconds.
+    assert!(age_s <= submitted.elapsed().as_secs_f64() + 0.002, "{age_s}");
 }
 
-pub(super) async fn many_at_once_are_each_done_once<E: Engine>(engine: &E) {
+pub(super) async fn concurrent_workers_run_each_job_once<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
     let images: Vec<String> = (0..100).map(|i| i.to_string()).collect();
-    let submissions = images.iter().map(|image| submit(&queue, &owner, image));
+    let submissions = images.iter().map(|image| submit(&*queue, &owner, image));
     let mut ids = futures_util::future::join_all(submissions).await;
     let worker = |queue: Arc<dyn Queue>| async move {
         let mut done: Vec<Lease> = Vec::new();

@@ -1,17 +1,17 @@
-//! How long jobs took here of late, by which the work that waits is told in seconds.
+//! The recent mean duration of attempts, by which the queued work is estimated in seconds.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// How much a new duration counts beside those before it.
+/// The weight of a new duration.
 const WEIGHT: f64 = 0.1;
 
-/// The mean of durations, in which later ones count more.
+/// The exponentially weighted mean of durations.
 #[derive(Debug, Default)]
 pub struct Durations(Mutex<Option<f64>>);
 
 impl Durations {
-    /// Counts a duration.
+    /// Adds a duration.
     pub fn add(&self, duration: Duration) {
         let mut mean = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let new = duration.as_secs_f64();
@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_mean_begins_with_the_first_and_follows_the_later_ones() {
+    fn mean_starts_with_the_first_and_follows_the_last() {
         let durations = Durations::default();
         assert_eq!(durations.mean_s(), None);
         durations.add(Duration::from_secs(10));

@@ -1,57 +1,67 @@
 //! The queue in an SQLite database of this process.
 //!
-//! All writes go through one [`writer`] thread, which commits what has arrived within two
-//! milliseconds together and syncs it (`synchronous=FULL`); readers have connections of their own
-//! and see what was committed. The folder belongs to one process, so that a job that a new process
-//! finds running has lost its worker, and waits again at once. Leases are measured by the process's
-//! own clock, which no change of the system's time moves.
+//! | module | what |
+//! |---|---|
+//! | [`schema`] | the tables, and the connections to the database |
+//! | [`rows`] | columns as values |
+//! | [`writer`] | the thread that writes, in transactions that commands share |
+//! | [`readers`] | connections that read |
+//! | [`submit`], [`claim`], [`finish`], [`sweep`], [`read`] | the operations on jobs |
+//!
+//! Every commit is synced (`synchronous=FULL`). The folder belongs to one process: a new process requeues
+//! the jobs that it finds running, because their worker is gone. Leases are measured by the process's own
+//! clock, which does not follow changes of the system's time.
 
 mod claim;
 mod finish;
 mod read;
 mod readers;
-mod row;
+mod rows;
 mod schema;
 mod submit;
 mod sweep;
-pub(crate) mod watchers;
 mod writer;
 
-use super::folder::DataFolder;
-use super::queue::{
+use crate::folder::DataFolder;
+use crate::queue::{
     Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
     Renewal, Stats, Submitted, Swept, Terms,
 };
-use super::record::{Event, JobId, NewJob, Progress};
+use crate::record::{Event, JobId, NewJob, Progress};
+use crate::transition::Status;
+use crate::watchers::Watchers;
 use async_trait::async_trait;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use readers::Readers;
 use std::collections::HashSet;
 use std::error::Error;
-use std::sync::Arc;
-use std::time::Instant;
-use watchers::Watchers;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use writer::Writer;
 
 /// The name of the database in its folder.
 const DATABASE: &str = "jobs.sqlite3";
+/// Notifications within a process are not lost. Polling only repeats reads that failed.
+const POLL_PERIOD: Duration = Duration::from_secs(10);
 
-/// The queue, and the folder that it is in.
+/// The queue in a data folder.
 #[derive(Debug)]
 pub struct Embedded {
     terms: Terms,
     writer: Writer,
     readers: Readers,
     watchers: Arc<Watchers>,
-    /// What leases are measured from.
-    began: Instant,
+    /// The owner of the last claim.
+    last_owner: Arc<Mutex<String>>,
+    /// The zero of the process's own clock.
+    started: Instant,
     _folder: Arc<DataFolder>,
 }
 
 impl Embedded {
-    /// Opens the queue in a folder, makes it where there is none, and lets jobs wait again that
-    /// were running when the last process ended.
+    /// Opens the queue in a folder, creates it if there is none, and requeues the jobs that were running
+    /// when the last process ended.
     ///
     /// # Errors
     /// When the database cannot be opened or written to.
@@ -60,21 +70,21 @@ impl Embedded {
         let connection = schema::open(&path).map_err(|error| {
             format!("the database of jobs {} cannot be used: {error}", path.display())
         })?;
-        sweep::recover(&connection, terms.result_ttl)?;
+        sweep::recover(&connection, &terms)?;
         let watchers = Arc::new(Watchers::default());
         let writer = Writer::start(connection, Arc::clone(&watchers))?;
-        let (readers, began) = (Readers::new(path), Instant::now());
-        Ok(Self { terms, writer, readers, watchers, began, _folder: folder })
-    }
-
-    /// The end of a lease that begins now.
-    fn lease_end_ms(&self) -> i64 {
-        self.now_ms() + self.terms.lease.as_millis() as i64
+        let (readers, last_owner, started) = (Readers::new(path), Arc::default(), Instant::now());
+        Ok(Self { terms, writer, readers, watchers, last_owner, started, _folder: folder })
     }
 
     /// Milliseconds of the process's own clock.
-    fn now_ms(&self) -> i64 {
-        self.began.elapsed().as_millis() as i64
+    fn own_now(&self) -> i64 {
+        self.started.elapsed().as_millis() as i64
+    }
+
+    /// The end of a lease that starts now.
+    fn lease_end(&self) -> i64 {
+        self.own_now() + self.terms.lease.as_millis() as i64
     }
 }
 
@@ -95,60 +105,39 @@ impl Queue for Embedded {
         self.readers.read(move |connection| read::list(connection, &owner, request)).await
     }
 
-    async fn work(&self) {
-        let _ = tokio::time::timeout(self.terms.look_again, self.watchers.work()).await;
-    }
-
     async fn claim(&self) -> Result<Option<Claim>, QueueError> {
-        let (caps, ttl, lease_end_ms) =
-            (self.terms.caps, self.terms.result_ttl, self.lease_end_ms());
-        self.writer.write(move |write| claim::claim(write, &caps, ttl, lease_end_ms)).await
+        let (terms, last, end) = (self.terms, Arc::clone(&self.last_owner), self.lease_end());
+        self.writer.write(move |write| claim::claim(write, &last, &terms, end)).await
     }
 
     async fn renew(&self, lease: Lease, progress: Option<Progress>) -> Result<Renewal, QueueError> {
-        let lease_end_ms = self.lease_end_ms();
-        self.writer
-            .write(move |write| claim::renew(write, lease, progress.as_ref(), lease_end_ms))
-            .await
+        let end = self.lease_end();
+        self.writer.write(move |write| claim::renew(write, lease, progress.as_ref(), end)).await
     }
 
-    async fn interruption(&self, lease: Lease) -> Renewal {
-        let mut changes = self.watchers.subscribe(lease.job);
-        loop {
-            let standing = self.readers.read(move |connection| read::standing(connection, lease));
-            match standing.await {
-                Ok(Renewal::Ok) => changes.changed().await,
-                Ok(interruption) => return interruption,
-                Err(error) => {
-                    tracing::warn!(%error, "whether a job goes on cannot be read");
-                    tokio::time::sleep(self.terms.look_again).await;
-                }
-            }
-        }
+    async fn standing(&self, lease: Lease) -> Result<Renewal, QueueError> {
+        let read = self.readers.read(move |connection| read::status(connection, lease.job));
+        read.await.map(|status| Status::renewal(status, lease))
     }
 
     async fn finish(&self, lease: Lease, outcome: Outcome) -> Result<Finish, QueueError> {
-        let ttl = self.terms.result_ttl;
-        self.writer.write(move |write| finish::finish(write, lease, &outcome, ttl)).await
+        let terms = self.terms;
+        self.writer.write(move |write| finish::finish(write, lease, &outcome, &terms)).await
     }
 
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError> {
-        let (owner, ttl) = (owner.clone(), self.terms.result_ttl);
-        self.writer.write(move |write| finish::cancel(write, &owner, id, ttl)).await
+        let (owner, terms) = (owner.clone(), self.terms);
+        self.writer.write(move |write| finish::cancel(write, &owner, id, &terms)).await
     }
 
-    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError> {
-        let mut changes = self.watchers.subscribe(id);
-        loop {
-            let owner = owner.clone();
-            let read =
-                self.readers.read(move |connection| read::events(connection, &owner, id, after));
-            let (events, more_may_come) = read.await?;
-            if !events.is_empty() || !more_may_come {
-                return Ok(events);
-            }
-            changes.changed().await;
-        }
+    async fn events_now(
+        &self,
+        owner: &Owner,
+        id: JobId,
+        after: u64,
+    ) -> Result<(Vec<Event>, bool), QueueError> {
+        let owner = owner.clone();
+        self.readers.read(move |connection| read::events(connection, &owner, id, after)).await
     }
 
     async fn stats(&self) -> Result<Stats, QueueError> {
@@ -156,8 +145,8 @@ impl Queue for Embedded {
     }
 
     async fn sweep(&self) -> Result<Swept, QueueError> {
-        let (terms, now_ms) = (self.terms, self.now_ms());
-        self.writer.write(move |write| sweep::sweep(write, &terms, now_ms)).await
+        let (terms, own_now) = (self.terms, self.own_now());
+        self.writer.write(move |write| sweep::sweep(write, &terms, own_now)).await
     }
 
     async fn referenced(&self, blobs: Vec<Digest>) -> Result<HashSet<Digest>, QueueError> {
@@ -170,6 +159,14 @@ impl Queue for Embedded {
 
     fn is_healthy(&self) -> bool {
         self.writer.is_healthy()
+    }
+
+    fn watchers(&self) -> &Arc<Watchers> {
+        &self.watchers
+    }
+
+    fn poll_period(&self) -> Duration {
+        POLL_PERIOD.max(self.terms.poll_period)
     }
 }
 

@@ -1,13 +1,11 @@
-//! The folder of the jobs, which belongs to one process.
+//! The data folder, which one process locks.
 
 use std::error::Error;
 use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// A folder that no other process works in for as long as this is alive.
-///
-/// The system gives the lock back when the process ends, however it ends.
+/// A locked data folder. The system releases the lock when the process ends, however it ends.
 #[derive(Debug)]
 pub struct DataFolder {
     path: PathBuf,
@@ -15,10 +13,10 @@ pub struct DataFolder {
 }
 
 impl DataFolder {
-    /// Makes the folder where there is none, readable by its owner alone, and takes it.
+    /// Locks a folder, and creates it, readable by its owner alone, if there is none.
     ///
     /// # Errors
-    /// When it cannot be made or written to, or another process has it.
+    /// When the folder cannot be created or written to, or another process has locked it.
     pub fn take(path: &Path) -> Result<Self, Box<dyn Error>> {
         let named = |error: &dyn std::fmt::Display| {
             format!("--data-dir {}: jobs cannot be kept there: {error}", path.display())
@@ -40,7 +38,7 @@ impl DataFolder {
         }
     }
 
-    /// Where it is.
+    /// The path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

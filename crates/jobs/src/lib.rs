@@ -1,50 +1,57 @@
-//! Jobs: what is to be meshed later, and what became of it.
+//! Durable jobs: meshes that are made after the request that submits them.
 //!
-//! | state | what | next |
+//! | state | meaning | next |
 //! |---|---|---|
 //! | queued | waits for a worker | running, or cancelled at once |
-//! | running | a worker has it | completed, failed or cancelled; or queued, when the worker stops or falls silent |
-//! | completed, failed, cancelled | its end | kept for the time results are kept, then gone |
+//! | running | a worker has a lease | completed, failed or cancelled; or queued again |
+//! | completed, failed, cancelled | has ended | kept for the time results are kept, then gone |
 //!
-//! What is promised:
-//! - A submission is acknowledged when the image and then the job are on stable storage.
-//! - A job has one worker at a time. Each claim has a fence, and whoever comes with an older one
-//!   changes nothing: a job has one effect, however many attempts there were.
-//! - An attempt is counted before it begins, and there are at most three. A job whose worker ended
-//!   in each of them is failed as such. The last attempt is made alone, so that a job that takes its
-//!   process down uses up no other's attempts. A worker that stops in peace gives its attempt back.
-//! - What a job leaves is kept as MODEL, from which every format is made when it is asked for.
-//! - Jobs pass the same [scheduler](pixmesh_engine::scheduler) as requests, and both the same
-//!   [pipeline](pixmesh_engine::pipeline): together they never take more than the budget.
+//! Guarantees:
+//! - A submission is acknowledged when the picture and then the job are on stable storage.
+//! - One worker at a time has a job. Each claim has a fence, and a worker with an older fence changes
+//!   nothing: a job has one result, however many attempts there were.
+//! - An attempt is counted before it starts, and there are at most three. The last attempt runs alone in
+//!   its process, so that a job that crashes its process costs no other job an attempt. A worker that
+//!   stops in good order hands its jobs back, and those attempts do not count.
+//! - The mesh of a job is stored as MODEL, from which all formats are made on request.
+//! - Jobs pass the same [scheduler](pixmesh_engine::scheduler) and
+//!   [pipeline](pixmesh_engine::pipeline) as requests, so that both stay within one memory budget.
 //!
 //! | module | what |
 //! |---|---|
-//! | [`record`] | what is kept of a job |
-//! | [`queue`] | the queue as a trait, whatever engine keeps it |
-//! | [`fairness`] | whose job is next |
-//! | [`embedded`] | the queue in an SQLite database of this process |
-//! | [`postgres`] | the queue in a PostgreSQL database that many nodes share |
-//! | [`blobs`] | pictures and meshes, by the digest of their bytes |
-//! | [`folder`] | the folder of both, which one process has at a time |
-//! | [`durations`] | how long jobs took of late |
+//! | [`worker`] | claims jobs and runs them |
+//! | [`retention`] | periodic maintenance |
 //! | [`settings`] | the settings of the queue's engine |
-//! | [`worker`] | takes jobs from the queue and does them |
-//! | [`retention`] | deletes what is no longer kept |
+//! | [`embedded`] | the queue in an SQLite database of one process |
+//! | [`postgres`] | the queue in a PostgreSQL database that nodes share |
+//! | `row` | jobs from the rows of a query |
+//! | `transition` | the rules by which jobs change their states |
+//! | [`queue`] | the queue as a trait, independent of its engine |
+//! | `watchers` | tasks that wait for a change |
+//! | [`blobs`] | the store of pictures and meshes |
+//! | [`record`] | the record of a job |
+//! | [`folder`] | the data folder, which one process locks |
+//! | [`durations`] | the recent mean duration of attempts |
+//! | [`telemetry`] | metrics |
 
 pub mod blobs;
 #[cfg(test)]
 mod conformance;
 pub mod durations;
 pub mod embedded;
-pub mod fairness;
 pub mod folder;
 pub mod postgres;
 pub mod queue;
 pub mod record;
 pub mod retention;
+mod row;
 mod secret;
 pub mod settings;
 pub mod telemetry;
+#[cfg(test)]
+mod testing;
+mod transition;
+mod watchers;
 pub mod worker;
 
 pub use secret::Secret;
@@ -55,23 +62,23 @@ use durations::Durations;
 use embedded::Embedded;
 use folder::DataFolder;
 use postgres::Postgres;
-pub use queue::{Queue, QueueError, Submitted, Terms};
+pub use queue::{Caps, Queue, QueueError, Submitted, Terms};
 use record::NewJob;
 use settings::QueueSettings;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Where jobs are kept, and what is asked of their queue.
+/// The settings of the jobs.
 #[derive(Clone, Debug)]
 pub struct Settings<'a> {
-    /// The folder of a queue of one process.
+    /// The folder of the embedded engine.
     pub data_dir: &'a Path,
     /// The engine of the queue and its connection.
     pub queue: &'a QueueSettings,
-    /// Where pictures and meshes are kept.
+    /// The store of pictures and meshes.
     pub blobs: BlobEngine,
-    /// What the queue is asked to keep to.
+    /// The limits and times of the queue.
     pub terms: Terms,
 }
 
@@ -82,7 +89,7 @@ pub struct Jobs {
     pub queue: Arc<dyn Queue>,
     /// Pictures and meshes.
     pub blobs: Blobs,
-    /// How long jobs took here.
+    /// The durations of attempts in this process.
     pub durations: Arc<Durations>,
 }
 
@@ -104,7 +111,7 @@ impl Jobs {
         Ok(Self { queue, blobs, durations: Arc::default() })
     }
 
-    /// Opens the jobs of one process.
+    /// The embedded queue and its blobs.
     fn in_folder(settings: &Settings<'_>) -> Result<Self, Box<dyn Error>> {
         let folder = Arc::new(DataFolder::take(settings.data_dir)?);
         let blobs = Blobs::in_folder(&folder.path().join("blobs"))?;
@@ -112,34 +119,25 @@ impl Jobs {
         Ok(Self { queue, blobs, durations: Arc::default() })
     }
 
-    /// Whether jobs can be kept, as far as is known from the last ones.
+    /// Whether the last writes succeeded.
     #[must_use]
     pub fn is_healthy(&self) -> bool {
         self.queue.is_healthy() && self.blobs.is_healthy()
     }
 
-    /// Puts a job and its image on stable storage: first the image, then the job. What was begun is
-    /// ended, also when nobody waits for it any more.
+    /// Puts a picture and then its job on stable storage. A submission that has started goes on when its
+    /// future is dropped.
     ///
     /// # Errors
     /// When the blob or the job cannot be stored.
     pub async fn submit(&self, job: NewJob, image: Bytes) -> Result<Submitted, QueueError> {
         let jobs = self.clone();
         let storing = tokio::spawn(async move {
-            let hold = jobs.blobs.hold().await;
+            let pin = jobs.blobs.pin().await;
             jobs.queue.expect(job.picture.digest).await?;
-            jobs.blobs.put(&hold, job.picture.digest, image).await?;
+            jobs.blobs.put(&pin, job.picture.digest, image).await?;
             jobs.queue.submit(job).await
         });
         storing.await.map_err(|error| QueueError::Storage(error.to_string()))?
     }
-}
-
-/// A new folder for a test.
-#[cfg(test)]
-pub(crate) fn folder_for_test(name: &str) -> std::path::PathBuf {
-    let name = format!("pixmesh-{name}-{}", record::JobId::new());
-    let path = std::env::temp_dir().join(name);
-    std::fs::create_dir_all(&path).unwrap();
-    path
 }

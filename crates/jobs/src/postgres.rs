@@ -1,30 +1,34 @@
-//! The queue in a PostgreSQL database, shared by any number of nodes.
+//! The queue in a PostgreSQL database that nodes share.
 //!
 //! | module | what |
 //! |---|---|
-//! | [`settings`] | how the database is reached |
-//! | [`database`] | connections, and transactions that are tried again |
+//! | [`settings`] | the connection to the database |
+//! | [`database`] | connections, transactions and retries |
 //! | [`schema`] | the tables and their versions |
+//! | [`rows`] | columns as values |
 //! | [`batches`] | many requests in one transaction |
 //! | [`notifications`] | notifications between nodes by `LISTEN` and `NOTIFY` |
-//! | [`submit`], [`claim`], [`renew`], [`finish`], [`sweep`], [`read`] | what is done with jobs |
+//! | [`leases`] | the leases of this node |
+//! | [`node`] | what the operations share |
+//! | [`submit`], [`claim`], [`renew`], [`finish`], [`sweep`], [`read`] | the operations on jobs |
 //!
-//! A node keeps nothing that another could not do without: it may end at any moment. All times are
-//! those of the database's clock. What is acknowledged is committed, with the guarantees that the
-//! database gives to its commits: `synchronous_commit` is on where it was off.
+//! Nodes keep no state that other nodes need: a node may crash at any moment. All times are those of the
+//! database's clock. An operation is acknowledged after its commit, with the guarantees that the database
+//! gives to commits; `synchronous_commit` is switched on where it is off.
 //!
-//! No advisory locks are taken, and no locks of tables; sessions keep no state where connections are
-//! lent for a transaction each.
+//! The queue takes no advisory locks and no table locks, and keeps no state in sessions behind a pooler
+//! in transaction mode.
 
 mod batches;
 mod claim;
 mod database;
 mod finish;
 mod leases;
+mod node;
 mod notifications;
 mod read;
 mod renew;
-mod row;
+mod rows;
 mod schema;
 mod settings;
 mod submit;
@@ -32,118 +36,103 @@ mod sweep;
 
 pub use settings::PostgresSettings;
 
-use crate::embedded::watchers::Watchers;
 use crate::queue::{
     Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
     Renewal, Stats, Submitted, Swept, Terms,
 };
 use crate::record::{Event, JobId, NewJob, Progress};
+use crate::watchers::Watchers;
 use async_trait::async_trait;
 use batches::Batcher;
 use database::Database;
 use leases::HeldLeases;
-use notifications::{Listening, Notifications};
+use node::Node;
+use notifications::{ListenConnection, Notifications};
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use std::collections::HashSet;
 use std::error::Error;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, sleep};
 
-/// How long the database may take to be there when a node starts.
-const START: Duration = Duration::from_secs(15);
-/// The pause before it is asked again.
+/// How long a starting node waits for a database that does not answer.
+const START_TIME: Duration = Duration::from_secs(15);
+/// The pause before it tries again.
 const PAUSE: Duration = Duration::from_millis(500);
-/// How often a node looks for changes that does not hear calls.
-const UNHEARD: Duration = Duration::from_secs(1);
+/// The longest polling period of a node that receives no notifications.
+const POLL_PERIOD: Duration = Duration::from_secs(1);
 
-/// The queue, as one node has it.
+/// The queue of one node.
 #[derive(Debug)]
 pub struct Postgres {
     node: Arc<Node>,
     submissions: Batcher<NewJob, Submitted>,
     claims: Batcher<(), Option<Claim>>,
     renewals: Batcher<(Lease, Option<Progress>), Renewal>,
-    ends: Batcher<(Lease, Outcome), Finish>,
+    finishes: Batcher<(Lease, Outcome), Finish>,
     expected: Batcher<Digest, ()>,
 }
 
-/// What all that a node does shares.
-#[derive(Debug)]
-struct Node {
-    terms: Terms,
-    database: Arc<Database>,
-    watchers: Arc<Watchers>,
-    notifications: Notifications,
-    leases: HeldLeases,
-    /// The owner with whom the next round of turns begins.
-    turn: Mutex<String>,
-    /// How long jobs take here, as other nodes were told.
-    sent_mean_s: Mutex<Option<f64>>,
-}
-
 impl Postgres {
-    /// Opens the queue, and makes its tables where there are none.
+    /// Opens the queue, and creates its tables if there are none.
     ///
     /// # Errors
-    /// When the database cannot be reached, refuses what is asked of it, or has the tables of a later
-    /// version.
+    /// When the database cannot be reached or refuses a request, or its tables have a later version.
     pub async fn open(
         settings: &PostgresSettings,
         terms: Terms,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let direct_url = settings.direct_url.as_deref().unwrap_or(&settings.url);
-        let listening = listening(settings, direct_url).await?;
-        let is_pooled = settings.direct_url.is_some() || listening.is_none();
+        let connection = listen_connection(settings, direct_url).await?;
+        let is_pooled = settings.direct_url.is_some() || connection.is_none();
         let options = settings.options(&settings.url)?;
         let database = Arc::new(Database::new(options, settings, is_pooled));
         schema::migrate(&database, settings).await?;
         let watchers = Arc::new(Watchers::default());
-        let notifications = Notifications::start(&database, &watchers, &settings.schema, listening);
-        let (leases, turn, sent_mean_s) =
-            (HeldLeases::default(), Mutex::default(), Mutex::default());
-        let node = Node { terms, database, watchers, notifications, leases, turn, sent_mean_s };
-        Ok(Self::of(&Arc::new(node)))
-    }
-
-    fn of(node: &Arc<Node>) -> Self {
-        let ([one, two, three, four, five], node) = ([(); 5].map(|()| Arc::clone(node)), node);
-        Self {
-            node: Arc::clone(node),
-            submissions: Batcher::start(move |jobs: Arc<[NewJob]>| {
-                let node = Arc::clone(&one);
-                async move { node.submit(&jobs).await }
-            }),
-            claims: Batcher::start(move |asked: Arc<[()]>| {
-                let node = Arc::clone(&two);
-                async move { node.claim(asked.len()).await }
-            }),
-            renewals: Batcher::start(move |asked: Arc<[(Lease, Option<Progress>)]>| {
-                let node = Arc::clone(&three);
-                async move { node.renew(&asked).await }
-            }),
-            ends: Batcher::start(move |ends: Arc<[(Lease, Outcome)]>| {
-                let node = Arc::clone(&four);
-                async move { node.finish(&ends).await }
-            }),
-            expected: Batcher::start(move |blobs: Arc<[Digest]>| {
-                let node = Arc::clone(&five);
-                async move { submit::expect(&node, &blobs).await }
-            }),
-        }
+        let notifications =
+            Notifications::start(&database, &watchers, &settings.schema, connection);
+        let node = Arc::new(Node {
+            terms,
+            database,
+            watchers,
+            notifications,
+            leases: HeldLeases::default(),
+            next_owner: Mutex::default(),
+            shared_mean_s: Mutex::default(),
+        });
+        Ok(Self {
+            submissions: Batcher::start(
+                &node,
+                |node, jobs| async move { node.submit(&jobs).await },
+            ),
+            claims: Batcher::start(
+                &node,
+                |node, claims| async move { node.claim(claims.len()).await },
+            ),
+            renewals: Batcher::start(
+                &node,
+                |node, leases| async move { node.renew(&leases).await },
+            ),
+            finishes: Batcher::start(
+                &node,
+                |node, leases| async move { node.finish(&leases).await },
+            ),
+            expected: Batcher::start(&node, |node, blobs| async move { node.expect(&blobs).await }),
+            node,
+        })
     }
 }
 
 /// Connects for notifications, and waits for a database that is starting; `None` if the address is that
 /// of a pooler in transaction mode.
-async fn listening(
+async fn listen_connection(
     settings: &PostgresSettings,
     url: &str,
-) -> Result<Option<Listening>, Box<dyn Error + Send + Sync>> {
-    let (until, options) = (Instant::now() + START, settings.options(url)?);
+) -> Result<Option<ListenConnection>, Box<dyn Error + Send + Sync>> {
+    let (until, options) = (Instant::now() + START_TIME, settings.options(url)?);
     loop {
-        match Listening::open(&options, &settings.schema).await {
+        match ListenConnection::open(&options, &settings.schema).await {
             Ok(None) => {
                 tracing::warn!(
                     "no notifications through this pooler: nodes poll every second; name the \
@@ -151,7 +140,7 @@ async fn listening(
                 );
                 return Ok(None);
             }
-            Ok(listening) => return Ok(listening),
+            Ok(connection) => return Ok(connection),
             Err(error) => {
                 if let Some(advice) = settings.explain(&error) {
                     return Err(advice.into());
@@ -165,18 +154,10 @@ async fn listening(
     }
 }
 
-impl Node {
-    /// How long whoever waits does so before looking again.
-    fn look_again(&self) -> Duration {
-        let most = if self.notifications.are_received() { Duration::MAX } else { UNHEARD };
-        self.terms.look_again.min(most)
-    }
-}
-
 #[async_trait]
 impl Queue for Postgres {
     async fn submit(&self, job: NewJob) -> Result<Submitted, QueueError> {
-        self.submissions.ask(job).await
+        self.submissions.run(job).await
     }
 
     async fn get(&self, owner: &Owner, id: JobId) -> Result<Lookup, QueueError> {
@@ -187,47 +168,33 @@ impl Queue for Postgres {
         self.node.list(owner, request).await
     }
 
-    async fn work(&self) {
-        let _ = timeout(self.node.look_again(), self.node.watchers.work()).await;
-    }
-
     async fn claim(&self) -> Result<Option<Claim>, QueueError> {
-        self.claims.ask(()).await
+        self.claims.run(()).await
     }
 
     async fn renew(&self, lease: Lease, progress: Option<Progress>) -> Result<Renewal, QueueError> {
-        self.renewals.ask((lease, progress)).await
+        self.renewals.run((lease, progress)).await
     }
 
-    async fn interruption(&self, lease: Lease) -> Renewal {
-        let mut changes = self.node.watchers.subscribe(lease.job);
-        loop {
-            match self.node.standing(lease).await {
-                Ok(Renewal::Ok) => {}
-                Ok(interruption) => return interruption,
-                Err(error) => tracing::warn!(%error, "whether a job goes on cannot be read"),
-            }
-            let _ = timeout(self.node.look_again(), changes.changed()).await;
-        }
+    async fn standing(&self, lease: Lease) -> Result<Renewal, QueueError> {
+        self.node.standing(lease).await
     }
 
     async fn finish(&self, lease: Lease, outcome: Outcome) -> Result<Finish, QueueError> {
-        self.ends.ask((lease, outcome)).await
+        self.finishes.run((lease, outcome)).await
     }
 
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError> {
         self.node.cancel(owner, id).await
     }
 
-    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError> {
-        let mut changes = self.node.watchers.subscribe(id);
-        loop {
-            let (events, more_may_come) = self.node.events(owner, id, after).await?;
-            if !events.is_empty() || !more_may_come {
-                return Ok(events);
-            }
-            let _ = timeout(self.node.look_again(), changes.changed()).await;
-        }
+    async fn events_now(
+        &self,
+        owner: &Owner,
+        id: JobId,
+        after: u64,
+    ) -> Result<(Vec<Event>, bool), QueueError> {
+        self.node.events(owner, id, after).await
     }
 
     async fn stats(&self) -> Result<Stats, QueueError> {
@@ -247,7 +214,7 @@ impl Queue for Postgres {
     }
 
     async fn expect(&self, blob: Digest) -> Result<(), QueueError> {
-        self.expected.ask(blob).await
+        self.expected.run(blob).await
     }
 
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError> {
@@ -256,6 +223,16 @@ impl Queue for Postgres {
 
     fn is_healthy(&self) -> bool {
         self.node.database.is_healthy()
+    }
+
+    fn watchers(&self) -> &Arc<Watchers> {
+        &self.node.watchers
+    }
+
+    fn poll_period(&self) -> Duration {
+        let longest =
+            if self.node.notifications.are_received() { Duration::MAX } else { POLL_PERIOD };
+        self.node.terms.poll_period.min(longest)
     }
 }
 

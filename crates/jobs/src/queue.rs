@@ -1,63 +1,86 @@
-//! The queue of jobs as a trait, with nothing in it of the engine that keeps it.
+//! The queue as a trait, independent of the engine that stores it.
 //!
-//! An engine promises what [`conformance`](super) checks: what [`Queue::submit`] has acknowledged
-//! is on stable storage; a job has one worker at a time, and whoever lost it can change it no more;
-//! an attempt is counted before it begins.
+//! Every engine passes the suite `conformance`: a job that [`Queue::submit`] acknowledged is on stable
+//! storage; one worker at a time has a job, and a worker that lost it changes nothing; an attempt is
+//! counted before it starts.
 
-use super::fairness::Caps;
-use super::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
+use crate::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
+use crate::watchers::Watchers;
 use async_trait::async_trait;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use serde_json::Value;
 use std::collections::HashSet;
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
 /// How many times a job is given to a worker.
 pub const MAX_ATTEMPTS: u32 = 3;
 
-/// What an engine is asked to keep to.
+/// The limits and times of a queue.
 #[derive(Clone, Copy, Debug)]
 pub struct Terms {
-    /// How many jobs may wait and run.
+    /// The limits of the numbers of jobs.
     pub caps: Caps,
-    /// How long a worker has a job without renewing its lease.
+    /// How long a worker keeps a job without renewing its lease.
     pub lease: Duration,
     /// How long a job is kept after its end.
     pub result_ttl: Duration,
-    /// How long the word that a client gave for a submission is remembered.
+    /// How long an idempotency key is kept.
     pub idempotency_ttl: Duration,
-    /// How long it is remembered that there was a job, once it is no longer kept.
+    /// How long an expired job is known to have existed.
     pub gone_ttl: Duration,
-    /// How often a worker without work, and whoever waits for a change, looks whether it missed a call.
-    pub look_again: Duration,
+    /// The period of polling for changes that no notification announced.
+    pub poll_period: Duration,
 }
 
-/// How long the word that a client gave for a submission is remembered.
-const IDEMPOTENCY_TTL: Duration = Duration::from_hours(24);
-/// How long it is remembered that there was a job.
-const GONE_TTL: Duration = Duration::from_hours(7 * 24);
-/// How often whoever waits for work, or for a change of a job, looks whether a call was missed.
-const LOOK_AGAIN: Duration = Duration::from_secs(1);
-
 impl Terms {
-    /// The usual times for what no setting says.
+    /// The terms with the default times.
     #[must_use]
     pub fn new(caps: Caps, lease: Duration, result_ttl: Duration) -> Self {
         Self {
             caps,
             lease,
             result_ttl,
-            idempotency_ttl: IDEMPOTENCY_TTL,
-            gone_ttl: GONE_TTL,
-            look_again: LOOK_AGAIN,
+            idempotency_ttl: Duration::from_hours(24),
+            gone_ttl: Duration::from_hours(7 * 24),
+            poll_period: Duration::from_secs(1),
         }
     }
 }
 
-/// Why the queue could not do what it was asked.
+/// The limits of the numbers of jobs. Those of one owner do not apply to anonymous jobs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Caps {
+    /// Queued jobs of all owners.
+    pub queued: usize,
+    /// Queued jobs of one owner.
+    pub queued_per_owner: usize,
+    /// Running jobs of one owner.
+    pub running_per_owner: usize,
+}
+
+impl Caps {
+    /// Why the queue refuses another job of an owner; `None` if it does not.
+    pub(crate) fn refusal(
+        &self,
+        queued: usize,
+        owner: &Owner,
+        queued_of_owner: usize,
+    ) -> Option<Submitted> {
+        if queued >= self.queued {
+            Some(Submitted::QueueFull { limit: self.queued })
+        } else if owner.is_key() && queued_of_owner >= self.queued_per_owner {
+            Some(Submitted::OwnerFull { limit: self.queued_per_owner })
+        } else {
+            None
+        }
+    }
+}
+
+/// Why the queue failed.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum QueueError {
     /// There is no room left on the storage.
@@ -66,16 +89,16 @@ pub enum QueueError {
     /// The storage fails.
     #[error("the storage fails: {0}")]
     Storage(String),
-    /// The storage works, but what it kept is not what was given to it.
+    /// The storage works, but returns other data than were stored.
     #[error("what was stored is damaged: {0}")]
     Damaged(String),
-    /// The store of pictures and results fails, or does not answer.
+    /// The shared store of pictures and meshes fails, or does not answer.
     #[error("the store of blobs fails: {0}")]
     Blobs(String),
     /// No room is left on the storage of the shared database.
     #[error("no room is left in the database: {0}")]
     DatabaseFull(String),
-    /// The shared database answers, but cannot do what it is asked.
+    /// The shared database answers, but fails.
     #[error("the database fails: {0}")]
     Database(String),
     /// The shared database does not answer.
@@ -83,160 +106,191 @@ pub enum QueueError {
     Unreachable(String),
 }
 
-/// What became of a submission.
+/// The result of a submission.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Submitted {
-    /// The job is there, on stable storage.
+    /// The job is on stable storage.
     Created(Record),
-    /// It was there already: the same word was given with the same content.
+    /// The job was submitted before with the same idempotency key and the same content.
     Existing(Record),
-    /// The same word was given with other content.
+    /// The same idempotency key was used with other content.
     KeyReused,
-    /// As many jobs wait as may.
+    /// The queue is full.
     QueueFull {
-        /// So many.
+        /// The limit of queued jobs.
         limit: usize,
     },
-    /// As many jobs of this owner wait as may.
+    /// The owner has as many queued jobs as one owner may have.
     OwnerFull {
-        /// So many.
+        /// The limit of queued jobs.
         limit: usize,
     },
 }
 
-/// What there is under a job's name.
+impl Submitted {
+    /// The result of submitting a job whose idempotency key belongs to a stored job.
+    pub(crate) fn again(job: &NewJob, stored: Record, fingerprint: Option<Digest>) -> Self {
+        if stored.id == job.id {
+            // The job was committed before, and the acknowledgement was lost.
+            Self::Created(stored)
+        } else if fingerprint == Some(job.fingerprint()) {
+            Self::Existing(stored)
+        } else {
+            Self::KeyReused
+        }
+    }
+}
+
+/// What the queue has under the id of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Lookup {
     /// The job.
     Found(Box<Record>),
-    /// There was a job, and it is no longer kept.
+    /// The job has expired.
     Gone,
-    /// Nothing, or nothing of this owner.
+    /// The owner has no such job.
     Unknown,
 }
 
 /// Which jobs of an owner to list, newest first.
 #[derive(Clone, Copy, Debug)]
 pub struct PageRequest {
-    /// Only those in this state.
+    /// Only jobs in this state.
     pub state: Option<State>,
-    /// Only those older than this one.
+    /// Only jobs older than this one.
     pub before: Option<JobId>,
-    /// The most of them, 1 or more.
+    /// The most jobs, at least 1.
     pub limit: usize,
 }
 
-/// Some jobs of an owner, newest first.
+/// A page of an owner's jobs, newest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
     /// The jobs.
     pub jobs: Vec<Record>,
-    /// The one before which the next page begins, when there is more.
+    /// The job before which the next page starts; `None` on the last page.
     pub next: Option<JobId>,
 }
 
-/// The right to work on a job: void as soon as somebody else has got it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+impl Page {
+    /// The page of the first `limit` rows, of which the query returned one more if there is another
+    /// page. Damaged records are logged and left out.
+    pub(crate) fn of<E: fmt::Display>(rows: Vec<(JobId, Result<Record, E>)>, limit: usize) -> Self {
+        let next = (rows.len() > limit).then(|| rows[limit - 1].0);
+        let mut jobs = Vec::new();
+        for (job, record) in rows.into_iter().take(limit) {
+            match record {
+                Ok(record) => jobs.push(record),
+                Err(error) => tracing::error!(%job, %error, "job record damaged"),
+            }
+        }
+        Self { jobs, next }
+    }
+}
+
+/// The right to work on a job, until another worker claims it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Lease {
     /// The job.
     pub job: JobId,
-    /// Grows each time the job is given to somebody.
+    /// Grows with each claim of the job.
     pub fence: u64,
 }
 
-/// A job that was given to a worker.
+/// A job that a worker claimed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
-    /// The right to it.
+    /// The lease.
     pub lease: Lease,
-    /// Whose it is.
+    /// The owner of the job.
     pub owner: Owner,
-    /// Which attempt this is, from 1.
+    /// The number of this attempt, from 1.
     pub attempt: u32,
-    /// What to make.
-    pub order: String,
-    /// Of which image.
+    /// The [stored](pixmesh_engine::MeshOptions::stored) options of the mesh.
+    pub options: String,
+    /// The picture to mesh.
     pub picture: Picture,
 }
 
-/// What a worker hears when it renews its lease.
+/// What a worker learns about its lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Renewal {
-    /// It goes on having the job.
+    /// The worker keeps the job.
     Ok,
-    /// So it does, but the owner wants the job no more.
+    /// The worker keeps the job, but the owner cancelled it.
     CancelRequested,
-    /// Somebody else has got the job, or it is gone.
+    /// Another worker has the job, or it is gone.
     Lost,
 }
 
-/// How a worker leaves a job.
+/// How an attempt ends.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// The mesh is stored.
     Completed(MeshFigures),
-    /// It cannot be done: the problem document says why.
+    /// The job fails for good, with this problem document.
     Failed(Value),
-    /// The owner wanted it no more.
+    /// The worker stopped because the owner cancelled the job.
     Cancelled,
-    /// Nothing came of this attempt; another may do, or the problem is what is left.
+    /// The attempt failed, and another may succeed. After the last one the job fails with this problem
+    /// document.
     Retry(Value),
-    /// The worker stops, through no fault of the job: the attempt does not count.
+    /// The worker stops for a reason of its own: the attempt does not count.
     HandedBack,
 }
 
-/// Whether what a worker left was accepted.
+/// Whether the outcome of an attempt was accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finish {
     /// The job is in this state now.
     Committed(State),
-    /// The worker had lost the job; nothing was changed.
+    /// The lease was lost; nothing changed.
     Fenced,
 }
 
-/// What became of a job whose owner wants it no more.
+/// The result of a cancellation by the owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cancellation {
-    /// It waited, and is cancelled.
+    /// The job was queued and is cancelled.
     Cancelled,
-    /// A worker has it, and is being told.
+    /// The job runs; its worker is notified.
     Requested,
-    /// It had come to its end, and is deleted.
+    /// The job had ended and is deleted.
     Deleted,
-    /// There is no such job of this owner.
+    /// The owner has no such job.
     Unknown,
-    /// There was one, and it is no longer kept.
+    /// The job has expired.
     Gone,
 }
 
-/// How much there is of what.
+/// The numbers of jobs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
-    /// Jobs that wait.
+    /// Queued jobs.
     pub queued: usize,
-    /// Jobs that run.
+    /// Running jobs.
     pub running: usize,
-    /// How long the one has waited that has waited longest, in seconds.
+    /// The age of the oldest queued job in seconds; 0 without one.
     pub oldest_queued_s: f64,
 }
 
-/// What a sweep found.
+/// The result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Swept {
-    /// Jobs whose workers fell silent, and that wait again.
+    /// Jobs that are queued again because a lease expired.
     pub requeued: usize,
-    /// Jobs whose workers fell silent for the last time.
+    /// Jobs that failed because the lease of their last attempt expired.
     pub exhausted: usize,
-    /// Jobs that are no longer kept.
+    /// Jobs that expired.
     pub expired: usize,
-    /// Blobs that a job had and gave up.
-    pub given_up: Vec<Digest>,
+    /// Blobs that no job uses, as far as the queue knows.
+    pub orphans: Vec<Digest>,
 }
 
 /// A durable queue of jobs.
 #[async_trait]
 pub trait Queue: fmt::Debug + Send + Sync {
-    /// Puts a job on stable storage, or says why not.
+    /// Puts a job on stable storage, unless a limit or its idempotency key forbids it.
     async fn submit(&self, job: NewJob) -> Result<Submitted, QueueError>;
 
     /// An owner's job.
@@ -245,53 +299,92 @@ pub trait Queue: fmt::Debug + Send + Sync {
     /// An owner's jobs.
     async fn list(&self, owner: &Owner, request: PageRequest) -> Result<Page, QueueError>;
 
-    /// Waits until there may be something to claim.
-    async fn work(&self);
-
-    /// Gives the next job to a worker, and counts the attempt.
+    /// Claims the next job for a worker, and counts the attempt.
     async fn claim(&self) -> Result<Option<Claim>, QueueError>;
 
-    /// Lengthens a lease, and tells how far the work is.
+    /// Renews a lease, and stores new progress.
     async fn renew(&self, lease: Lease, progress: Option<Progress>) -> Result<Renewal, QueueError>;
 
-    /// Waits until the worker must stop: never [`Renewal::Ok`].
-    async fn interruption(&self, lease: Lease) -> Renewal;
+    /// Whether the holder of a lease still has the job.
+    async fn standing(&self, lease: Lease) -> Result<Renewal, QueueError>;
 
-    /// Ends a worker's attempt.
+    /// Ends an attempt.
     async fn finish(&self, lease: Lease, outcome: Outcome) -> Result<Finish, QueueError>;
 
-    /// Cancels an owner's job, or deletes it where it has come to its end.
+    /// Cancels an owner's job, or deletes it if it has ended.
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError>;
 
-    /// What happened to an owner's job after a revision; waits until something has. Empty when there is no
-    /// such job, or nothing more will happen to it.
-    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError>;
+    /// The changes of an owner's job after a revision, and whether more may come: not if the job has
+    /// ended or does not exist.
+    async fn events_now(
+        &self,
+        owner: &Owner,
+        id: JobId,
+        after: u64,
+    ) -> Result<(Vec<Event>, bool), QueueError>;
 
-    /// How much there is of what.
+    /// The numbers of jobs.
     async fn stats(&self) -> Result<Stats, QueueError>;
 
-    /// How many seconds a job takes of late on average, as far as is known: nodes that share a queue
-    /// tell each other. `own` is this node's mean.
+    /// The recent mean duration of an attempt in seconds on the nodes that share the queue; `None`
+    /// before the first. `own` is the mean of this node.
     async fn mean_duration_s(&self, own: Option<f64>) -> Result<Option<f64>, QueueError> {
         Ok(own)
     }
 
-    /// Takes jobs from workers that fell silent, forgets those kept long enough, and names the
-    /// blobs that were given up, until [`Self::forget`] is told that they are seen to.
+    /// Periodic maintenance: requeues jobs whose leases expired, deletes expired jobs, and returns blobs
+    /// that no job uses, until [`Self::forget`] removes them from the list.
     async fn sweep(&self) -> Result<Swept, QueueError>;
 
-    /// Those of the blobs that a job has.
+    /// Which of the blobs a job uses.
     async fn referenced(&self, blobs: Vec<Digest>) -> Result<HashSet<Digest>, QueueError>;
 
-    /// A blob is about to be stored: should no job come to have it, it is given up. An engine whose
-    /// blobs nobody else stores need not take that down.
+    /// Marks a blob that is about to be stored, so that a sweep finds it if no job comes to use it.
+    /// Engines of one process find such blobs when they start, and need no mark.
     async fn expect(&self, _blob: Digest) -> Result<(), QueueError> {
         Ok(())
     }
 
-    /// The blobs that were given up are seen to.
+    /// Removes blobs that were deleted from the list of orphans.
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError>;
 
-    /// Whether the storage took what it was last given.
+    /// Whether the last write succeeded.
     fn is_healthy(&self) -> bool;
+
+    /// The tasks that wait for changes.
+    fn watchers(&self) -> &Arc<Watchers>;
+
+    /// How often waiting tasks read again without a notification.
+    fn poll_period(&self) -> Duration;
+
+    /// Waits until there may be a job to claim.
+    async fn work(&self) {
+        self.watchers().work(self.poll_period()).await;
+    }
+
+    /// Waits until the worker must stop: until the answer is not [`Renewal::Ok`].
+    async fn interruption(&self, lease: Lease) -> Renewal {
+        let mut changes = self.watchers().subscribe(lease.job);
+        loop {
+            match self.standing(lease).await {
+                Ok(Renewal::Ok) => {}
+                Ok(interruption) => return interruption,
+                Err(error) => tracing::warn!(%error, "lease not checked"),
+            }
+            changes.changed(self.poll_period()).await;
+        }
+    }
+
+    /// The changes of an owner's job after a revision; waits for the first one. Empty if no more
+    /// changes can come.
+    async fn events(&self, owner: &Owner, id: JobId, after: u64) -> Result<Vec<Event>, QueueError> {
+        let mut changes = self.watchers().subscribe(id);
+        loop {
+            let (events, more_may_come) = self.events_now(owner, id, after).await?;
+            if !events.is_empty() || !more_may_come {
+                return Ok(events);
+            }
+            changes.changed(self.poll_period()).await;
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! What is kept of a job, and what happens to it.
+//! The record of a job, and its events.
 
 use crate::blobs::chunks::ChunkedBlob;
 use pixmesh_codec::Header;
@@ -7,33 +7,34 @@ use pixmesh_engine::digest::Digest;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fmt;
+use std::time::Duration;
 use uuid::Uuid;
 
-/// A job's name: a UUID of version 7, so that later ones compare greater.
+/// The id of a job: a UUID of version 7, so that later ids compare greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct JobId(Uuid);
 
 impl JobId {
-    /// A new one.
+    /// A new id.
     #[must_use]
     pub fn new() -> Self {
         Self(Uuid::now_v7())
     }
 
-    /// The one written so, hyphens and lower case included; `None` for anything else.
+    /// The id in its canonical text form, with hyphens and lower case; `None` for any other text.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let id = Self(Uuid::try_parse(text).ok()?);
         (id.to_string() == text).then_some(id)
     }
 
-    /// Its bytes, which order like it.
+    /// The bytes of the id, which have the same order.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8; 16] {
         self.0.as_bytes()
     }
 
-    /// The one of these bytes.
+    /// The id with these bytes.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 16]) -> Self {
         Self(Uuid::from_bytes(bytes))
@@ -52,18 +53,18 @@ impl fmt::Display for JobId {
     }
 }
 
-/// Where in its life a job is.
+/// The state of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum State {
-    /// It waits for a worker, for the first time or again.
+    /// The job waits for a worker, for the first time or again.
     Queued,
-    /// A worker has it.
+    /// A worker has the job.
     Running,
-    /// Its mesh is there.
+    /// The mesh is stored.
     Completed,
-    /// It has a problem instead of a mesh.
+    /// The job has a problem document instead of a mesh.
     Failed,
-    /// Its owner wanted it no more.
+    /// The owner cancelled the job.
     Cancelled,
 }
 
@@ -75,58 +76,66 @@ impl State {
     pub const NAMES: &'static [&'static str] =
         &["queued", "running", "completed", "failed", "cancelled"];
 
-    /// The state's name.
+    /// The name of the state.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES[self as usize]
     }
 
-    /// The state of this name.
+    /// The state with this name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let index = Self::NAMES.iter().position(|known| *known == name)?;
         Some(Self::ALL[index])
     }
 
-    /// Whether nothing more will happen to the job.
+    /// Whether the job has ended.
     #[must_use]
     pub fn is_final(self) -> bool {
         matches!(self, Self::Completed | Self::Failed | Self::Cancelled)
     }
 }
 
-/// A moment in milliseconds since 1970, of the system's clock.
+/// A time in milliseconds since 1970.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Moment(pub i64);
 
 impl Moment {
-    /// The present.
+    /// The time of the system's clock.
     #[must_use]
     pub fn now() -> Self {
         Self(jiff::Timestamp::now().as_millisecond())
     }
+
+    pub(crate) fn after(self, duration: Duration) -> Self {
+        Self(self.0.saturating_add(i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)))
+    }
+
+    pub(crate) fn before(self, duration: Duration) -> Self {
+        Self(self.0.saturating_sub(i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)))
+    }
 }
 
 impl fmt::Display for Moment {
-    /// As RFC 3339 has it, in UTC.
+    /// In the format of RFC 3339, in UTC.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let moment = jiff::Timestamp::from_millisecond(self.0).unwrap_or_default();
         write!(formatter, "{moment:.3}")
     }
 }
 
-/// The image that a job meshes.
+/// The picture of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Name of the blob with its bytes, and those of its weights behind them.
+    /// The name of the blob with the picture's file, followed by the file of the weights.
     pub digest: Digest,
-    /// Length of the picture's file in bytes.
+    /// The length of the picture's file in bytes.
     pub bytes: u64,
-    /// What its header says.
+    /// The shape according to the header.
     pub shape: PictureShape,
 }
 
-/// The shape of a picture, as it is stored.
+/// The shape of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PictureShape {
     /// Columns.
@@ -137,15 +146,15 @@ pub struct PictureShape {
     pub components: usize,
     /// Bits per sample.
     pub precision: u8,
-    /// The picture that says how much its points matter, where there is one.
+    /// The picture of weights, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<KeptWeights>,
 }
 
-/// The weights of a picture: their file follows the picture's in its blob.
+/// The weights of a picture, whose file follows that of the picture in the blob.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeptWeights {
-    /// Length of the file in bytes.
+    /// The length of the file in bytes.
     pub bytes: u64,
     /// SHA-256 of the file.
     pub digest: Digest,
@@ -160,22 +169,21 @@ impl From<&Header> for PictureShape {
     }
 }
 
-/// How far running work is.
-#[derive(Clone, Debug, PartialEq)]
+/// The progress of a running job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
-    /// The stage that runs.
+    /// The running stage.
     pub stage: String,
-    /// How much of that stage is behind, 0 to 1.
+    /// The completed fraction of the stage, 0 to 1.
     pub fraction: f64,
 }
 
-/// The mesh of a completed job, which is kept as MODEL.
+/// The mesh of a completed job, which is stored as MODEL.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshFigures {
-    /// SHA-256 of the blob, in hexadecimal digits, which is its name: of the MODEL text, and of
-    /// what follows it.
+    /// The name of the blob: SHA-256, in hexadecimal digits, of the MODEL text and the progression.
     pub digest: String,
-    /// Length of the MODEL text.
+    /// The length of the MODEL text in bytes.
     pub bytes: u64,
     /// Vertices.
     pub vertices: usize,
@@ -183,30 +191,29 @@ pub struct MeshFigures {
     pub faces: usize,
     /// Mean squared error.
     pub mse: f64,
-    /// PSNR in decibels; `None` for a perfect copy.
+    /// PSNR in decibels; `None` if the mesh equals the picture.
     pub psnr_db: Option<f64>,
-    /// Milliseconds of each stage, in their order.
+    /// The stages in their order, with their durations in milliseconds.
     pub timings_ms: Vec<(String, f64)>,
-    /// SHA-256 of each chunk of the blob; empty for one of one chunk.
+    /// SHA-256 of each chunk of the blob; empty if the blob is one chunk.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub chunks: Vec<Digest>,
-    /// The order of importance of the vertices, where it is kept.
+    /// The order of importance of the vertices, if it is stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub progression: Option<KeptProgression>,
 }
 
-/// The order of importance of a mesh's vertices, as pmesh: it follows the MODEL in its blob.
+/// The order of importance of a mesh's vertices, as pmesh after the MODEL text in the blob.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeptProgression {
-    /// Length of the pmesh.
+    /// The length of the pmesh in bytes.
     pub bytes: u64,
-    /// SHA-256 of the MODEL text alone.
+    /// SHA-256 of the MODEL text alone, in hexadecimal digits.
     pub model_digest: String,
 }
 
 impl MeshFigures {
-    /// The blob with the MODEL text, and the progression behind it where that is kept; `None` when
-    /// the stored digest is damaged.
+    /// The blob; `None` if the stored digest is damaged.
     #[must_use]
     pub fn blob(&self) -> Option<ChunkedBlob> {
         let progression = self.progression.as_ref().map_or(0, |kept| kept.bytes);
@@ -224,65 +231,87 @@ impl MeshFigures {
     }
 }
 
-/// A job that was not submitted yet.
+/// A job to submit.
 #[derive(Clone, Debug)]
 pub struct NewJob {
-    /// Its name.
+    /// The id.
     pub id: JobId,
-    /// Whose it is.
+    /// The owner.
     pub owner: Owner,
-    /// What to make: [stored](pixmesh_engine::MeshOptions::stored) options.
-    pub order: String,
-    /// Of which image: its blob is stored already.
+    /// The [stored](pixmesh_engine::MeshOptions::stored) options of the mesh.
+    pub options: String,
+    /// The picture, whose blob is stored already.
     pub picture: Picture,
-    /// The client's word by which a repeated submission is known.
+    /// The client's idempotency key.
     pub idempotency_key: Option<String>,
 }
 
 impl NewJob {
-    /// What must be the same in a repeated submission: the image and the order.
+    /// The digest of what must be equal in a repeated submission: the picture and the options.
     #[must_use]
     pub fn fingerprint(&self) -> Digest {
-        // The version of the stored options may change between a submission and its repetition.
-        let query = self.order.split_once(';').map_or(&*self.order, |(_, query)| query);
+        // Without the version of the format, which may change between the submissions.
+        let query = self.options.split_once(';').map_or(&*self.options, |(_, query)| query);
         Digest::of_texts(&[&self.picture.digest.to_string(), query])
     }
 }
 
-/// A job as it stands.
+/// A stored job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Its name.
+    /// The id.
     pub id: JobId,
-    /// Whose it is.
+    /// The owner.
     pub owner: Owner,
-    /// Where in its life it is.
+    /// The state.
     pub state: State,
-    /// How many times a worker took it, this time included.
+    /// The number of attempts that were started.
     pub attempt: u32,
-    /// What to make.
-    pub order: String,
-    /// Of which image.
+    /// The [stored](pixmesh_engine::MeshOptions::stored) options of the mesh.
+    pub options: String,
+    /// The picture.
     pub picture: Picture,
-    /// How far the work is, while it runs.
+    /// The progress while the job runs.
     pub progress: Option<Progress>,
-    /// The mesh, once it is there.
+    /// The mesh of a completed job.
     pub mesh: Option<MeshFigures>,
-    /// The problem document of a job that failed.
+    /// The problem document of a failed job.
     pub problem: Option<Value>,
-    /// When it was submitted.
+    /// The time of the submission.
     pub created: Moment,
-    /// When a worker first took it.
+    /// The time of the first claim.
     pub started: Option<Moment>,
-    /// When it came to its end.
+    /// The time of the end.
     pub finished: Option<Moment>,
-    /// When it will be forgotten.
+    /// The time at which the job expires.
     pub expires: Option<Moment>,
-    /// Counts the changes, from 1.
+    /// The number of changes, from 1.
     pub revision: u64,
 }
 
-/// The problem document (RFC 9457) of a job whose worker ended in every attempt.
+impl Record {
+    /// The record of a new job.
+    pub(crate) fn queued(job: &NewJob, created: Moment) -> Self {
+        Self {
+            id: job.id,
+            owner: job.owner.clone(),
+            state: State::Queued,
+            attempt: 0,
+            options: job.options.clone(),
+            picture: job.picture,
+            progress: None,
+            mesh: None,
+            problem: None,
+            created,
+            started: None,
+            finished: None,
+            expires: None,
+            revision: 1,
+        }
+    }
+}
+
+/// The problem document (RFC 9457) of a job whose lease expired in the last attempt.
 #[must_use]
 pub fn exhausted(attempts: u32) -> Value {
     json!({
@@ -295,7 +324,7 @@ pub fn exhausted(attempts: u32) -> Value {
     })
 }
 
-/// The problem document of a job whose record cannot be read.
+/// The problem document of a job with a damaged record.
 #[must_use]
 pub fn damaged() -> Value {
     json!({
@@ -307,20 +336,20 @@ pub fn damaged() -> Value {
 /// One change of a job's state or progress.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// The job's revision after it.
+    /// The revision of the job after the change.
     pub revision: u64,
-    /// When it happened.
+    /// The time of the change.
     pub at: Moment,
-    /// The state after it.
+    /// The state after the change.
     pub state: State,
-    /// The attempt that it belongs to.
+    /// The attempt.
     pub attempt: u32,
-    /// How far the work is, where that is what changed.
+    /// The new progress; `None` for a change of state.
     pub progress: Option<Progress>,
 }
 
 impl Picture {
-    /// The picture of a file whose header was read.
+    /// The picture of a file with this header.
     #[must_use]
     pub fn new(digest: Digest, bytes: usize, header: &Header) -> Self {
         Self { digest, bytes: bytes as u64, shape: header.into() }
@@ -332,37 +361,20 @@ impl Picture {
         self.shape.weights.map_or(self.digest, |weights| weights.picture_digest)
     }
 
-    /// One that stands for none, where tests need none.
-    #[cfg(test)]
-    pub(crate) fn of_bytes(bytes: &[u8]) -> Self {
-        let header = Header {
-            format: pixmesh_codec::PictureFormat::Png,
-            width: 2,
-            height: 2,
-            component_count: 1,
-            precision: 8,
-        };
-        Self::new(Digest::of(bytes), bytes.len(), &header)
+    /// The shape as JSON.
+    pub(crate) fn shape_column(&self) -> String {
+        serde_json::to_string(&self.shape).unwrap_or_default()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::figures;
 
     #[test]
-    fn a_mesh_with_a_progression_behind_it_has_two_digests() {
-        let alone = MeshFigures {
-            digest: "of all".into(),
-            bytes: 5,
-            vertices: 4,
-            faces: 2,
-            mse: 0.0,
-            psnr_db: None,
-            timings_ms: Vec::new(),
-            chunks: Vec::new(),
-            progression: None,
-        };
+    fn progression_changes_the_digest_of_the_blob_only() {
+        let alone = MeshFigures { digest: "of all".into(), ..figures("mesh") };
         assert_eq!(alone.model_digest(), "of all");
         let kept = KeptProgression { bytes: 3, model_digest: "of the model".into() };
         let both = MeshFigures { progression: Some(kept), ..alone };
@@ -370,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_one_way_of_writing_a_name_is_a_name() {
+    fn only_the_canonical_text_is_an_id() {
         let id = JobId::new();
         assert_eq!(JobId::parse(&id.to_string()), Some(id));
         let plain = id.to_string().replace('-', "");
@@ -380,13 +392,13 @@ mod tests {
     }
 
     #[test]
-    fn later_names_compare_greater_and_so_do_their_bytes() {
+    fn later_ids_and_their_bytes_compare_greater() {
         let ids: Vec<JobId> = (0..1000).map(|_| JobId::new()).collect();
         assert!(ids.is_sorted() && ids.is_sorted_by_key(|id| *id.as_bytes()));
     }
 
     #[test]
-    fn states_have_the_names_that_they_are_found_by() {
+    fn states_are_found_by_their_names() {
         for state in State::ALL {
             assert_eq!(State::named(state.name()), Some(state));
         }
@@ -394,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_written_in_utc() {
+    fn moments_are_formatted_in_utc() {
         assert_eq!(Moment(1_700_000_000_123).to_string(), "2023-11-14T22:13:20.123Z");
     }
 }

@@ -1,10 +1,10 @@
-//! Deletes what is no longer kept, and takes jobs from workers that fell silent.
+//! Periodic maintenance: sweeps of the queue, and the deletion of blobs that no job uses.
 
-use super::Jobs;
-use super::queue::{QueueError, Swept};
-use super::record::State;
+use crate::Jobs;
+use crate::queue::{QueueError, Swept};
+use crate::record::State;
 use crate::telemetry;
-use std::collections::HashSet;
+use pixmesh_engine::digest::Digest;
 use std::error::Error;
 use std::time::Duration;
 use tokio::task::spawn_blocking;
@@ -14,8 +14,8 @@ use tokio_util::sync::CancellationToken;
 /// leaves 2 s for a busy machine.
 const PERIOD: Duration = Duration::from_secs(3);
 
-/// Deletes blobs that the last process stored for no job; in a store that nodes share, the queue
-/// knows of them.
+/// Deletes the blobs of the last process that no job uses. In a store that nodes share, the queue knows
+/// these blobs.
 ///
 /// # Errors
 /// When the blobs or the queue cannot be read.
@@ -23,17 +23,17 @@ pub async fn clean_up(jobs: &Jobs) -> Result<(), Box<dyn Error + Send + Sync>> {
     if jobs.blobs.is_shared() {
         return Ok(());
     }
-    let clearing = jobs.blobs.clear().await;
+    let collector = jobs.blobs.collector().await;
     let blobs = jobs.blobs.clone();
     let stored = spawn_blocking(move || blobs.all()).await??;
-    let kept = jobs.queue.referenced(stored.clone()).await?;
-    for digest in stored.into_iter().filter(|digest| !kept.contains(digest)) {
-        clearing.delete(digest).await?;
+    let used = jobs.queue.referenced(stored.clone()).await?;
+    for digest in stored.into_iter().filter(|digest| !used.contains(digest)) {
+        collector.delete(digest).await?;
     }
     Ok(())
 }
 
-/// Sweeps again and again until `stop`.
+/// Sweeps periodically until `stop`.
 pub async fn keep(jobs: Jobs, stop: CancellationToken) {
     let mut ticks = tokio::time::interval(PERIOD);
     loop {
@@ -43,139 +43,92 @@ pub async fn keep(jobs: Jobs, stop: CancellationToken) {
         }
         jobs.blobs.probe().await;
         if let Err(error) = sweep(&jobs).await {
-            tracing::warn!(%error, "jobs could not be swept");
+            tracing::warn!(%error, "sweep of the jobs failed");
         }
     }
 }
 
-/// Does what is due.
 async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
-    let Swept { requeued, exhausted, expired, given_up } = jobs.queue.sweep().await?;
+    let Swept { requeued, exhausted, expired, orphans } = jobs.queue.sweep().await?;
     if requeued + exhausted + expired > 0 {
-        tracing::info!(requeued, exhausted, expired, "swept jobs");
+        tracing::info!(requeued, exhausted, expired, "jobs swept");
     }
     for _ in 0..exhausted {
         telemetry::job_ended(State::Failed);
     }
-    if !given_up.is_empty() {
-        delete(jobs, given_up).await?;
+    if !orphans.is_empty() {
+        delete(jobs, orphans).await?;
     }
     let mean_s = jobs.queue.mean_duration_s(jobs.durations.mean_s()).await?;
     telemetry::jobs(&jobs.queue.stats().await?, mean_s);
     Ok(())
 }
 
-/// Deletes those of the blobs that no job has.
-async fn delete(jobs: &Jobs, blobs: Vec<pixmesh_engine::digest::Digest>) -> Result<(), QueueError> {
-    let clearing = jobs.blobs.clear().await;
-    let kept: HashSet<_> = jobs.queue.referenced(blobs.clone()).await?;
-    let unused: Vec<_> = blobs.into_iter().filter(|blob| !kept.contains(blob)).collect();
-    let mut seen_to = Vec::new();
-    for blob in unused {
-        if clearing.delete(blob).await? {
-            seen_to.push(blob);
+/// Deletes those of the blobs that no job uses.
+async fn delete(jobs: &Jobs, blobs: Vec<Digest>) -> Result<(), QueueError> {
+    let collector = jobs.blobs.collector().await;
+    let used = jobs.queue.referenced(blobs.clone()).await?;
+    let mut deleted = Vec::new();
+    for blob in blobs.into_iter().filter(|blob| !used.contains(blob)) {
+        if collector.delete(blob).await? {
+            deleted.push(blob);
         }
     }
-    jobs.queue.forget(seen_to).await
+    jobs.queue.forget(deleted).await
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blobs::Blobs;
-    use crate::embedded::Embedded;
-    use crate::fairness::Caps;
-    use crate::folder::DataFolder;
-    use crate::folder_for_test;
-    use crate::queue::Terms;
-    use crate::record::{JobId, NewJob, Picture};
-    use bytes::Bytes;
+    use crate::record::JobId;
+    use crate::testing::{jobs, put, submit_picture, terms};
     use pixmesh_engine::Owner;
-    use pixmesh_engine::digest::Digest;
-    use std::sync::Arc;
-
-    /// Jobs in a folder of their own.
-    fn jobs(name: &str) -> Jobs {
-        let path = folder_for_test(name);
-        let hour = Duration::from_hours(1);
-        let caps = Caps { queued: 9, queued_per_owner: 9, running_per_owner: 9 };
-        let terms = Terms {
-            caps,
-            lease: hour,
-            result_ttl: hour,
-            idempotency_ttl: hour,
-            gone_ttl: hour,
-            look_again: hour,
-        };
-        let blobs = Blobs::in_folder(&path.join("blobs")).unwrap();
-        let folder = Arc::new(DataFolder::take(&path).unwrap());
-        let queue = Arc::new(Embedded::open(folder, terms).unwrap());
-        Jobs { queue, blobs, durations: Arc::default() }
-    }
-
-    /// A new job with this picture.
-    async fn submit(jobs: &Jobs, picture: &'static str) -> (JobId, Digest) {
-        let picture = Bytes::from_static(picture.as_bytes());
-        let job = NewJob {
-            id: JobId::new(),
-            owner: Owner::Anonymous,
-            order: "density=2".into(),
-            picture: Picture::of_bytes(&picture),
-            idempotency_key: None,
-        };
-        let (id, digest) = (job.id, job.picture.digest);
-        jobs.submit(job, picture).await.unwrap();
-        (id, digest)
-    }
 
     async fn cancel(jobs: &Jobs, id: JobId) {
         jobs.queue.cancel(&Owner::Anonymous, id).await.unwrap();
     }
 
     #[tokio::test]
-    async fn a_new_process_deletes_the_blobs_that_no_job_has() {
-        let jobs = jobs("clean");
-        let (_, kept) = submit(&jobs, "of a job").await;
-        let bytes = Bytes::from_static(b"of none");
-        let hold = jobs.blobs.hold().await;
-        jobs.blobs.put(&hold, Digest::of(&bytes), bytes).await.unwrap();
-        drop(hold);
+    async fn new_process_deletes_unused_blobs() {
+        let (jobs, _folder) = jobs(terms());
+        let (_, kept) = submit_picture(&jobs, "of a job").await;
+        put(&jobs.blobs, b"of no job").await;
         assert_eq!(jobs.blobs.all().unwrap().len(), 2);
         clean_up(&jobs).await.unwrap();
         assert_eq!(jobs.blobs.all().unwrap(), [kept]);
     }
 
     #[tokio::test]
-    async fn a_picture_is_deleted_when_the_last_job_that_has_it_no_longer_needs_it() {
-        let jobs = jobs("sweep");
+    async fn picture_is_deleted_after_its_last_job() {
+        let (jobs, _folder) = jobs(terms());
         let ((first, alone), (second, shared)) =
-            (submit(&jobs, "alone").await, submit(&jobs, "shared").await);
-        let (third, _) = submit(&jobs, "shared").await;
+            (submit_picture(&jobs, "alone").await, submit_picture(&jobs, "shared").await);
+        let (third, _) = submit_picture(&jobs, "shared").await;
         cancel(&jobs, first).await;
         cancel(&jobs, second).await;
         assert!(jobs.blobs.all().unwrap().contains(&alone));
         sweep(&jobs).await.unwrap();
         assert_eq!(jobs.blobs.all().unwrap(), [shared]);
         cancel(&jobs, third).await;
-        // One that is already gone is none that is in the way.
+        // A blob that is deleted already is not an error.
         delete(&jobs, vec![alone]).await.unwrap();
         sweep(&jobs).await.unwrap();
         assert!(jobs.blobs.all().unwrap().is_empty());
-        assert!(jobs.queue.sweep().await.unwrap().given_up.is_empty());
+        assert!(jobs.queue.sweep().await.unwrap().orphans.is_empty());
     }
 
     #[tokio::test]
-    async fn a_blob_that_a_job_has_again_is_not_deleted() {
-        let jobs = jobs("again");
-        let (_, digest) = submit(&jobs, "again").await;
+    async fn used_blob_is_not_deleted() {
+        let (jobs, _folder) = jobs(terms());
+        let (_, digest) = submit_picture(&jobs, "again").await;
         delete(&jobs, vec![digest]).await.unwrap();
         assert_eq!(jobs.blobs.all().unwrap(), [digest]);
     }
 
     #[tokio::test]
-    async fn jobs_are_swept_until_that_is_stopped() {
-        let jobs = jobs("keep");
-        let (id, _) = submit(&jobs, "for a moment").await;
+    async fn sweeps_run_until_stopped() {
+        let (jobs, _folder) = jobs(terms());
+        let (id, _) = submit_picture(&jobs, "for a moment").await;
         cancel(&jobs, id).await;
         let stop = CancellationToken::new();
         let kept = tokio::spawn(keep(jobs.clone(), stop.clone()));

@@ -1,15 +1,15 @@
-//! A setting that logs and pages never show.
+//! A secret setting.
 
 use std::convert::Infallible;
 use std::fmt;
 use std::str::FromStr;
 
-/// A setting that nothing shows.
+/// A setting that logs, errors and pages never show.
 #[derive(Clone)]
 pub struct Secret(String);
 
 impl Secret {
-    /// Its text.
+    /// The text of the setting.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.0

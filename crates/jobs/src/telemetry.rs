@@ -1,4 +1,4 @@
-//! What is counted of jobs.
+//! The metrics of jobs.
 
 use crate::queue::Stats;
 use crate::record::State;
@@ -7,17 +7,17 @@ use pixmesh_engine::declare_metrics;
 use std::time::Duration;
 
 declare_metrics! {
-    JOBS: Counter "pixmesh_jobs_total" ["state"] "Durable jobs that came to this state";
+    JOBS: Counter "pixmesh_jobs_total" ["state"] "Durable jobs that entered this state";
     JOB_ATTEMPTS: Counter "pixmesh_job_attempts_total" [] "Attempts at durable jobs";
-    JOBS_WAITING: Gauge "pixmesh_jobs_queued" [] "Durable jobs that wait for a worker";
-    JOBS_RUNNING: Gauge "pixmesh_jobs_running" [] "Durable jobs that workers have, on all nodes";
+    JOBS_WAITING: Gauge "pixmesh_jobs_queued" [] "Queued durable jobs";
+    JOBS_RUNNING: Gauge "pixmesh_jobs_running" [] "Running durable jobs, on all nodes";
     JOBS_WORK: Gauge "pixmesh_jobs_queued_work_seconds" []
-        "Seconds of one worker's time that the durable jobs waiting will take, as long as jobs took \
-         of late on the node that did the last";
+        "Estimated seconds of one worker's time for the queued durable jobs, by the recent mean \
+         duration of attempts";
     JOB_DURATION: Histogram "pixmesh_job_duration_seconds" []
-        "Seconds that an attempt at a durable job took";
+        "Seconds of an attempt at a durable job";
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
-        "Seconds that the oldest durable job waiting has waited";
+        "Age of the oldest queued durable job in seconds";
 }
 
 /// Counts a durable job that was submitted.
@@ -25,7 +25,7 @@ pub fn job_submitted() {
     counter!(JOBS, "state" => State::Queued.name()).increment(1);
 }
 
-/// Counts a durable job that came to an end, or back to those that wait.
+/// Counts a durable job that ended, or was queued again.
 pub fn job_ended(state: State) {
     counter!(JOBS, "state" => state.name()).increment(1);
 }
@@ -35,8 +35,7 @@ pub fn job_attempt() {
     counter!(JOB_ATTEMPTS).increment(1);
 }
 
-/// So many durable jobs wait, for so long; those that were done of late took so long on average, if
-/// there were any: how much work waits is not known before, and none is not said of it.
+/// Sets the gauges of the queue. The queued work in seconds is set once a mean duration is known.
 pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     gauge!(JOBS_WAITING).set(stats.queued as f64);
     gauge!(JOBS_RUNNING).set(stats.running as f64);
@@ -46,7 +45,7 @@ pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     }
 }
 
-/// Counts the time that an attempt at a durable job took.
+/// Records the duration of an attempt at a durable job.
 pub fn job_duration(duration: Duration) {
     histogram!(JOB_DURATION).record(duration);
 }

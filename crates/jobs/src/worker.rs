@@ -1,25 +1,21 @@
-//! Takes jobs from the queue and does them, as many at a time as there are slots to work.
+//! The worker claims jobs and runs them, one in each slot of the scheduler.
 //!
-//! A slot is taken before the job: a job that is claimed runs, and its attempt counts. While it
-//! runs, its lease is renewed, its progress is written down, and a cancellation stops it within
-//! milliseconds. When the service stops, running jobs may end within a time; the others are handed
-//! back, and wait for the next process.
+//! It claims a job when it has a slot, because a claim counts as an attempt. While a job runs, the worker
+//! renews its lease and stores its progress, and a cancellation stops it within milliseconds. When the
+//! service stops, running jobs get a grace period to end; then the worker hands them back.
 
-use super::Jobs;
-use super::blobs::Hold;
-use super::blobs::chunks::chunk_digests;
-use super::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
-use super::record::{KeptProgression, MeshFigures, Picture, Progress};
+use crate::Jobs;
+use crate::blobs::Pin;
+use crate::blobs::chunks::chunk_digests;
+use crate::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
+use crate::record::{KeptProgression, MeshFigures, Picture, Progress};
 use crate::telemetry;
 use bytes::Bytes;
-use pixmesh_codec::Format;
-use pixmesh_codec::Limits;
-use pixmesh_engine::MeshOptions;
-use pixmesh_engine::Weighed;
+use pixmesh_codec::{Format, Limits};
 use pixmesh_engine::digest::Digest;
 use pixmesh_engine::pipeline::Answer;
 use pixmesh_engine::scheduler::Slot;
-use pixmesh_engine::{Context, EngineError, MeshTask, Scheduler, Workers};
+use pixmesh_engine::{Context, EngineError, MeshOptions, MeshTask, Scheduler, Weighed, Workers};
 use pixmesh_meshing::Cancelled;
 use serde_json::Value;
 use std::sync::Arc;
@@ -30,37 +26,37 @@ use tokio::time::{Instant as TokioInstant, MissedTickBehavior, interval_at, time
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-/// How often progress is written down, where there is any.
+/// The interval in which new progress is stored.
 const PROGRESS_PERIOD: Duration = Duration::from_millis(500);
-/// How many times a lease is renewed in its time, progress or not.
-const HEARTBEATS_OF_LEASE: u32 = 3;
-/// The pause after the queue failed.
+/// How often a lease is renewed in its term.
+const RENEWALS_PER_LEASE: u32 = 3;
+/// The pause before a failed operation is retried.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(1);
-/// How long running jobs may take to be handed back.
-const HANDING_BACK: Duration = Duration::from_secs(2);
+/// How long handing back the running jobs may take.
+const HAND_BACK_TIME: Duration = Duration::from_secs(2);
 
-/// What all work on jobs shares.
+/// Claims and runs jobs.
 #[derive(Clone, Debug)]
 pub struct Worker {
-    /// The jobs.
+    /// The queue and the blobs.
     pub jobs: Jobs,
     /// Admits each attempt.
     pub scheduler: Scheduler,
     /// The threads that attempts run on.
     pub workers: Workers,
-    /// What images may be like.
+    /// The limits of pictures.
     pub pictures: Limits,
-    /// The longest time of an attempt.
+    /// The time limit of an attempt.
     pub deadline: Duration,
-    /// What makes the mesh: [`pixmesh_engine::pipeline::mesh_of_job`], or what a test has in its place.
+    /// Makes the mesh: [`pixmesh_engine::pipeline::mesh_of_job`], or another function in tests.
     pub make: Make,
-    /// Makes the problem document of an attempt that failed.
+    /// Makes the problem document of a failed attempt.
     pub describe: fn(AttemptError) -> Value,
-    /// How long a job is kept without its lease being renewed.
+    /// The term of a lease.
     pub lease: Duration,
 }
 
-/// Makes the mesh of an image by an order, with its progression or without.
+/// Makes the mesh of a picture, with its progression if the flag says so.
 pub type Make = fn(
     Weighed<Bytes>,
     &MeshOptions,
@@ -72,26 +68,26 @@ pub type Make = fn(
 /// Why an attempt failed.
 #[derive(Debug, Error)]
 pub enum AttemptError {
-    /// The task is refused, or fails.
+    /// The task was refused, or failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// The queue or the store of blobs fails.
+    /// The queue or the store of blobs failed.
     #[error(transparent)]
     Storage(#[from] QueueError),
-    /// The stored picture has another length than the one that was submitted.
-    #[error("the image is not stored as it was")]
+    /// The stored picture has another length than the submitted one.
+    #[error("the stored image has another length than the submitted one")]
     PictureChanged,
 }
 
 impl AttemptError {
-    /// Whether the storage failed and another attempt may succeed; all else fails again.
+    /// Whether another attempt may succeed: if the storage failed. All other errors would repeat.
     fn may_succeed_later(&self) -> bool {
         !matches!(self, Self::Engine(_) | Self::Storage(QueueError::Damaged(_)))
     }
 }
 
 impl Worker {
-    /// Does jobs until `stop`, then lets those that run end within `grace`, and hands back the rest.
+    /// Runs jobs until `stop`, gives the running ones the time `grace` to end, and hands back the rest.
     pub async fn run(self, stop: CancellationToken, grace: Duration) {
         let (hand_back, mut attempts) = (CancellationToken::new(), JoinSet::new());
         loop {
@@ -100,8 +96,7 @@ impl Worker {
                 () = stop.cancelled() => None,
             };
             let Some(slot) = slot else { break };
-            // Not given up half-way: a job that was claimed and then forgotten would have lost an
-            // attempt.
+            // A claim is not cancelled, because a claimed job that nobody runs would lose an attempt.
             match self.jobs.queue.claim().await {
                 Ok(Some(claim)) => {
                     let (worker, hand_back) = (self.clone(), hand_back.clone());
@@ -118,7 +113,7 @@ impl Worker {
                 }
                 Err(error) => {
                     drop(slot);
-                    tracing::warn!(%error, "no job can be claimed");
+                    tracing::warn!(%error, "claim failed");
                     tokio::time::sleep(PAUSE_AFTER_ERROR).await;
                 }
             }
@@ -127,11 +122,11 @@ impl Worker {
         let all = async { while attempts.join_next().await.is_some() {} };
         if timeout(grace, all).await.is_err() {
             hand_back.cancel();
-            let _ = timeout(HANDING_BACK, attempts.join_all()).await;
+            let _ = timeout(HAND_BACK_TIME, attempts.join_all()).await;
         }
     }
 
-    /// One attempt at a job, to whatever end.
+    /// One attempt at a job.
     async fn attempt(self, slot: Slot, claim: Claim, hand_back: &CancellationToken) {
         telemetry::job_attempt();
         let Claim { lease, attempt, .. } = claim;
@@ -139,21 +134,21 @@ impl Worker {
         let began = Instant::now();
         let context = Arc::new(Context::new(Instant::now() + self.deadline));
         let work = self.work(slot, &claim, &context);
-        // Until the job has its mesh, nobody may take the mesh for one that no job has.
-        let mut hold = None;
+        // The mesh must not be deleted before its job is finished.
+        let mut pinned = None;
         let outcome = tokio::select! {
             done = work => match done {
-                Ok((outcome, held)) => {
-                    hold = Some(held);
+                Ok((outcome, pin)) => {
+                    pinned = Some(pin);
                     outcome
                 }
                 Err(error) if error.may_succeed_later() => {
-                    tracing::error!(%error, attempt, "the storage failed an attempt");
+                    tracing::error!(%error, attempt, "attempt failed by the storage");
                     Outcome::Retry((self.describe)(error))
                 }
                 Err(error) => Outcome::Failed((self.describe)(error)),
             },
-            interruption = self.attend(lease, &context) => match interruption {
+            interruption = self.keep_lease(lease, &context) => match interruption {
                 Renewal::CancelRequested => Outcome::Cancelled,
                 _ => {
                     tracing::warn!("lease lost to another worker");
@@ -168,16 +163,16 @@ impl Worker {
             telemetry::job_duration(began.elapsed());
         }
         self.finish(lease, outcome).await;
-        drop(hold);
+        drop(pinned);
     }
 
-    /// Ends the attempt, however long the queue takes to hear of it: until the lease is lost.
+    /// Ends the attempt. Retries until the queue accepts the outcome or the lease is lost.
     async fn finish(&self, lease: Lease, outcome: Outcome) {
         loop {
             match self.jobs.queue.finish(lease, outcome.clone()).await {
                 Ok(Finish::Committed(state)) => {
                     telemetry::job_ended(state);
-                    tracing::info!(state = state.name(), "ended");
+                    tracing::info!(state = state.name(), "attempt finished");
                     return;
                 }
                 Ok(Finish::Fenced) => {
@@ -185,20 +180,19 @@ impl Worker {
                     return;
                 }
                 Err(error) => {
-                    tracing::error!(%error, "the end of a job could not be written");
+                    tracing::error!(%error, "outcome not stored");
                     tokio::time::sleep(PAUSE_AFTER_ERROR).await;
                 }
             }
         }
     }
 
-    /// Renews the lease and writes progress down for as long as the job goes on, and returns when
-    /// it must stop.
-    async fn attend(&self, lease: Lease, context: &Context) -> Renewal {
+    /// Renews the lease and stores progress, until the attempt must stop.
+    async fn keep_lease(&self, lease: Lease, context: &Context) -> Renewal {
         let renewing = async {
             let mut ticks = interval_at(TokioInstant::now() + PROGRESS_PERIOD, PROGRESS_PERIOD);
             ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-            let (mut told, mut renewed) = (None, Instant::now());
+            let (mut stored, mut renewed) = (None, Instant::now());
             loop {
                 ticks.tick().await;
                 let progress = context.progress();
@@ -206,16 +200,16 @@ impl Worker {
                     stage: stage.to_owned(),
                     fraction: (fraction * 1e3).floor() / 1e3,
                 });
-                let news = progress.filter(|progress| told.as_ref() != Some(progress));
-                if news.is_none() && renewed.elapsed() < self.lease / HEARTBEATS_OF_LEASE {
+                let new = progress.filter(|progress| stored.as_ref() != Some(progress));
+                if new.is_none() && renewed.elapsed() < self.lease / RENEWALS_PER_LEASE {
                     continue;
                 }
-                match self.jobs.queue.renew(lease, news.clone()).await {
+                match self.jobs.queue.renew(lease, new.clone()).await {
                     Ok(Renewal::Ok) => renewed = Instant::now(),
                     Ok(interruption) => return interruption,
-                    Err(error) => tracing::warn!(%error, "a lease could not be renewed"),
+                    Err(error) => tracing::warn!(%error, "lease not renewed"),
                 }
-                told = news.or(told);
+                stored = new.or(stored);
             }
         };
         tokio::select! {
@@ -224,17 +218,17 @@ impl Worker {
         }
     }
 
-    /// The work itself: the image from its blob, the mesh to its own.
+    /// Reads the picture, makes the mesh and stores it.
     async fn work(
         &self,
         slot: Slot,
         claim: &Claim,
         context: &Arc<Context>,
-    ) -> Result<(Outcome, Hold), AttemptError> {
-        let options = MeshOptions::of_stored(&claim.order)?;
+    ) -> Result<(Outcome, Pin), AttemptError> {
+        let options = MeshOptions::of_stored(&claim.options)?;
         let deadline = Instant::now() + self.deadline;
         let file = self.fetch(claim.picture.digest, deadline).await?;
-        let source = parted(&file, &claim.picture)?;
+        let source = split(&file, &claim.picture)?;
         let task = MeshTask::for_job(source.as_bytes(), &options, &self.pictures)?;
         let keeps_progression = task.format == Format::Progression;
         drop(file);
@@ -243,20 +237,19 @@ impl Worker {
         let answer =
             self.workers.run_watched(ticket, Arc::clone(context), deadline, move |context, _| {
                 let made = make(source, &options, keeps_progression, &limits, context)?;
-                Ok(Product::new(made, context)?)
+                Ok(MeshBlob::new(made, context)?)
             });
-        let product = answer.await?;
-        self.store(product, deadline).await
+        let mesh = answer.await?;
+        self.store(mesh, deadline).await
     }
 
-    /// The picture's blob. While a store that nodes share does not give it, again and again until the
-    /// deadline: it is the store that fails and not the job, and all that wait would use their attempts
-    /// up on it.
+    /// Reads the blob of the picture. Retries until the deadline while a shared store fails, because
+    /// otherwise an outage of the store would use up the attempts of all queued jobs.
     async fn fetch(&self, digest: Digest, deadline: Instant) -> Result<Bytes, AttemptError> {
         loop {
             match self.jobs.blobs.get(digest).await {
                 Err(error @ QueueError::Blobs(_)) if Instant::now() < deadline => {
-                    tracing::warn!(%error, "a picture could not be read");
+                    tracing::warn!(%error, "picture not read");
                     tokio::time::sleep(PAUSE_AFTER_ERROR).await;
                 }
                 fetched => return Ok(fetched?),
@@ -264,25 +257,25 @@ impl Worker {
         }
     }
 
-    /// Stores the mesh; while the storage does not take it, again and again until the deadline.
+    /// Stores the mesh. Retries until the deadline.
     async fn store(
         &self,
-        product: Product,
+        mesh: MeshBlob,
         deadline: Instant,
-    ) -> Result<(Outcome, Hold), AttemptError> {
-        let Product { figures, digest, bytes } = product;
+    ) -> Result<(Outcome, Pin), AttemptError> {
+        let MeshBlob { figures, digest, bytes } = mesh;
         loop {
-            let hold = self.jobs.blobs.hold().await;
+            let pin = self.jobs.blobs.pin().await;
             let stored = match self.jobs.queue.expect(digest).await {
-                Ok(()) => self.jobs.blobs.put(&hold, digest, bytes.clone()).await,
+                Ok(()) => self.jobs.blobs.put(&pin, digest, bytes.clone()).await,
                 Err(error) => Err(error),
             };
             match stored {
-                Ok(()) => return Ok((Outcome::Completed(figures), hold)),
+                Ok(()) => return Ok((Outcome::Completed(figures), pin)),
                 Err(error) if Instant::now() >= deadline => return Err(error.into()),
                 Err(error) => {
-                    drop(hold);
-                    tracing::warn!(%error, "a mesh could not be stored");
+                    drop(pin);
+                    tracing::warn!(%error, "mesh not stored");
                     tokio::time::sleep(PAUSE_AFTER_ERROR).await;
                 }
             }
@@ -290,8 +283,8 @@ impl Worker {
     }
 }
 
-/// A picture and the weights behind it, if there are any.
-fn parted(file: &Bytes, picture: &Picture) -> Result<Weighed<Bytes>, AttemptError> {
+/// Splits a blob into the picture and the weights after it, if there are any.
+fn split(file: &Bytes, picture: &Picture) -> Result<Weighed<Bytes>, AttemptError> {
     let length = usize::try_from(picture.bytes).unwrap_or(usize::MAX);
     let Some(weights) = picture.shape.weights else {
         return Ok(Weighed { image: file.clone(), weights: None });
@@ -303,15 +296,15 @@ fn parted(file: &Bytes, picture: &Picture) -> Result<Weighed<Bytes>, AttemptErro
     Ok(Weighed { image: file.slice(..length), weights: Some(file.slice(length..)) })
 }
 
-/// What a job leaves: its blob, and what is known of it.
-struct Product {
+/// A mesh and its blob.
+struct MeshBlob {
     figures: MeshFigures,
     digest: Digest,
     bytes: Bytes,
 }
 
-impl Product {
-    /// The MODEL, and behind it the order of its vertices where that is kept.
+impl MeshBlob {
+    /// The blob is the MODEL text, followed by the progression if there is one.
     fn new(
         (mut answer, progression): (Answer, Option<Vec<u8>>),
         context: &Context,

@@ -143,7 +143,9 @@ impl From<&Record> for Job {
             started_at: moment(record.started),
             finished_at: moment(record.finished),
             expires_at: moment(record.expires),
-            parameters: MeshOptions::of_stored(&record.order).ok().map(|options| options.object()),
+            parameters: MeshOptions::of_stored(&record.options)
+                .ok()
+                .map(|options| options.object()),
             image: JobImage::from(&record.picture),
             progress: JobProgress::of(record.state, record.progress.as_ref()),
             mesh: record.mesh.as_ref().map(JobMesh::from),

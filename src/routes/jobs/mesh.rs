@@ -91,7 +91,7 @@ pub(super) async fn of(
 ) -> Result<Response, Problem> {
     let mesh = mesh_of(record)?;
     let size = smaller_size(mesh, wish.size.as_deref())?;
-    let options = MeshOptions::of_stored(&record.order)?;
+    let options = MeshOptions::of_stored(&record.options)?;
     let representation = accept::choose_rather(options.format, wish.format, request)?;
     let format = representation.format;
     if (size.is_some() || format == Format::Progression) && mesh.progression.is_none() {

@@ -76,8 +76,8 @@ async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Res
     let receiving =
         service.intake.receive_image(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
     let upload = receiving.await?;
-    let order = parameters.finish()?;
-    let submission = submit(service, owner, &head.headers, upload, &order).await?;
+    let options = parameters.finish()?;
+    let submission = submit(service, owner, &head.headers, upload, &options).await?;
     Ok(submission.accepted())
 }
 
@@ -90,16 +90,16 @@ pub(in crate::routes) async fn prefer(
     owner: Owner,
     headers: &HeaderMap,
     upload: Weighed<Upload>,
-    order: &MeshOptions,
+    options: &MeshOptions,
     preference: Preference,
 ) -> Result<Response, Problem> {
-    let submission = submit(service, owner.clone(), headers, upload, order).await?;
+    let submission = submit(service, owner.clone(), headers, upload, options).await?;
     let mut response = match preference.wait {
         Some(wait) => {
             let wait = wait.min(service.deadline);
             let record = wait_for_end(service, &owner, submission.record.clone(), wait).await?;
             let submission = Submission { record, ..submission };
-            submission.mesh_or_accepted(service, headers, order.format).await?
+            submission.mesh_or_accepted(service, headers, options.format).await?
         }
         None => submission.accepted(),
     };
@@ -160,23 +160,24 @@ impl Submission {
     }
 }
 
-/// Checks the order against the image's header and the budget, and puts both on stable storage.
+/// Checks the options against the image's header and the budget, and puts both on stable storage.
 async fn submit(
     service: &Service,
     owner: Owner,
     headers: &HeaderMap,
     upload: Weighed<Upload>,
-    order: &MeshOptions,
+    options: &MeshOptions,
 ) -> Result<Submission, Problem> {
     let idempotency_key = idempotency::key_of(headers)?;
-    let task = MeshTask::for_job(upload.as_bytes(), order, &service.pictures)?;
+    let task = MeshTask::for_job(upload.as_bytes(), options, &service.pictures)?;
     service.scheduler.refuse_too_large(task.cost)?;
     let header = task.header;
     let length = upload.image.bytes.len() as u64;
     let Packed { digest, file: image, weights } = packed(upload).await?;
     let shape = PictureShape { weights, ..PictureShape::from(&header) };
     let picture = Picture { digest, bytes: length, shape };
-    let job = NewJob { id: JobId::new(), owner, order: order.stored(), picture, idempotency_key };
+    let job =
+        NewJob { id: JobId::new(), owner, options: options.stored(), picture, idempotency_key };
     match service.jobs.submit(job, image).await? {
         Submitted::Created(record) => {
             pixmesh_jobs::telemetry::job_submitted();

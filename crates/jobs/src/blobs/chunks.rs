@@ -1,27 +1,27 @@
-//! A blob in chunks, each with its own digest.
+//! Chunks of blobs, each with a digest.
 
 use pixmesh_engine::digest::Digest;
 use pixmesh_meshing::Cancelled;
 use std::ops::Range;
 
-/// A blob with the digests of its chunks, by which a part of it is checked without the rest.
+/// A blob with the digests of its chunks, which verify a part of it without the rest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChunkedBlob {
-    /// SHA-256 of all bytes, which is the blob's name.
+    /// SHA-256 of all bytes: the name of the blob.
     pub digest: Digest,
     /// Length in bytes.
     pub bytes: u64,
-    /// SHA-256 of each [`CHUNK_BYTES`] of it; empty for a blob that is one chunk, whatever its length.
+    /// SHA-256 of each chunk of [`CHUNK_BYTES`]; empty if the blob is one chunk, whatever its length.
     pub chunks: Vec<Digest>,
 }
 
-/// Length of a chunk in bytes; the last one of a blob may be shorter.
+/// Length of a chunk in bytes. The last chunk of a blob may be shorter.
 pub const CHUNK_BYTES: u64 = 256 << 10;
 
-/// SHA-256 of each chunk of some bytes; empty where there is one chunk.
+/// SHA-256 of each chunk; empty if there is one chunk.
 ///
 /// # Errors
-/// When they are no longer wanted; the question is asked for every chunk.
+/// When `wanted`, which is called for every chunk, returns an error.
 pub fn chunk_digests(
     bytes: &[u8],
     wanted: impl Fn() -> Result<(), Cancelled>,
@@ -38,7 +38,7 @@ impl ChunkedBlob {
         if self.chunks.is_empty() { self.bytes.max(1) } else { CHUNK_BYTES }
     }
 
-    /// Where a chunk lies.
+    /// The bytes of a chunk.
     pub(super) fn chunk(&self, index: u64) -> Range<u64> {
         let start = index * self.chunk_bytes();
         start..(start + self.chunk_bytes()).min(self.bytes)

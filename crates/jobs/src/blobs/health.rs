@@ -1,55 +1,55 @@
-//! Whether the store of blobs took what it was last given.
+//! Whether the last write of a blob succeeded.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What the store did with the blob that it was last given.
+/// The result of the last write.
 #[derive(Debug, Default)]
 pub(super) struct Health {
-    /// Bytes of the blob that it did not take, at least 1; 0 when it took it.
-    refused: AtomicUsize,
+    /// Bytes of the blob, at least 1, if the write failed; else 0.
+    failed_bytes: AtomicUsize,
 }
 
 impl Health {
-    /// Takes down what became of a blob of so many bytes.
-    pub(super) fn note(&self, length: usize, was_taken: bool) {
-        let refused = if was_taken { 0 } else { length.max(1) };
-        self.refused.store(refused, Ordering::Release);
+    /// Stores the result of writing a blob of a length in bytes.
+    pub(super) fn note(&self, length: usize, is_stored: bool) {
+        let failed = if is_stored { 0 } else { length.max(1) };
+        self.failed_bytes.store(failed, Ordering::Release);
     }
 
-    /// Bytes of the blob that the store did not take, at least 1; 0 when it took it.
-    pub(super) fn refused(&self) -> usize {
-        self.refused.load(Ordering::Acquire)
+    /// The length of the blob, at least 1, if the write failed; else 0.
+    pub(super) fn failed_bytes(&self) -> usize {
+        self.failed_bytes.load(Ordering::Acquire)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Blobs, PROBE, place};
+    use super::super::{PROBE, path_of};
+    use crate::testing::blobs;
     use bytes::Bytes;
     use pixmesh_engine::digest::Digest;
     use std::fs;
 
     #[tokio::test]
-    async fn a_store_that_took_no_blob_is_ready_when_it_takes_a_probe() {
+    async fn failed_store_is_healthy_after_a_probe() {
         for content in [&b"a picture"[..], b""] {
-            let folder = crate::folder_for_test("health");
-            let blobs = Blobs::in_folder(&folder).unwrap();
+            let (blobs, folder) = blobs();
             assert!(blobs.is_healthy());
             let bytes = Bytes::from_static(content);
             let digest = Digest::of(&bytes);
-            // A folder in its place is one that no file can be renamed to.
-            fs::create_dir_all(folder.join(place(digest).as_ref())).unwrap();
-            let hold = blobs.hold().await;
-            assert!(blobs.put(&hold, digest, bytes).await.is_err());
+            // No file can be renamed to the name of a folder.
+            fs::create_dir_all(folder.path().join(path_of(digest).as_ref())).unwrap();
+            let pin = blobs.pin().await;
+            assert!(blobs.put(&pin, digest, bytes).await.is_err());
             assert!(!blobs.is_healthy());
-            let in_the_way = folder.join(PROBE);
+            let in_the_way = folder.path().join(PROBE);
             fs::create_dir(&in_the_way).unwrap();
             blobs.probe().await;
             assert!(!blobs.is_healthy());
             fs::remove_dir(&in_the_way).unwrap();
             blobs.probe().await;
             assert!(blobs.is_healthy());
-            assert!(!in_the_way.exists(), "the probe is not kept");
+            assert!(!in_the_way.exists(), "the probe is deleted");
         }
     }
 }

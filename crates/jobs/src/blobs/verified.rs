@@ -1,5 +1,4 @@
-//! Whether what lies in the store is what was put there: a disk may give other bytes than it was
-//! given, and nobody shall get these as an image or a mesh.
+//! Verification of stored blobs by their digests: a disk may return other bytes than were written.
 
 use super::chunks::ChunkedBlob;
 use super::failure::failure;
@@ -13,13 +12,13 @@ use pixmesh_engine::digest::Digest;
 use std::ops::Range;
 use tokio::task::spawn_blocking;
 
-/// The bytes, if they are those of the digest.
+/// The bytes, if they match the digest.
 pub(super) async fn whole(digest: Digest, bytes: Bytes) -> Result<Bytes, QueueError> {
     let checked = spawn_blocking(move || (Digest::of(&bytes) == digest).then_some(bytes)).await;
     checked.map_err(|error| QueueError::Storage(error.to_string()))?.ok_or_else(|| damaged(digest))
 }
 
-/// What is left to read of a blob: its chunks from `index` on, as far as `range` needs them.
+/// The rest of a blob to read: the chunks from `index` on that overlap `range`.
 struct Reading {
     pieces: BoxStream<'static, object_store::Result<Bytes>>,
     buffer: BytesMut,
@@ -28,13 +27,13 @@ struct Reading {
     index: u64,
 }
 
-/// A part of a blob, chunk by chunk, each checked before it is given out.
+/// A part of a blob as a stream of verified chunks.
 ///
 /// # Errors
-/// When the store fails, or does not have as much of the blob.
+/// When the store fails, or the blob is shorter.
 pub(super) async fn part(
     store: &dyn ObjectStore,
-    place: &BlobPath,
+    path: &BlobPath,
     blob: ChunkedBlob,
     range: Range<u64>,
 ) -> Result<impl Stream<Item = Result<Bytes, QueueError>> + Send + use<>, QueueError> {
@@ -42,10 +41,10 @@ pub(super) async fn part(
     let read = blob.chunk(index).start..blob.chunk((range.end - 1) / blob.chunk_bytes()).end;
     let end = read.end;
     let options = GetOptions { range: Some(GetRange::Bounded(read)), ..GetOptions::default() };
-    let pieces = match store.get_opts(place, options).await {
+    let pieces = match store.get_opts(path, options).await {
         Ok(found) => found.into_stream(),
-        // Stores refuse a range behind the end of a blob that has become shorter.
-        Err(error) => match store.head(place).await {
+        // Stores refuse a range beyond the end of a blob that is too short.
+        Err(error) => match store.head(path).await {
             Ok(meta) if meta.size < end => return Err(damaged(blob.digest)),
             _ => return Err(failure(&error)),
         },
@@ -55,7 +54,7 @@ pub(super) async fn part(
 }
 
 impl Reading {
-    /// The next chunk, cut to the range; `None` behind the last one.
+    /// The next chunk, cut to the range; `None` after the last one.
     async fn next(mut self) -> Result<Option<(Bytes, Self)>, QueueError> {
         let chunk = self.blob.chunk(self.index);
         if chunk.start >= self.range.end {
@@ -75,9 +74,9 @@ impl Reading {
     }
 }
 
-/// Whether the store has these bytes at a place already; what cannot be read is not the same.
-pub(super) async fn is_same(store: &dyn ObjectStore, place: &BlobPath, bytes: &Bytes) -> bool {
-    let Ok(found) = store.get(place).await else { return false };
+/// Whether the store has these bytes under a path.
+pub(super) async fn is_same(store: &dyn ObjectStore, path: &BlobPath, bytes: &Bytes) -> bool {
+    let Ok(found) = store.get(path).await else { return false };
     if found.meta.size != bytes.len() as u64 {
         return false;
     }
@@ -92,30 +91,30 @@ pub(super) async fn is_same(store: &dyn ObjectStore, place: &BlobPath, bytes: &B
 }
 
 fn damaged(digest: Digest) -> QueueError {
-    QueueError::Damaged(format!("the blob {digest} holds other bytes"))
+    QueueError::Damaged(format!("the blob {digest} is damaged"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::chunks::{CHUNK_BYTES, chunk_digests};
-    use super::super::{Blobs, place};
+    use super::super::path_of;
     use super::*;
+    use crate::testing::blobs;
 
     fn one_chunk(bytes: &[u8]) -> ChunkedBlob {
         ChunkedBlob { digest: Digest::of(bytes), bytes: bytes.len() as u64, chunks: Vec::new() }
     }
 
     #[tokio::test]
-    async fn a_part_is_checked_by_its_own_chunks() {
-        let folder = crate::folder_for_test("chunks");
-        let blobs = Blobs::in_folder(&folder).unwrap();
+    async fn part_is_verified_by_its_chunks() {
+        let (blobs, folder) = blobs();
         let chunk = CHUNK_BYTES as usize;
         let bytes: Bytes = (0..2 * chunk + 1000).map(|i| ((i * 31) >> 3) as u8).collect();
         let chunks = chunk_digests(&bytes, || Ok(())).unwrap();
         assert_eq!(chunks.len(), 3);
         let blob = ChunkedBlob { chunks, ..one_chunk(&bytes) };
-        let hold = blobs.hold().await;
-        blobs.put(&hold, blob.digest, bytes.clone()).await.unwrap();
+        let pin = blobs.pin().await;
+        blobs.put(&pin, blob.digest, bytes.clone()).await.unwrap();
         let end = bytes.len();
         for range in [0..end, 0..1, chunk - 1..chunk + 1, chunk..2 * chunk, end - 1..end, 5..end] {
             let part = range.start as u64..range.end as u64;
@@ -124,25 +123,24 @@ mod tests {
         }
         let mut changed = bytes.to_vec();
         changed[chunk + 7] ^= 1;
-        std::fs::write(folder.join(place(blob.digest).as_ref()), &changed).unwrap();
+        std::fs::write(folder.path().join(path_of(blob.digest).as_ref()), &changed).unwrap();
         let refused = |read: Result<Bytes, QueueError>| matches!(read, Err(QueueError::Damaged(_)));
         assert!(blobs.get_part(blob.clone(), 0..9).await.is_ok(), "another chunk");
         assert!(refused(blobs.get_part(blob.clone(), CHUNK_BYTES..CHUNK_BYTES + 1).await));
         assert!(refused(blobs.get_part(blob.clone(), 0..end as u64).await));
         let mut pieces = blobs.read(blob, 0..end as u64).await.unwrap();
         assert_eq!(pieces.next().await.unwrap().unwrap(), bytes[..chunk]);
-        assert!(pieces.next().await.unwrap().is_err(), "the answer breaks off");
+        assert!(pieces.next().await.unwrap().is_err(), "the stream ends with an error");
     }
 
     #[tokio::test]
-    async fn a_blob_that_was_changed_on_the_disk_is_refused_and_written_anew() {
-        let folder = crate::folder_for_test("damaged");
-        let blobs = Blobs::in_folder(&folder).unwrap();
+    async fn damaged_blob_is_refused_and_rewritten() {
+        let (blobs, folder) = blobs();
         let bytes = Bytes::from_static(b"what was stored");
         let digest = Digest::of(&bytes);
-        let hold = blobs.hold().await;
-        blobs.put(&hold, digest, bytes.clone()).await.unwrap();
-        let path = folder.join(place(digest).as_ref());
+        let pin = blobs.pin().await;
+        blobs.put(&pin, digest, bytes.clone()).await.unwrap();
+        let path = folder.path().join(path_of(digest).as_ref());
         for changed in [&b"what Was stored"[..], b"what was", b"", b"what was stored, and more"] {
             std::fs::write(&path, changed).unwrap();
             assert!(matches!(blobs.get(digest).await, Err(QueueError::Damaged(_))));
@@ -151,7 +149,7 @@ mod tests {
                 true => assert_eq!(part.unwrap(), b"what"[..]),
                 false => assert!(matches!(part, Err(QueueError::Damaged(_))), "{part:?}"),
             }
-            blobs.put(&hold, digest, bytes.clone()).await.unwrap();
+            blobs.put(&pin, digest, bytes.clone()).await.unwrap();
             assert_eq!(blobs.get(digest).await.unwrap(), bytes);
         }
     }

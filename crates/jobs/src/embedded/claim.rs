@@ -1,149 +1,108 @@
-//! A worker takes a job, and keeps it.
+//! Workers claim jobs, and renew their leases.
+//!
+//! Owners take turns in the order of their names: a claim takes the oldest job of the next owner with
+//! queued jobs. The last attempt of a job runs alone, so that a job that crashes the process costs no
+//! other job an attempt.
 
-use super::row;
+use super::finish::apply;
+use super::read::status;
+use super::rows::first;
 use super::writer::Write;
-use super::{finish, read};
-use crate::fairness::{Caps, OwnerLoad, next_owner};
-use crate::queue::{Claim, Lease, MAX_ATTEMPTS, Outcome, Renewal};
-use crate::record::{self, JobId, Moment, Progress};
-use rusqlite::{Result, Row, params};
-use std::time::Duration;
+use crate::queue::{Claim, Lease, MAX_ATTEMPTS, Renewal, Terms};
+use crate::record::{JobId, Moment, Progress, State};
+use crate::row::{self, Row as _, number};
+use crate::transition::{Status, Transition};
+use rusqlite::{Result, params};
+use std::sync::{Mutex, PoisonError};
 
-/// A job that waits, as far as the choice needs it.
-struct Waiting {
-    id: JobId,
-    attempt: Result<u32>,
-}
+/// The oldest job of the first owner after `?1` who may have another job running by the limit `?2`. After
+/// the last owner follows the first one; `UNION` ends the recursion there.
+const NEXT_JOB: &str = "
+    WITH RECURSIVE next (owner) AS (
+        SELECT COALESCE((SELECT min(owner) FROM jobs WHERE state = 0 AND owner > ?1),
+                        (SELECT min(owner) FROM jobs WHERE state = 0))
+        UNION
+        SELECT COALESCE((SELECT min(owner) FROM jobs WHERE state = 0 AND owner > next.owner),
+                        (SELECT min(owner) FROM jobs WHERE state = 0)) FROM next)
+    SELECT id, owner, attempt FROM jobs
+    WHERE state = 0 AND owner = (
+        SELECT owner FROM next
+        WHERE owner = '' OR
+            (SELECT count(*) FROM jobs WHERE state = 1 AND jobs.owner = next.owner) < ?2
+        LIMIT 1)
+    ORDER BY id LIMIT 1";
 
-/// Gives the next job to a worker, and counts the attempt.
-///
-/// The last attempt that a job has is made alone: when it takes the process down with it, no other
-/// job's attempt is used up.
+/// Claims the next job. `last_owner` is the owner of the last claim.
 pub(super) fn claim(
     write: &mut Write<'_>,
-    caps: &Caps,
-    ttl: Duration,
-    lease_end_ms: i64,
+    last_owner: &Mutex<String>,
+    terms: &Terms,
+    lease_end: i64,
 ) -> Result<Option<Claim>> {
+    let mut last_owner = last_owner.lock().unwrap_or_else(PoisonError::into_inner);
+    let sql = "SELECT count(*), COALESCE(max(attempt), 0) >= ?1 FROM jobs WHERE state = 1";
+    let running =
+        first(write.connection, sql, [MAX_ATTEMPTS], |row| Ok((row.get(0)?, row.get(1)?)));
+    let (running, last_attempt_runs): (u64, bool) = running?.unwrap_or_default();
+    if last_attempt_runs {
+        return Ok(None);
+    }
+    let limit = i64::try_from(terms.caps.running_per_owner).unwrap_or(i64::MAX);
     loop {
-        let loads = loads(write)?;
-        let running: usize = loads.iter().map(|load| load.running).sum();
-        let Some(next) = next_owner(&loads, caps) else { return Ok(None) };
-        let waiting = oldest(write, next)?;
-        let attempt = match waiting.attempt {
-            Ok(attempt) => attempt,
-            Err(error) => {
-                set_aside(write, waiting.id, &error, ttl)?;
-                continue;
+        let next = first(write.connection, NEXT_JOB, params![*last_owner, limit], |row| {
+            Ok((row.id()?, row::owner(row)?, number::<_, u32>(row, "attempt")))
+        });
+        let Some((id, owner, attempt)) = next? else { return Ok(None) };
+        let claimed = match attempt {
+            Ok(attempt) if attempt.saturating_add(1) >= MAX_ATTEMPTS && running > 0 => {
+                return Ok(None);
             }
+            Ok(_) => start(write, id, lease_end),
+            Err(error) => Err(error),
         };
-        let is_last = attempt.saturating_add(1) >= MAX_ATTEMPTS;
-        if running > 0 && (is_last || last_attempt_runs(write)?) {
-            return Ok(None);
-        }
-        take_turn(write, next)?;
-        match take(write, waiting.id, lease_end_ms) {
+        owner.as_str().clone_into(&mut last_owner);
+        match claimed {
             Ok(claim) => return Ok(Some(claim)),
-            Err(error) => set_aside(write, waiting.id, &error, ttl)?,
+            // A job whose record is damaged fails, so that others are claimed.
+            Err(error) => {
+                tracing::error!(job = %id, %error, "job record damaged");
+                apply(write, &Transition::damaged(id, State::Queued), terms.result_ttl)?;
+            }
         }
     }
 }
 
-/// What each owner has waiting and running.
-fn loads(write: &Write<'_>) -> Result<Vec<OwnerLoad>> {
-    let mut statement = write.connection.prepare_cached(
-        "SELECT jobs.owner AS owner, SUM(state = 0) AS queued, SUM(state = 1) AS running,
-                COALESCE(MAX(turns.turn), 0) AS last_turn
-         FROM jobs LEFT JOIN turns ON turns.owner = jobs.owner
-         WHERE state < 2 GROUP BY jobs.owner",
-    )?;
-    let load = |row: &Row<'_>| {
-        Ok(OwnerLoad {
-            owner: row::owner(row)?,
-            queued: row.get("queued")?,
-            running: row.get("running")?,
-            last_turn: row.get("last_turn")?,
-        })
-    };
-    statement.query_map([], load)?.collect()
+/// Changes a queued job to a running one.
+fn start(write: &mut Write<'_>, id: JobId, lease_end: i64) -> Result<Claim> {
+    write.changes.jobs.push(id);
+    let sql = "UPDATE jobs SET state = 1, attempt = attempt + 1, fence = fence + 1, lease_end = ?2,
+                   started_at = COALESCE(started_at, ?3), revision = revision + 1,
+                   history = history || format(' %d %d 1 %d', revision + 1, ?3, attempt + 1)
+               WHERE id = ?1
+               RETURNING id, owner, fence, attempt, options, image_digest, image_bytes, image_shape";
+    let parameters = params![id.as_bytes(), lease_end, Moment::now().0];
+    let claim = first(write.connection, sql, parameters, |row| row::claim(row))?;
+    claim.ok_or(rusqlite::Error::QueryReturnedNoRows)
 }
 
-fn oldest(write: &Write<'_>, load: &OwnerLoad) -> Result<Waiting> {
-    write
-        .connection
-        .prepare_cached(
-            "SELECT id, attempt FROM jobs WHERE state < 2 AND state = 0 AND owner = ?1
-             ORDER BY id LIMIT 1",
-        )?
-        .query_row([load.owner.as_str()], |row| {
-            Ok(Waiting { id: row::id(row, "id")?, attempt: row.get("attempt") })
-        })
-}
-
-fn last_attempt_runs(write: &Write<'_>) -> Result<bool> {
-    let sql = "SELECT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND state = 1
-                                AND attempt >= ?1)";
-    write.connection.prepare_cached(sql)?.query_row([MAX_ATTEMPTS], |row| row.get(0))
-}
-
-fn take_turn(write: &Write<'_>, load: &OwnerLoad) -> Result<()> {
-    let sql = "INSERT OR REPLACE INTO turns
-               SELECT ?1, COALESCE(MAX(turn), 0) + 1 FROM turns";
-    write.connection.prepare_cached(sql)?.execute([load.owner.as_str()])?;
-    Ok(())
-}
-
-fn take(write: &mut Write<'_>, id: JobId, lease_end_ms: i64) -> Result<Claim> {
-    let claim = write
-        .connection
-        .prepare_cached(
-            "UPDATE jobs SET state = 1, attempt = attempt + 1, fence = fence + 1,
-                             lease_end_ms = ?2, started_ms = COALESCE(started_ms, ?3)
-             WHERE id = ?1
-             RETURNING owner, attempt, fence, order_query, image_digest, image_bytes, image_shape",
-        )?
-        .query_row(params![id.as_bytes(), lease_end_ms, Moment::now().0], |row| {
-            Ok(Claim {
-                lease: Lease { job: id, fence: row.get("fence")? },
-                owner: row::owner(row)?,
-                attempt: row.get("attempt")?,
-                order: row.get("order_query")?,
-                picture: row::picture(row)?,
-            })
-        })?;
-    finish::tell(write, id, None)?;
-    Ok(claim)
-}
-
-/// Ends a job whose row cannot be read, so that the others go on.
-fn set_aside(
-    write: &mut Write<'_>,
-    id: JobId,
-    error: &rusqlite::Error,
-    ttl: Duration,
-) -> Result<()> {
-    tracing::error!(job = %id, %error, "a job's record cannot be read");
-    let outcome = Outcome::Failed(record::damaged());
-    finish::end(write, id, &outcome, ttl)
-}
-
-/// Lengthens a lease, and takes down how far the work is.
+/// Renews a lease, and stores new progress.
 pub(super) fn renew(
     write: &mut Write<'_>,
     lease: Lease,
     progress: Option<&Progress>,
-    lease_end_ms: i64,
+    lease_end: i64,
 ) -> Result<Renewal> {
-    let standing = read::standing(write.connection, lease)?;
-    if standing == Renewal::Lost {
-        return Ok(standing);
+    let renewal = Status::renewal(status(write.connection, lease.job)?, lease);
+    if renewal == Renewal::Lost {
+        return Ok(renewal);
     }
-    write
-        .connection
-        .prepare_cached("UPDATE jobs SET lease_end_ms = ?2 WHERE id = ?1")?
-        .execute(params![lease.job.as_bytes(), lease_end_ms])?;
-    if let Some(progress) = progress {
-        finish::tell(write, lease.job, Some(progress))?;
+    let job = lease.job.as_bytes();
+    write.execute("UPDATE jobs SET lease_end = ?2 WHERE id = ?1", params![job, lease_end])?;
+    if let Some(json) = progress.and_then(|progress| serde_json::to_string(progress).ok()) {
+        let sql = "UPDATE jobs SET progress = ?2, progress_at = ?3, revision = revision + 1
+                   WHERE id = ?1";
+        write.execute(sql, params![job, json, Moment::now().0])?;
+        write.changes.jobs.push(lease.job);
     }
-    Ok(standing)
+    Ok(renewal)
 }

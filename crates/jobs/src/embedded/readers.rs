@@ -1,4 +1,4 @@
-//! Connections that only read, a few at a time.
+//! A few connections that only read.
 
 use super::schema;
 use super::writer::failure;
@@ -9,14 +9,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 
-/// Connections that read at the same time.
+/// How many connections read at the same time.
 const CONNECTIONS: usize = 4;
 
-/// The connections, opened when they are first needed.
+/// Connections that are opened when they are first needed.
 #[derive(Debug)]
 pub(super) struct Readers {
     shared: Arc<Shared>,
-    places: Semaphore,
+    permits: Semaphore,
 }
 
 #[derive(Debug)]
@@ -28,15 +28,15 @@ struct Shared {
 impl Readers {
     pub(super) fn new(path: PathBuf) -> Self {
         let shared = Arc::new(Shared { path, idle: Mutex::default() });
-        Self { shared, places: Semaphore::new(CONNECTIONS) }
+        Self { shared, permits: Semaphore::new(CONNECTIONS) }
     }
 
-    /// Reads on a blocking thread, what was committed before.
+    /// Reads what was committed, on a blocking thread.
     pub(super) async fn read<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> rusqlite::Result<T> + Send + 'static,
     ) -> Result<T, QueueError> {
-        let _place = self.places.acquire().await.map_err(|error| stopped(&error))?;
+        let _permit = self.permits.acquire().await.map_err(|error| stopped(&error))?;
         let shared = Arc::clone(&self.shared);
         let task = spawn_blocking(move || shared.read(read));
         task.await.map_err(|error| stopped(&error))?

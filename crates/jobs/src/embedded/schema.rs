@@ -1,81 +1,69 @@
-//! The tables, and how the database is opened.
+//! The tables, and the connections to the database.
 
 use rusqlite::{Connection, Result};
 use std::path::Path;
 use std::time::Duration;
 
-/// The version of the tables below, which the database carries.
+/// The version of the tables, which the database stores.
 const VERSION: i64 = 1;
 
-/// An index of some rows only serves a question that repeats its condition: who asks for jobs in
-/// state 0 or 1 must ask for states below 2, too.
-///
-/// State numbers are those of `State::ALL`: 0 waits, 1 runs, 2 and more are ends.
+/// States are the numbers of `State::ALL`: 0 queued, 1 running, 2 and more have ended. Times are in
+/// milliseconds since 1970, except those of leases, which are those of the process's own clock.
 const TABLES: &str = "
 CREATE TABLE jobs (
     id BLOB NOT NULL PRIMARY KEY,
     owner TEXT NOT NULL,
     state INTEGER NOT NULL,
-    attempt INTEGER NOT NULL DEFAULT 0,
-    fence INTEGER NOT NULL DEFAULT 0,
-    lease_end_ms INTEGER,
-    cancel_requested INTEGER NOT NULL DEFAULT 0,
-    order_query TEXT NOT NULL,
+    attempt INTEGER NOT NULL,
+    fence INTEGER NOT NULL,
+    lease_end INTEGER,
+    cancel_requested INTEGER NOT NULL,
+    idempotency_key TEXT,
+    fingerprint TEXT,
+    options TEXT NOT NULL,
     image_digest TEXT NOT NULL,
     image_bytes INTEGER NOT NULL,
     image_shape TEXT NOT NULL,
-    has_image INTEGER NOT NULL DEFAULT 1,
-    stage TEXT,
-    fraction REAL,
+    progress TEXT,
+    progress_at INTEGER,
     mesh TEXT,
     mesh_digest TEXT,
     problem TEXT,
-    created_ms INTEGER NOT NULL,
-    started_ms INTEGER,
-    finished_ms INTEGER,
-    expires_ms INTEGER,
-    is_gone INTEGER NOT NULL DEFAULT 0,
-    revision INTEGER NOT NULL
-) STRICT;
-CREATE INDEX jobs_at_work ON jobs (state, owner, id) WHERE state < 2;
-CREATE INDEX jobs_of_owner ON jobs (owner, id) WHERE is_gone = 0;
-CREATE INDEX jobs_expiring ON jobs (is_gone, expires_ms) WHERE expires_ms IS NOT NULL;
-CREATE INDEX jobs_with_image ON jobs (image_digest) WHERE has_image = 1;
-CREATE INDEX jobs_with_mesh ON jobs (mesh_digest) WHERE mesh_digest IS NOT NULL;
-CREATE TABLE events (
-    job BLOB NOT NULL,
+    created_at INTEGER NOT NULL,
+    started_at INTEGER,
+    finished_at INTEGER,
+    expires_at INTEGER,
     revision INTEGER NOT NULL,
-    at_ms INTEGER NOT NULL,
-    state INTEGER NOT NULL,
-    attempt INTEGER NOT NULL,
-    stage TEXT,
-    fraction REAL,
-    PRIMARY KEY (job, revision)
-) STRICT, WITHOUT ROWID;
-CREATE TABLE turns (
-    owner TEXT NOT NULL PRIMARY KEY,
-    turn INTEGER NOT NULL
-) STRICT, WITHOUT ROWID;
-CREATE TABLE idempotency (
+    -- Four numbers for each change of state: revision, milliseconds since 1970, state, attempt.
+    history TEXT NOT NULL
+) STRICT;
+CREATE INDEX jobs_by_state ON jobs (state, owner, id);
+CREATE INDEX jobs_of_owner ON jobs (owner, id);
+CREATE INDEX jobs_queued ON jobs (created_at) WHERE state = 0;
+CREATE INDEX jobs_expiring ON jobs (expires_at) WHERE expires_at IS NOT NULL;
+CREATE INDEX jobs_with_image ON jobs (image_digest) WHERE state < 2;
+CREATE INDEX jobs_with_mesh ON jobs (mesh_digest) WHERE mesh_digest IS NOT NULL;
+CREATE UNIQUE INDEX jobs_idempotency_keys ON jobs (owner, idempotency_key)
+    WHERE idempotency_key IS NOT NULL;
+-- Expired jobs, for which clients get 410 instead of 404.
+CREATE TABLE gone (
+    id BLOB NOT NULL PRIMARY KEY,
     owner TEXT NOT NULL,
-    word TEXT NOT NULL,
-    fingerprint TEXT NOT NULL,
-    job BLOB NOT NULL,
-    until_ms INTEGER NOT NULL,
-    PRIMARY KEY (owner, word)
+    until INTEGER NOT NULL
 ) STRICT, WITHOUT ROWID;
-CREATE INDEX idempotency_of_job ON idempotency (job);
-CREATE INDEX idempotency_ending ON idempotency (until_ms);
-CREATE TABLE given_up (
+CREATE INDEX gone_until ON gone (until);
+-- Blobs that no job may use any more.
+CREATE TABLE orphan_candidates (
     blob TEXT NOT NULL PRIMARY KEY
 ) STRICT, WITHOUT ROWID;
+-- A row that each sweep writes, to check that the storage takes writes.
 CREATE TABLE pulse (
     id INTEGER NOT NULL PRIMARY KEY CHECK (id = 0),
-    at_ms INTEGER NOT NULL
+    at INTEGER NOT NULL
 ) STRICT;
 ";
 
-/// Opens the database for writing, and makes it where there is none.
+/// Opens the database for writing, and creates it if there is none.
 pub(super) fn open(path: &Path) -> Result<Connection> {
     let connection = Connection::open(path)?;
     connection.busy_timeout(Duration::from_secs(10))?;
@@ -103,6 +91,7 @@ pub(super) fn open_for_reading(path: &Path) -> Result<Connection> {
 }
 
 fn of_other_version(found: i64) -> rusqlite::Error {
-    let reason = format!("its tables are of version {found}, and this program's of {VERSION}");
+    let reason =
+        format!("its tables have version {found}, and this program supports version {VERSION}");
     rusqlite::Error::InvalidPath(reason.into())
 }

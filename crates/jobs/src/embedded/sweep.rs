@@ -1,120 +1,96 @@
-//! What time brings: workers that fell silent, jobs that are no longer kept.
+//! Periodic maintenance: leases that expired, jobs that expired, blobs that no job uses.
 
-use super::finish::{give_up, take_back};
-use super::row;
-use super::watchers::Changes;
+use super::finish::apply;
+use super::rows::all;
 use super::writer::Write;
-use crate::queue::{MAX_ATTEMPTS, Swept, Terms};
+use crate::queue::{Swept, Terms};
 use crate::record::{JobId, Moment, State};
+use crate::row::{self, Row as _};
+use crate::transition::Transition;
+use crate::watchers::Changes;
 use pixmesh_engine::digest::Digest;
-use rusqlite::{Connection, Result, Row, params};
-use std::time::Duration;
+use rusqlite::{Connection, Result, params};
 
-/// The most rows that one sweep changes, so that it is short.
-const MOST_ROWS: i64 = 256;
+/// The most rows of each kind that one sweep changes, so that it is short.
+const MAX_ROWS: i64 = 256;
 
-/// A job that a worker has.
-struct Held {
-    id: JobId,
-    attempt: u32,
-    cancel_requested: bool,
-}
-
-/// Lets jobs wait again that were running when the last process ended.
-pub(super) fn recover(connection: &Connection, ttl: Duration) -> Result<()> {
+/// Ends the leases of the last process.
+pub(super) fn recover(connection: &Connection, terms: &Terms) -> Result<()> {
     connection.execute_batch("BEGIN IMMEDIATE")?;
     let mut write = Write { connection, changes: Changes::default() };
-    let held = held(&write, i64::MAX, i64::MAX)?;
-    for Held { id, attempt, cancel_requested } in &held {
-        let state = take_back(&mut write, *id, *attempt, *cancel_requested, ttl)?;
-        tracing::info!(job = %id, attempt, state = state.name(), "was running when the process ended");
+    for (job, state) in end_leases(&mut write, terms, i64::MAX, i64::MAX)? {
+        tracing::info!(%job, state = state.name(), "the process ended while this job was running");
     }
     connection.execute_batch("COMMIT")
 }
 
-/// Does what is due.
-pub(super) fn sweep(write: &mut Write<'_>, terms: &Terms, now_ms: i64) -> Result<Swept> {
+/// One sweep at a time of the process's own clock.
+pub(super) fn sweep(write: &mut Write<'_>, terms: &Terms, own_now: i64) -> Result<Swept> {
     let mut swept = Swept::default();
-    for Held { id, attempt, cancel_requested } in held(write, now_ms, MOST_ROWS)? {
-        match take_back(write, id, attempt, cancel_requested, terms.result_ttl)? {
-            State::Queued => swept.requeued += 1,
-            State::Failed => swept.exhausted += 1,
-            _ => {}
-        }
+    for (_, state) in end_leases(write, terms, own_now, MAX_ROWS)? {
+        swept.requeued += usize::from(state == State::Queued);
+        swept.exhausted += usize::from(state == State::Failed);
     }
     swept.expired = expire(write, terms)?;
-    swept.given_up = given_up(write)?;
-    // A write at each sweep tells whether the storage takes any.
-    let sql = "INSERT OR REPLACE INTO pulse VALUES (0, ?1)";
-    write.connection.prepare_cached(sql)?.execute([Moment::now().0])?;
+    swept.orphans = orphans(write)?;
+    let now = Moment::now().0;
+    write.execute("INSERT OR REPLACE INTO pulse VALUES (0, ?1)", [now])?;
     Ok(swept)
 }
 
-/// Jobs whose leases end by a moment.
-fn held(write: &Write<'_>, lease_end_ms: i64, limit: i64) -> Result<Vec<Held>> {
-    let mut statement = write.connection.prepare_cached(
-        "SELECT id, attempt, cancel_requested FROM jobs
-         WHERE state < 2 AND state = 1 AND COALESCE(lease_end_ms, 0) <= ?1 LIMIT ?2",
-    )?;
-    let held = |row: &Row<'_>| {
-        Ok(Held {
-            id: row::id(row, "id")?,
-            // A job whose attempts cannot be counted gets no further one.
-            attempt: row.get("attempt").unwrap_or(MAX_ATTEMPTS),
-            cancel_requested: row.get("cancel_requested").unwrap_or(false),
-        })
-    };
-    statement.query_map(params![lease_end_ms, limit], held)?.collect()
+/// Ends the leases that expire by a time of the process's own clock.
+fn end_leases(
+    write: &mut Write<'_>,
+    terms: &Terms,
+    until: i64,
+    limit: i64,
+) -> Result<Vec<(JobId, State)>> {
+    let sql = "SELECT id, state, fence, attempt, cancel_requested FROM jobs
+               WHERE state = 1 AND COALESCE(lease_end, 0) <= ?1 LIMIT ?2";
+    let running =
+        all(write.connection, sql, params![until, limit], |row| Ok((row.id()?, row::status(row))))?;
+    let mut ended = Vec::new();
+    for (job, status) in running {
+        let transition = match status {
+            Ok(status) => status.lease_expired(job),
+            Err(_) => Transition::damaged(job, State::Running),
+        };
+        apply(write, &transition, terms.result_ttl)?;
+        write.changes.work = true;
+        ended.push((job, transition.to));
+    }
+    Ok(ended)
 }
 
-/// Keeps of jobs past their time nothing but that they were, and after a longer time not even that.
+/// Deletes expired jobs, and remembers their ids for a time.
 fn expire(write: &mut Write<'_>, terms: &Terms) -> Result<usize> {
-    let now = Moment::now().0;
-    let ids: Vec<JobId> = write
-        .connection
-        .prepare_cached("SELECT id FROM jobs WHERE is_gone = 0 AND expires_ms <= ?1 LIMIT ?2")?
-        .query_map(params![now, MOST_ROWS], |row| row::id(row, "id"))?
-        .collect::<Result<_>>()?;
-    for id in &ids {
-        let mesh: Option<String> = write
-            .connection
-            .prepare_cached("SELECT mesh_digest FROM jobs WHERE id = ?1")?
-            .query_row([id.as_bytes()], |row| row.get(0))?;
-        if let Some(digest) = mesh.and_then(|text| text.parse().ok()) {
-            give_up(write, digest)?;
-        }
-        for sql in [
-            "UPDATE jobs SET is_gone = 1, mesh = NULL, mesh_digest = NULL, problem = NULL,
-                             order_query = '' WHERE id = ?1",
-            "DELETE FROM events WHERE job = ?1",
-            "DELETE FROM idempotency WHERE job = ?1",
-        ] {
-            write.connection.prepare_cached(sql)?.execute([id.as_bytes()])?;
-        }
-        write.changes.jobs.push(*id);
+    let now = Moment::now();
+    let sql = "SELECT id FROM jobs WHERE expires_at <= ?1 LIMIT ?2";
+    let expired = all(write.connection, sql, params![now.0, MAX_ROWS], |row| row.id())?;
+    for id in &expired {
+        let sql = "INSERT OR IGNORE INTO gone SELECT id, owner, expires_at + ?2 FROM jobs
+                   WHERE id = ?1";
+        write.execute(sql, params![id.as_bytes(), terms.gone_ttl.as_millis() as i64])?;
+        write.delete(*id)?;
     }
-    let forgotten = now.saturating_sub(terms.gone_ttl.as_millis() as i64);
-    for (sql, before) in [
-        ("DELETE FROM jobs WHERE is_gone = 1 AND expires_ms <= ?1", forgotten),
-        ("DELETE FROM idempotency WHERE until_ms <= ?1", now),
-    ] {
-        write.connection.prepare_cached(sql)?.execute([before])?;
-    }
-    Ok(ids.len())
+    write.execute("DELETE FROM gone WHERE until <= ?1", [now.0])?;
+    Ok(expired.len())
 }
 
-/// The blobs that were given up and that no job has: one that a job has is given up again later.
-fn given_up(write: &Write<'_>) -> Result<Vec<Digest>> {
-    let sql = "DELETE FROM given_up WHERE
-        EXISTS (SELECT 1 FROM jobs WHERE has_image = 1 AND image_digest = blob)
-        OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest IS NOT NULL AND mesh_digest = blob)";
-    write.connection.prepare_cached(sql)?.execute([])?;
-    let mut statement = write.connection.prepare_cached("SELECT blob FROM given_up LIMIT ?1")?;
-    statement.query_map([MOST_ROWS], |row| row::digest(row, "blob"))?.collect()
+/// The blobs that no job uses. A candidate that a job uses is marked again when the job releases it.
+fn orphans(write: &Write<'_>) -> Result<Vec<Digest>> {
+    write.execute(
+        "DELETE FROM orphan_candidates WHERE
+             EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+             OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)",
+        [],
+    )?;
+    let sql = "SELECT blob FROM orphan_candidates LIMIT ?1";
+    let blobs = all(write.connection, sql, [MAX_ROWS], |row| row.digest("blob"))?;
+    Ok(blobs.into_iter().flatten().collect())
 }
 
-/// Blobs that were given up are seen to.
-pub(super) fn forget(write: &mut Write<'_>, blobs: &[Digest]) -> Result<()> {
-    let mut statement = write.connection.prepare_cached("DELETE FROM given_up WHERE blob = ?1")?;
-    blobs.iter().try_for_each(|blob| statement.execute([blob.to_string()]).map(|_| ()))
+pub(super) fn forget(write: &Write<'_>, blobs: &[Digest]) -> Result<()> {
+    let sql = "DELETE FROM orphan_candidates WHERE blob = ?1";
+    blobs.iter().try_for_each(|blob| write.execute(sql, [blob.to_string()]).map(|_| ()))
 }

@@ -1,12 +1,16 @@
 //! The one thread that writes: many commands, one commit.
 //!
-//! A sync takes a few milliseconds, whatever it syncs. So commands that arrive within [`GATHERING`]
-//! are carried out one after another in one transaction, each in a savepoint of its own, and none
-//! is acknowledged before all are on stable storage.
+//! A sync takes a few milliseconds, however much it syncs. Commands that arrive within [`BATCH_TIME`]
+//! therefore share a transaction. Each has a savepoint of its own, and all are acknowledged after the
+//! commit.
 
-use super::watchers::{Changes, Watchers};
+use super::rows::first;
 use crate::queue::QueueError;
-use rusqlite::{Connection, ErrorCode};
+use crate::record::JobId;
+use crate::row::Row as _;
+use crate::watchers::{Changes, Watchers};
+use pixmesh_engine::digest::Digest;
+use rusqlite::{Connection, ErrorCode, Params};
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,22 +20,23 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// The most commands of one commit.
-const MOST_COMMANDS: usize = 64;
-/// How long commands are gathered for one commit.
-const GATHERING: Duration = Duration::from_millis(2);
+const MAX_COMMANDS: usize = 64;
+/// How long a commit waits for more commands.
+const BATCH_TIME: Duration = Duration::from_millis(2);
 
-/// Carries a command out, or hears why not, and returns what acknowledges it after the commit.
+/// Executes a command in a transaction, or gets the error with which it did not begin; returns the
+/// acknowledgement.
 type Command = Box<dyn FnOnce(Result<&mut Write<'_>, QueueError>) -> Acknowledge + Send>;
-/// Hears how the commit went.
+/// Called with the result of the commit.
 type Acknowledge = Box<dyn FnOnce(Result<(), QueueError>)>;
 
-/// A transaction, and what it changes for those who wait.
+/// A transaction and its changes.
 pub(super) struct Write<'a> {
     pub(super) connection: &'a Connection,
     pub(super) changes: Changes,
 }
 
-/// The way to the thread.
+/// Sends commands to the thread.
 #[derive(Debug)]
 pub(super) struct Writer {
     commands: Sender<Command>,
@@ -45,10 +50,10 @@ impl Writer {
         let is_healthy = Arc::new(AtomicBool::new(true));
         let health = Arc::clone(&is_healthy);
         thread::Builder::new().name("jobs".into()).spawn(move || {
-            while let Some(commands) = gather(&received) {
-                let committed = carry_out(&connection, commands, &watchers);
+            while let Some(commands) = batch(&received) {
+                let committed = execute(&connection, commands, &watchers);
                 if let Err(error) = &committed {
-                    tracing::error!(%error, "jobs could not be written");
+                    tracing::error!(%error, "job transaction failed");
                 }
                 health.store(committed.is_ok(), Ordering::Release);
             }
@@ -56,20 +61,20 @@ impl Writer {
         Ok(Self { commands, is_healthy })
     }
 
-    /// Writes in a transaction, and returns when it is on stable storage.
+    /// Writes in a transaction, and returns when the commit is on stable storage.
     pub(super) async fn write<T: Send + 'static>(
         &self,
         write: impl FnOnce(&mut Write<'_>) -> rusqlite::Result<T> + Send + 'static,
     ) -> Result<T, QueueError> {
         let (reply, result) = oneshot::channel();
         let command: Command = Box::new(move |transaction| {
-            let written = transaction.and_then(|transaction| transaction.try_to(write));
+            let written = transaction.and_then(|transaction| transaction.command(write));
             Box::new(move |committed| {
                 let _ = reply.send(committed.and(written));
             })
         });
-        self.commands.send(command).map_err(|_| gone())?;
-        result.await.map_err(|_| gone())?
+        self.commands.send(command).map_err(|_| stopped())?;
+        result.await.map_err(|_| stopped())?
     }
 
     /// Whether the last commit succeeded.
@@ -79,8 +84,8 @@ impl Writer {
 }
 
 impl Write<'_> {
-    /// Carries out one command, or leaves nothing of it.
-    fn try_to<T>(
+    /// Executes a command in a savepoint, which is rolled back if the command fails.
+    fn command<T>(
         &mut self,
         write: impl FnOnce(&mut Self) -> rusqlite::Result<T>,
     ) -> Result<T, QueueError> {
@@ -91,19 +96,41 @@ impl Write<'_> {
         match &written {
             Ok(_) => batch("RELEASE command")?,
             Err(error) => {
-                tracing::warn!(%error, "a change of jobs was taken back");
+                tracing::warn!(%error, "job change rolled back");
                 batch("ROLLBACK TO command; RELEASE command")?;
             }
         }
         written
     }
+
+    pub(super) fn execute(&self, sql: &str, parameters: impl Params) -> rusqlite::Result<usize> {
+        self.connection.prepare_cached(sql)?.execute(parameters)
+    }
+
+    /// Marks a blob that a job does not use any more. Other jobs may use it.
+    pub(super) fn mark_orphan_candidate(&self, blob: Digest) -> rusqlite::Result<()> {
+        let sql = "INSERT OR IGNORE INTO orphan_candidates VALUES (?1)";
+        self.execute(sql, [blob.to_string()]).map(|_| ())
+    }
+
+    /// Deletes a job, and marks its mesh as an orphan candidate.
+    pub(super) fn delete(&mut self, id: JobId) -> rusqlite::Result<()> {
+        let sql = "DELETE FROM jobs WHERE id = ?1 RETURNING mesh_digest";
+        let mesh =
+            first(self.connection, sql, [id.as_bytes()], |row| Ok(row.digest("mesh_digest")))?;
+        if let Some(Ok(Some(mesh))) = mesh {
+            self.mark_orphan_candidate(mesh)?;
+        }
+        self.changes.jobs.push(id);
+        Ok(())
+    }
 }
 
 /// The commands of the next commit; `None` when no more can come.
-fn gather(received: &Receiver<Command>) -> Option<Vec<Command>> {
+fn batch(received: &Receiver<Command>) -> Option<Vec<Command>> {
     let mut commands = vec![received.recv().ok()?];
-    let end = Instant::now() + GATHERING;
-    while commands.len() < MOST_COMMANDS {
+    let end = Instant::now() + BATCH_TIME;
+    while commands.len() < MAX_COMMANDS {
         match received.recv_timeout(end.saturating_duration_since(Instant::now())) {
             Ok(command) => commands.push(command),
             Err(_) => break,
@@ -112,8 +139,8 @@ fn gather(received: &Receiver<Command>) -> Option<Vec<Command>> {
     Some(commands)
 }
 
-/// Carries commands out, commits, and acknowledges.
-fn carry_out(
+/// Executes commands, commits, and acknowledges them.
+fn execute(
     connection: &Connection,
     commands: Vec<Command>,
     watchers: &Watchers,
@@ -131,12 +158,12 @@ fn carry_out(
         acknowledge(committed.clone());
     }
     if committed.is_ok() {
-        watchers.tell(&write.changes);
+        watchers.notify(&write.changes);
     }
     committed
 }
 
-/// What a failure of the database means.
+/// The error of the queue for an error of the database.
 pub(super) fn failure(error: &rusqlite::Error) -> QueueError {
     use rusqlite::Error as E;
     match (error.sqlite_error_code(), error) {
@@ -153,19 +180,20 @@ pub(super) fn failure(error: &rusqlite::Error) -> QueueError {
     }
 }
 
-fn gone() -> QueueError {
-    QueueError::Storage("the thread that writes has ended".into())
+fn stopped() -> QueueError {
+    QueueError::Storage("the thread that writes has stopped".into())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::folder_for_test;
     use rusqlite::{Error, ffi};
+    use tempfile::TempDir;
 
-    /// A writer of a database with parents and children, and another connection to it.
-    fn writer(name: &str) -> (Writer, Connection) {
-        let path = folder_for_test(name).join("database");
+    /// A writer of a database with parents and children, another connection to it, and its folder.
+    fn writer() -> (Writer, Connection, TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("database");
         let open = || {
             let connection = Connection::open(&path).unwrap();
             connection.busy_timeout(Duration::ZERO).unwrap();
@@ -178,15 +206,14 @@ mod tests {
                  parent INTEGER REFERENCES parents (id) DEFERRABLE INITIALLY DEFERRED
              )";
         connection.execute_batch(tables).unwrap();
-        (Writer::start(connection, Arc::default()).unwrap(), open())
+        (Writer::start(connection, Arc::default()).unwrap(), open(), folder)
     }
 
     async fn execute(writer: &Writer, sql: &'static str) -> Result<(), QueueError> {
         writer.write(move |write| write.connection.execute_batch(sql)).await
     }
 
-    /// Health is known when the next write has begun: the thread takes it down behind the
-    /// acknowledgement.
+    /// The thread stores its health after the acknowledgement.
     async fn is_soon_healthy(writer: &Writer, expected: bool) -> bool {
         for _ in 0..30_000 {
             if writer.is_healthy() == expected {
@@ -202,21 +229,21 @@ mod tests {
     }
 
     #[test]
-    fn commands_at_once_share_their_sync() {
+    fn concurrent_commands_share_a_commit() {
         let (commands, received) = channel();
-        for _ in 0..10 * MOST_COMMANDS + 1 {
+        for _ in 0..10 * MAX_COMMANDS + 1 {
             let command: Command = Box::new(|_| Box::new(|_| ()));
             commands.send(command).unwrap();
         }
-        let gathered: Vec<usize> = (0..11).map(|_| gather(&received).unwrap().len()).collect();
-        assert_eq!(gathered, [&[MOST_COMMANDS; 10][..], &[1]].concat());
+        let sizes: Vec<usize> = (0..11).map(|_| batch(&received).unwrap().len()).collect();
+        assert_eq!(sizes, [&[MAX_COMMANDS; 10][..], &[1]].concat());
         drop(commands);
-        assert!(gather(&received).is_none());
+        assert!(batch(&received).is_none());
     }
 
     #[tokio::test]
-    async fn a_storage_that_takes_no_writes_is_known_until_it_takes_one() {
-        let (writer, other) = writer("locked");
+    async fn failed_commit_is_unhealthy_until_the_next_one() {
+        let (writer, other, _folder) = writer();
         let insert = "INSERT INTO parents DEFAULT VALUES";
         assert!(writer.is_healthy());
         other.execute_batch("BEGIN IMMEDIATE").unwrap();
@@ -229,8 +256,8 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_command_that_fails_leaves_nothing_and_harms_no_other() {
-        let (writer, other) = writer("commands");
+    async fn failed_command_is_rolled_back_alone() {
+        let (writer, other, _folder) = writer();
         let failing = execute(&writer, "INSERT INTO parents DEFAULT VALUES; INSERT INTO nowhere");
         let whole = execute(&writer, "INSERT INTO parents DEFAULT VALUES");
         let (failed, done) = tokio::join!(failing, whole);
@@ -241,8 +268,8 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_could_not_be_committed_is_told_and_does_not_stay_open() {
-        let (writer, other) = writer("commits");
+    async fn failed_commit_is_reported_and_rolled_back() {
+        let (writer, other, _folder) = writer();
         let orphan = "INSERT INTO parents DEFAULT VALUES; INSERT INTO children VALUES (77)";
         assert!(execute(&writer, orphan).await.is_err());
         assert!(is_soon_healthy(&writer, false).await);
@@ -252,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn failures_of_the_database_are_told_by_their_causes() {
+    fn errors_are_classified_by_code() {
         let of_code = |code| failure(&Error::SqliteFailure(ffi::Error::new(code), None));
         assert!(matches!(of_code(ffi::SQLITE_FULL), QueueError::StorageFull(_)));
         assert!(matches!(of_code(ffi::SQLITE_CORRUPT), QueueError::Damaged(_)));

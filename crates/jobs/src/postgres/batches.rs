@@ -1,72 +1,77 @@
-//! What many ask at the same time is done in one transaction.
+//! Concurrent requests of one kind share a transaction.
 //!
-//! While a transaction is under way, what is asked meanwhile is gathered for the next: whoever is
-//! alone waits for nobody, and the more there are the fewer commits each of them costs.
+//! Requests that arrive while a batch is running form the next batch: a single request never waits for
+//! others, and under load a commit serves many.
 
 use crate::queue::QueueError;
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot};
 
-/// The most that is done in one transaction.
-const MOST: usize = 256;
+/// The most requests of one batch.
+const MAX_BATCH: usize = 256;
 
-type Answer<A> = oneshot::Sender<Result<A, QueueError>>;
+type Reply<A> = oneshot::Sender<Result<A, QueueError>>;
 
-/// Gathers questions of one kind.
+/// Runs requests of type `Q` in batches and returns to each its response of type `A`.
 #[derive(Debug)]
-pub(super) struct Batcher<Q, A>(mpsc::UnboundedSender<(Q, Answer<A>)>);
+pub(super) struct Batcher<Q, A>(mpsc::UnboundedSender<(Q, Reply<A>)>);
 
 impl<Q, A> Batcher<Q, A>
 where
     Q: Clone + Send + Sync + 'static,
     A: Send + 'static,
 {
-    /// Starts to gather for what answers all questions, each in its place.
-    pub(super) fn start<F>(answer: impl Fn(Arc<[Q]>) -> F + Send + 'static) -> Self
+    /// `run` returns the responses to a batch in the order of its requests.
+    pub(super) fn start<N, F>(
+        node: &Arc<N>,
+        run: impl Fn(Arc<N>, Arc<[Q]>) -> F + Send + 'static,
+    ) -> Self
     where
+        N: Send + Sync + 'static,
         F: Future<Output = Result<Vec<A>, QueueError>> + Send + 'static,
     {
-        let (sender, mut asked) = mpsc::unbounded_channel::<(Q, Answer<A>)>();
+        let node = Arc::clone(node);
+        let run = move |requests| run(Arc::clone(&node), requests);
+        let (sender, mut receiver) = mpsc::unbounded_channel::<(Q, Reply<A>)>();
         tokio::spawn(async move {
-            let mut gathered = Vec::new();
-            while asked.recv_many(&mut gathered, MOST).await > 0 {
-                let (questions, answers): (Vec<Q>, Vec<Answer<A>>) = gathered.drain(..).unzip();
-                let questions: Arc<[Q]> = questions.into();
-                let done = answer(Arc::clone(&questions)).await;
-                if matches!(done, Err(QueueError::Database(_))) && questions.len() > 1 {
-                    // One that the database does not take spoils none of the others.
-                    for (question, reply) in questions.iter().zip(answers) {
-                        let alone = answer([question.clone()].into()).await;
-                        let _ = reply.send(alone.and_then(|mut done| done.pop().ok_or_else(gone)));
+            let mut received = Vec::new();
+            while receiver.recv_many(&mut received, MAX_BATCH).await > 0 {
+                let (requests, replies): (Vec<Q>, Vec<Reply<A>>) = received.drain(..).unzip();
+                let requests: Arc<[Q]> = requests.into();
+                let responses = match run(Arc::clone(&requests)).await {
+                    Ok(responses) => responses.into_iter().map(Ok).collect(),
+                    // One request that the database refuses must not fail the others.
+                    Err(QueueError::Database(_)) if requests.len() > 1 => {
+                        let mut responses = Vec::new();
+                        for request in &*requests {
+                            let alone = run([request.clone()].into()).await;
+                            responses.push(alone.and_then(|mut one| one.pop().ok_or_else(stopped)));
+                        }
+                        responses
                     }
-                    continue;
-                }
-                match done {
-                    Ok(done) => answers.into_iter().zip(done).for_each(|(reply, done)| {
-                        let _ = reply.send(Ok(done));
-                    }),
-                    Err(error) => answers.into_iter().for_each(|reply| {
-                        let _ = reply.send(Err(error.clone()));
-                    }),
+                    Err(error) => replies.iter().map(|_| Err(error.clone())).collect(),
+                };
+                for (reply, response) in replies.into_iter().zip(responses) {
+                    let _ = reply.send(response);
                 }
             }
         });
         Self(sender)
     }
 
-    /// Asks, and waits for the answer.
-    pub(super) async fn ask(&self, question: Q) -> Result<A, QueueError> {
-        let (reply, answer) = oneshot::channel();
-        self.0.send((question, reply)).map_err(|_| gone())?;
-        answer.await.map_err(|_| gone())?
+    /// Sends a request and waits for its response.
+    pub(super) async fn run(&self, request: Q) -> Result<A, QueueError> {
+        let (reply, response) = oneshot::channel();
+        self.0.send((request, reply)).map_err(|_| stopped())?;
+        response.await.map_err(|_| stopped())?
     }
 
-    /// Asks, and waits for nothing.
-    pub(super) fn tell(&self, question: Q) {
-        let _ = self.0.send((question, oneshot::channel().0));
+    /// Sends a request whose response nobody needs.
+    pub(super) fn send(&self, request: Q) {
+        let _ = self.0.send((request, oneshot::channel().0));
     }
 }
 
-fn gone() -> QueueError {
-    QueueError::Database("what writes jobs has ended".into())
+fn stopped() -> QueueError {
+    QueueError::Database("the batches of requests have stopped".into())
 }

@@ -1,14 +1,14 @@
 //! The connections to the database, and transactions on them.
 //!
-//! Everything is done in a transaction that can be made once more: when it meets another, or when
-//! the connection is lost, it is tried again for as long as a caller waits. A transaction that has not
-//! come to its end takes its connection with it, so that nobody waits for one that hangs.
+//! Every transaction can be repeated: after a conflict with another one, or when the connection is lost,
+//! it is retried until the time limit of a request. A transaction that is dropped before its commit
+//! closes its connection, so that nobody waits for a connection that hangs.
 
 use super::settings::PostgresSettings;
 use crate::queue::QueueError;
 use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgArguments, PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgRow};
-use sqlx::query::{Query, QueryAs, QueryScalar};
+use sqlx::query::{Query, QueryAs};
 use sqlx::{AssertSqlSafe, Connection, FromRow, Postgres};
 use std::io;
 use std::ops::{Deref, DerefMut};
@@ -16,40 +16,40 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::time::{Instant, sleep, timeout_at};
 
-/// How long an answer may take before the database is said not to answer.
-const ANSWER_TIME: Duration = Duration::from_secs(5);
-/// How long a free connection, or a new one, is waited for at a time: a wait that is tried again finds
-/// a database that has come back sooner than a longer one.
+/// How long a request may take, retries included.
+const REQUEST_TIME: Duration = Duration::from_secs(5);
+/// How long an attempt waits for a free or new connection. Shorter than a request, because a retry
+/// finds a database that has restarted sooner than a long wait.
 const CONNECT_TIME: Duration = Duration::from_secs(2);
-/// The pause before a transaction is tried again.
+/// The pause before a retry.
 const PAUSE: Duration = Duration::from_millis(25);
-/// How often a transaction is tried that meets others.
-const MOST_CONFLICTS: u32 = 8;
-/// A connection that was idle for longer is tried before it is used.
-const FRESH: Duration = Duration::from_secs(1);
+/// How often a transaction is tried that conflicts with others.
+const MAX_CONFLICTS: u32 = 8;
+/// A connection that was idle for longer is tested before it is used.
+const IDLE_TIME: Duration = Duration::from_secs(1);
 
 /// The connections of a node.
 #[derive(Debug)]
 pub(super) struct Database {
     pool: PgPool,
-    /// Begins a transaction.
+    /// The statements that begin a transaction.
     begin: String,
-    /// Whether connections are lent by a pooler for a transaction each.
+    /// Whether a pooler in transaction mode is between this node and the database.
     is_pooled: bool,
     is_healthy: AtomicBool,
 }
 
-/// A transaction, or a connection for one statement.
+/// A transaction, or a connection for a single statement.
 pub(super) struct Transaction {
     connection: PoolConnection<Postgres>,
-    /// Whether the connection may know statements that it was asked before.
+    /// Whether the connection keeps prepared statements.
     is_persistent: bool,
     is_begun: bool,
     is_over: bool,
 }
 
 impl Database {
-    /// Connections as the settings say, made when they are first needed.
+    /// A pool that connects when a connection is first needed.
     pub(super) fn new(
         mut options: PgConnectOptions,
         settings: &PostgresSettings,
@@ -62,7 +62,7 @@ impl Database {
             .test_before_acquire(false)
             .before_acquire(|connection, known| {
                 Box::pin(async move {
-                    if known.idle_for > FRESH {
+                    if known.idle_for > IDLE_TIME {
                         connection.ping().await?;
                     }
                     Ok(true)
@@ -86,31 +86,46 @@ impl Database {
 
     /// Begins a transaction.
     pub(super) async fn begin(&self) -> sqlx::Result<Transaction> {
-        let connection = self.pool.acquire().await?;
-        let is_persistent = !self.is_pooled;
-        let mut transaction =
-            Transaction { connection, is_persistent, is_begun: true, is_over: false };
+        let mut transaction = self.connection(true).await?;
         let begin = AssertSqlSafe(self.begin.as_str());
         sqlx::raw_sql(begin).execute(&mut *transaction).await?;
         Ok(transaction)
     }
 
-    /// Begins a transaction in which others may begin, for one who has a connection know statements:
-    /// what a pooler lends knows none of before, and none afterwards once these are forgotten.
-    pub(super) async fn begin_outer(&self) -> sqlx::Result<sqlx::Transaction<'static, Postgres>> {
+    async fn connection(&self, is_begun: bool) -> sqlx::Result<Transaction> {
+        let connection = self.pool.acquire().await?;
+        Ok(Transaction { connection, is_persistent: !self.is_pooled, is_begun, is_over: false })
+    }
+
+    /// Begins a transaction of sqlx's own type, which the migrations need. They prepare statements, which
+    /// the caller must discard before and after on a connection of a pooler.
+    pub(super) async fn begin_migration(
+        &self,
+    ) -> sqlx::Result<sqlx::Transaction<'static, Postgres>> {
         self.pool.begin_with(AssertSqlSafe(self.begin.clone())).await
     }
 
-    /// A connection for one statement that reads, in a transaction only where it needs one.
+    /// A connection for reading. It needs a transaction only behind a pooler, for its settings.
     pub(super) async fn reading(&self) -> sqlx::Result<Transaction> {
-        if self.is_pooled {
-            return self.begin().await;
-        }
-        let connection = self.pool.acquire().await?;
-        Ok(Transaction { connection, is_persistent: true, is_begun: false, is_over: false })
+        if self.is_pooled { self.begin().await } else { self.connection(false).await }
     }
 
-    /// Makes attempts until one succeeds or fails for good, for as long as a caller waits.
+    /// Executes a single statement, with retries, and returns its rows.
+    pub(super) async fn execute<'q>(
+        &self,
+        statement: impl Fn() -> Query<'q, Postgres, PgArguments>,
+    ) -> Result<Vec<PgRow>, QueueError> {
+        let attempt = || async {
+            let mut connection = self.reading().await?;
+            let statement = statement().persistent(connection.is_persistent);
+            let rows = statement.fetch_all(&mut *connection).await?;
+            connection.commit().await?;
+            Ok(rows)
+        };
+        self.retry(attempt).await
+    }
+
+    /// Makes attempts until one succeeds, fails for good or the time of a request is over.
     pub(super) async fn retry<T, F>(&self, attempt: impl Fn() -> F) -> Result<T, QueueError>
     where
         F: Future<Output = sqlx::Result<T>>,
@@ -118,12 +133,12 @@ impl Database {
         self.attempts(attempt).await.map_err(|error| failure(&error))
     }
 
-    /// The same with the error of the last attempt.
+    /// Like [`Self::retry`], with the error of the last attempt.
     pub(super) async fn attempts<T, F>(&self, attempt: impl Fn() -> F) -> sqlx::Result<T>
     where
         F: Future<Output = sqlx::Result<T>>,
     {
-        let (until, mut conflicts) = (Instant::now() + ANSWER_TIME, 0);
+        let (until, mut conflicts) = (Instant::now() + REQUEST_TIME, 0);
         loop {
             let error = match timeout_at(until, attempt()).await {
                 Ok(Ok(done)) => {
@@ -134,7 +149,7 @@ impl Database {
                 Err(_) => sqlx::Error::Io(io::ErrorKind::TimedOut.into()),
             };
             conflicts += u32::from(is_conflict(&error));
-            let may_succeed = is_lost(&error) || is_conflict(&error) && conflicts < MOST_CONFLICTS;
+            let may_succeed = is_lost(&error) || is_conflict(&error) && conflicts < MAX_CONFLICTS;
             if !may_succeed || Instant::now() + PAUSE >= until {
                 self.is_healthy.store(false, Ordering::Release);
                 return Err(error);
@@ -143,24 +158,23 @@ impl Database {
         }
     }
 
-    /// Forgets the statements that a lent connection knows.
-    pub(super) fn forget_statements(&self) -> &'static str {
+    /// The statement that discards the prepared statements of a pooler's connection.
+    pub(super) fn discard_statements(&self) -> &'static str {
         if self.is_pooled { "DEALLOCATE ALL" } else { "SELECT 1" }
     }
 
-    /// Whether the last transaction came to its end.
+    /// Whether the last request succeeded.
     pub(super) fn is_healthy(&self) -> bool {
         self.is_healthy.load(Ordering::Acquire)
     }
 }
 
 impl Transaction {
-    /// A statement.
     pub(super) fn query<'q>(&self, sql: &'static str) -> Query<'q, Postgres, PgArguments> {
         sqlx::query(sql).persistent(self.is_persistent)
     }
 
-    /// A statement whose rows have a known form.
+    /// A query whose rows are tuples.
     pub(super) fn query_as<'q, O>(&self, sql: &'static str) -> QueryAs<'q, Postgres, O, PgArguments>
     where
         O: for<'r> FromRow<'r, PgRow>,
@@ -168,18 +182,7 @@ impl Transaction {
         sqlx::query_as(sql).persistent(self.is_persistent)
     }
 
-    /// A statement whose rows have one value.
-    pub(super) fn query_scalar<'q, O>(
-        &self,
-        sql: &'static str,
-    ) -> QueryScalar<'q, Postgres, O, PgArguments>
-    where
-        (O,): for<'r> FromRow<'r, PgRow>,
-    {
-        sqlx::query_scalar(sql).persistent(self.is_persistent)
-    }
-
-    /// Commits, and returns when what was written is on stable storage.
+    /// Commits. What was written is on stable storage afterwards.
     pub(super) async fn commit(mut self) -> sqlx::Result<()> {
         if self.is_begun {
             sqlx::raw_sql("COMMIT").execute(&mut *self.connection).await?;
@@ -211,8 +214,8 @@ impl Drop for Transaction {
     }
 }
 
-/// What holds for a connection, or for one transaction on it. No transaction of a node that was stopped
-/// keeps its locks, and no commit is acknowledged before it is on stable storage.
+/// The settings of a connection, or of one transaction. Timeouts release the locks of a node that was
+/// stopped, and commits are acknowledged when they are on stable storage.
 pub(super) fn session(schema: &str, is_for_transaction: bool) -> String {
     let set = if is_for_transaction { "SET LOCAL" } else { "SET" };
     format!(
@@ -223,21 +226,21 @@ pub(super) fn session(schema: &str, is_for_transaction: bool) -> String {
     )
 }
 
-/// Whether a transaction met another one.
+/// Whether the transaction conflicts with another one.
 fn is_conflict(error: &sqlx::Error) -> bool {
-    // Serialization failure, deadlock, a lock that was waited for too long, and two that make the same.
+    // Serialization failure, deadlock, lock timeout and unique violation.
     code(error).is_some_and(|code| ["40001", "40P01", "55P03", "23505"].contains(&code.as_str()))
 }
 
-/// Whether the connection was lost, or could not be had: the database may be there again in a moment.
+/// Whether the connection was lost or could not be opened. The database may be back in a moment.
 pub(super) fn is_lost(error: &sqlx::Error) -> bool {
     match error {
         sqlx::Error::Io(_)
         | sqlx::Error::PoolTimedOut
         | sqlx::Error::Protocol(_)
         | sqlx::Error::WorkerCrashed => true,
-        // Connection exceptions, no connection to be had, a server that stops or starts, and one that
-        // takes no writes because another has been promoted.
+        // Connection exceptions, too many connections, a server that stops or starts, and one that is
+        // read-only because another has been promoted.
         sqlx::Error::Database(_) => code(error).is_some_and(|code| {
             ["08", "53300", "57P", "25006"].iter().any(|begin| code.starts_with(begin))
         }),
@@ -249,7 +252,7 @@ fn code(error: &sqlx::Error) -> Option<String> {
     Some(error.as_database_error()?.code()?.into_owned())
 }
 
-/// The error of the queue for one of the database.
+/// The error of the queue for an error of the database.
 pub(super) fn failure(error: &sqlx::Error) -> QueueError {
     let text = error.to_string();
     match error {

@@ -1,90 +1,43 @@
-//! Jobs come to their end, or back to those that wait.
+//! Jobs end, or are queued again.
 
-use super::Node;
 use super::database::Transaction;
-use super::row::{self, ms, number, uuid};
-use crate::embedded::watchers::Changes;
-use crate::queue::{Cancellation, Finish, Lease, MAX_ATTEMPTS, Outcome, QueueError};
-use crate::record::{JobId, MeshFigures, State};
+use super::node::Node;
+use super::read::is_gone;
+use super::rows::{bytes, ms, uuid};
+use crate::queue::{Cancellation, Finish, Lease, Outcome, QueueError};
+use crate::record::{JobId, State};
+use crate::row::{self, Row as _};
+use crate::transition::{Status, Transition, cancellation, orphaned_mesh};
+use crate::watchers::Changes;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
-use serde_json::Value;
 use sqlx::Row;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How many rows the tallies have.
-const SLOTS: u32 = 64;
+/// The number of rows of the table `job_counts`.
+const COUNT_SLOTS: u32 = 64;
 
-/// What becomes of a job.
-#[derive(Clone, Debug)]
-pub(super) struct Transition<'a> {
-    pub(super) id: JobId,
-    pub(super) was: State,
-    pub(super) next: State,
-    /// Attempts that do not count.
-    given_back: i32,
-    mesh: Option<&'a MeshFigures>,
-    problem: Option<&'a Value>,
-}
-
-impl<'a> Transition<'a> {
-    /// By the outcome of an attempt at a job that runs.
-    pub(super) fn after(
-        id: JobId,
-        attempt: u32,
-        cancel_requested: bool,
-        outcome: &'a Outcome,
-    ) -> Self {
-        let waits = |given_back| Self {
-            given_back,
-            ..Self::ended(id, State::Running, &Outcome::Cancelled, State::Queued)
-        };
-        match outcome {
-            _ if cancel_requested => Self::by(id, State::Running, &Outcome::Cancelled),
-            Outcome::HandedBack => waits(1),
-            Outcome::Retry(_) if attempt < MAX_ATTEMPTS => waits(0),
-            outcome => Self::by(id, State::Running, outcome),
-        }
-    }
-
-    /// An end.
-    pub(super) fn by(id: JobId, was: State, outcome: &'a Outcome) -> Self {
-        let next = match outcome {
-            Outcome::Completed(_) => State::Completed,
-            Outcome::Failed(_) | Outcome::Retry(_) => State::Failed,
-            Outcome::Cancelled | Outcome::HandedBack => State::Cancelled,
-        };
-        Self::ended(id, was, outcome, next)
-    }
-
-    fn ended(id: JobId, was: State, outcome: &'a Outcome, next: State) -> Self {
-        let (mesh, problem) = match outcome {
-            Outcome::Completed(mesh) => (Some(mesh), None),
-            Outcome::Failed(problem) | Outcome::Retry(problem) => (None, Some(problem)),
-            Outcome::Cancelled | Outcome::HandedBack => (None, None),
-        };
-        Self { id, was, next, given_back: 0, mesh, problem }
-    }
-}
-
-/// Writes down what becomes of jobs, whose rows the transaction has locked, and gives up the pictures of
-/// those that have ended.
+/// Stores transitions of jobs whose rows the transaction has locked, and marks the pictures of jobs that
+/// end as orphan candidates.
 pub(super) async fn apply(
     transaction: &mut Transaction,
-    jobs: &[Transition<'_>],
-    ttl: Duration,
+    transitions: &[Transition<'_>],
+    result_ttl: Duration,
 ) -> sqlx::Result<()> {
-    if jobs.is_empty() {
+    if transitions.is_empty() {
         return Ok(());
     }
-    let json = |mesh: &MeshFigures| serde_json::to_string(mesh).ok();
-    let digest = |mesh: &MeshFigures| Some(mesh.digest.parse::<Digest>().ok()?.as_bytes().to_vec());
-    transaction.query(
-        "WITH settled AS (
-             UPDATE jobs SET state = new.state, attempt = attempt - new.given_back, lease_end = NULL,
-                    stage = NULL, fraction = NULL, progress_at = NULL, mesh = new.mesh,
+    let (meshes, digests): (Vec<_>, Vec<_>) =
+        transitions.iter().map(Transition::mesh_columns).unzip();
+    let digests: Vec<_> =
+        digests.iter().map(|d| d.map(|digest| digest.as_bytes().to_vec())).collect();
+    transaction
+        .query(
+            "WITH changed AS (
+                 UPDATE jobs SET state = new.state, attempt = attempt - new.returned_attempts,
+                    lease_end = NULL, progress = NULL, progress_at = NULL, mesh = new.mesh,
                     mesh_digest = new.mesh_digest, problem = new.problem,
                     finished_at = CASE WHEN new.state >= 2 THEN now() END,
                     expires_at = CASE WHEN new.state >= 2
@@ -92,34 +45,37 @@ pub(super) async fn apply(
                     revision = revision + 1,
                     history = history || ARRAY[revision + 1,
                                                (extract(epoch FROM now()) * 1000)::bigint,
-                                               new.state, attempt - new.given_back]
-             FROM unnest($1::uuid[], $2::smallint[], $3::smallint[], $4::integer[], $5::text[],
-                         $6::bytea[], $7::text[])
-                  AS new (id, was, state, given_back, mesh, mesh_digest, problem)
-             WHERE jobs.id = new.id AND jobs.state = new.was
-             RETURNING jobs.state, image_digest)
-         INSERT INTO given_up SELECT DISTINCT image_digest, now() FROM settled WHERE state >= 2
-         ORDER BY image_digest ON CONFLICT DO NOTHING",
-    )
-    .bind(jobs.iter().map(|job| uuid(job.id)).collect::<Vec<_>>())
-    .bind(jobs.iter().map(|job| job.was as i16).collect::<Vec<_>>())
-    .bind(jobs.iter().map(|job| job.next as i16).collect::<Vec<_>>())
-    .bind(jobs.iter().map(|job| job.given_back).collect::<Vec<_>>())
-    .bind(jobs.iter().map(|job| job.mesh.and_then(json)).collect::<Vec<_>>())
-    .bind(jobs.iter().map(|job| job.mesh.and_then(digest)).collect::<Vec<_>>())
-    .bind(jobs.iter().map(|job| job.problem.map(Value::to_string)).collect::<Vec<_>>())
-    .bind(ms(ttl))
-    .execute(&mut **transaction)
-    .await?;
+                                               new.state, attempt - new.returned_attempts]
+                 FROM unnest($1::uuid[], $2::smallint[], $3::smallint[], $4::integer[], $5::text[],
+                             $6::bytea[], $7::text[])
+                      AS new (id, old_state, state, returned_attempts, mesh, mesh_digest, problem)
+                 WHERE jobs.id = new.id AND jobs.state = new.old_state
+                 RETURNING jobs.state, image_digest)
+             INSERT INTO orphan_candidates
+             SELECT DISTINCT image_digest, now() FROM changed WHERE state >= 2
+             ORDER BY image_digest ON CONFLICT DO NOTHING",
+        )
+        .bind(transitions.iter().map(|new| uuid(new.job)).collect::<Vec<_>>())
+        .bind(transitions.iter().map(|new| new.from as i16).collect::<Vec<_>>())
+        .bind(transitions.iter().map(|new| new.to as i16).collect::<Vec<_>>())
+        .bind(transitions.iter().map(|new| new.returned_attempts as i32).collect::<Vec<_>>())
+        .bind(meshes)
+        .bind(digests)
+        .bind(transitions.iter().map(|new| new.problem_column()).collect::<Vec<_>>())
+        .bind(ms(result_ttl))
+        .execute(&mut **transaction)
+        .await?;
     let change = |state| {
-        let count =
-            |of: fn(&Transition<'_>) -> State| jobs.iter().filter(|job| of(job) == state).count();
-        count(|job| job.next) as i64 - count(|job| job.was) as i64
+        transitions
+            .iter()
+            .map(|new| i64::from(new.to == state) - i64::from(new.from == state))
+            .sum()
     };
     count_changes(transaction, change(State::Queued), change(State::Running)).await
 }
 
-/// Counts what waits and runs; the last statement of a transaction, so that others wait briefly.
+/// Changes the numbers of queued and running jobs. The last statement of a transaction, so that it locks
+/// its row only briefly.
 pub(super) async fn count_changes(
     transaction: &mut Transaction,
     queued: i64,
@@ -128,7 +84,7 @@ pub(super) async fn count_changes(
     if (queued, running) == (0, 0) {
         return Ok(());
     }
-    let slot = getrandom::u32().unwrap_or_default() % SLOTS;
+    let slot = getrandom::u32().unwrap_or_default() % COUNT_SLOTS;
     transaction
         .query("UPDATE job_counts SET queued = queued + $2, running = running + $3 WHERE slot = $1")
         .bind(slot as i32)
@@ -139,95 +95,80 @@ pub(super) async fn count_changes(
         .map(|_| ())
 }
 
-/// Takes down that a job no longer has blobs, which others may have.
-pub(super) async fn give_up(
+/// Marks blobs that a job does not use any more. Other jobs may use them.
+pub(super) async fn mark_orphan_candidates(
     transaction: &mut Transaction,
-    blobs: BTreeSet<Digest>,
+    mut blobs: Vec<Digest>,
 ) -> sqlx::Result<()> {
     if blobs.is_empty() {
         return Ok(());
     }
-    let blobs: Vec<&[u8]> = blobs.iter().map(|blob| blob.as_bytes().as_slice()).collect();
+    // All transactions insert in the same order, so that none deadlock.
+    blobs.sort_unstable();
     transaction
         .query(
-            "INSERT INTO given_up SELECT blob, now() FROM unnest($1::bytea[]) AS blobs (blob)
-         ON CONFLICT DO NOTHING",
+            "INSERT INTO orphan_candidates
+             SELECT blob, now() FROM unnest($1::bytea[]) AS blobs (blob) ON CONFLICT DO NOTHING",
         )
-        .bind(blobs)
+        .bind(bytes(&blobs))
         .execute(&mut **transaction)
         .await
         .map(|_| ())
 }
 
 impl Node {
-    /// Ends attempts, of those jobs that are still their workers'.
+    /// Ends attempts.
     pub(super) async fn finish(
         &self,
-        ends: &[(Lease, Outcome)],
+        requests: &[(Lease, Outcome)],
     ) -> Result<Vec<Finish>, QueueError> {
-        let finished = self.database.retry(|| self.try_finish(ends)).await?;
-        ends.iter().for_each(|(lease, _)| self.leases.remove(*lease));
-        let work = finished.iter().any(|end| matches!(end, Finish::Committed(_)));
-        let jobs = ends.iter().map(|(lease, _)| lease.job).collect();
+        let finished = self.database.retry(|| self.try_finish(requests)).await?;
+        requests.iter().for_each(|(lease, _)| self.leases.remove(*lease));
+        let work = finished.iter().any(|finish| matches!(finish, Finish::Committed(_)));
+        let jobs = requests.iter().map(|(lease, _)| lease.job).collect();
         self.notifications.send(Changes { jobs, work });
         Ok(finished)
     }
 
-    async fn try_finish(&self, ends: &[(Lease, Outcome)]) -> sqlx::Result<Vec<Finish>> {
+    async fn try_finish(&self, requests: &[(Lease, Outcome)]) -> sqlx::Result<Vec<Finish>> {
         let mut transaction = self.database.begin().await?;
-        let ids: Vec<_> = ends.iter().map(|(lease, _)| uuid(lease.job)).collect();
+        let ids: Vec<_> = requests.iter().map(|(lease, _)| uuid(lease.job)).collect();
         let rows = transaction
             .query(
                 "SELECT id, state, fence, attempt, cancel_requested FROM jobs WHERE id = ANY ($1)
-             ORDER BY id FOR UPDATE",
+                 ORDER BY id FOR UPDATE",
             )
             .bind(ids)
             .fetch_all(&mut *transaction)
             .await?;
-        let mut held = HashMap::new();
+        let mut stored = HashMap::new();
         for row in &rows {
-            held.insert((row::id(row)?, number::<i64, u64>(row, "fence")?), row);
+            let status = row::status(row)?;
+            stored.insert(Lease { job: row.id()?, fence: status.fence }, status);
         }
-        let (mut settled, mut unused) = (Vec::new(), BTreeSet::new());
-        let mut finished = Vec::new();
-        for (Lease { job, fence }, outcome) in ends {
-            let row = held.remove(&(*job, *fence));
-            let state = row.map(row::state).transpose()?;
-            let end = match (row, state) {
-                (Some(row), Some(State::Running)) => {
-                    let cancel_requested = row.try_get("cancel_requested")?;
-                    let attempt = number::<i32, _>(row, "attempt")?;
-                    let next = Transition::after(*job, attempt, cancel_requested, outcome);
-                    let end = Finish::Committed(next.next);
-                    settled.push(next);
-                    end
-                }
-                // What was written before its acknowledgement was lost is written.
-                (_, Some(state)) if state.is_final() => Finish::Committed(state),
-                _ => Finish::Fenced,
-            };
-            if let Outcome::Completed(mesh) = outcome
-                && end != Finish::Committed(State::Completed)
-            {
-                unused.extend(mesh.digest.parse::<Digest>());
-            }
-            finished.push(end);
+        let (mut finished, mut transitions, mut orphans) = (Vec::new(), Vec::new(), Vec::new());
+        for (lease, outcome) in requests {
+            let (finish, transition) = Status::finish(stored.remove(lease), *lease, outcome);
+            orphans.extend(orphaned_mesh(outcome, finish));
+            transitions.extend(transition);
+            finished.push(finish);
         }
-        give_up(&mut transaction, unused).await?;
-        apply(&mut transaction, &settled, self.terms.result_ttl).await?;
+        mark_orphan_candidates(&mut transaction, orphans).await?;
+        apply(&mut transaction, &transitions, self.terms.result_ttl).await?;
         transaction.commit().await?;
         Ok(finished)
     }
 
-    /// Cancels an owner's job, or deletes it where it has come to its end.
+    /// Cancels an owner's job, or deletes it if it has ended.
     pub(super) async fn cancel(
         &self,
         owner: &Owner,
         id: JobId,
     ) -> Result<Cancellation, QueueError> {
-        // Whether it may be cancelled by an attempt whose end was not heard of.
-        let is_written = AtomicBool::new(false);
-        let done = self.database.retry(|| self.try_cancel(owner, id, &is_written)).await?;
+        // Set once an attempt has cancelled the job: its commit may succeed although its
+        // acknowledgement is lost, and the retry must not delete the job then.
+        let may_be_cancelled = AtomicBool::new(false);
+        let done = self.database.retry(|| self.try_cancel(owner, id, &may_be_cancelled)).await?;
         self.notifications.send(Changes { jobs: vec![id], work: false });
         Ok(done)
     }
@@ -236,53 +177,50 @@ impl Node {
         &self,
         owner: &Owner,
         id: JobId,
-        is_written: &AtomicBool,
+        may_be_cancelled: &AtomicBool,
     ) -> sqlx::Result<Cancellation> {
         let mut transaction = self.database.begin().await?;
         let found = transaction
             .query(
-                "SELECT state, COALESCE(expires_at <= now(), false) AS is_over FROM jobs
-             WHERE id = $1 AND owner = $2 FOR UPDATE",
+                "SELECT state, COALESCE(expires_at <= now(), false) AS is_expired FROM jobs
+                 WHERE id = $1 AND owner = $2 FOR UPDATE",
             )
             .bind(uuid(id))
             .bind(owner.as_str())
             .fetch_optional(&mut *transaction)
             .await?;
-        let Some(found) = found else {
-            let is_gone = super::read::is_gone(&mut transaction, owner, id).await?;
-            transaction.commit().await?;
-            return Ok(if is_gone { Cancellation::Gone } else { Cancellation::Unknown });
+        let done = match found {
+            // A job in an unknown state can be deleted.
+            Some(found) => match row::state(&found).unwrap_or(State::Failed) {
+                State::Cancelled if may_be_cancelled.load(Ordering::Acquire) => {
+                    transaction.commit().await?;
+                    return Ok(Cancellation::Cancelled);
+                }
+                state => cancellation(state, found.try_get("is_expired")?),
+            },
+            None if is_gone(&mut transaction, owner, id).await? => Cancellation::Gone,
+            None => Cancellation::Unknown,
         };
-        // One in no known state can at least be deleted.
-        let state = row::state(&found).unwrap_or(State::Failed);
-        let done = if found.try_get("is_over")? {
-            Cancellation::Gone
-        } else if state == State::Queued {
-            let cancelled = [Transition::by(id, state, &Outcome::Cancelled)];
-            apply(&mut transaction, &cancelled, self.terms.result_ttl).await?;
-            is_written.store(true, Ordering::Release);
-            Cancellation::Cancelled
-        } else if state == State::Running {
-            transaction
-                .query("UPDATE jobs SET cancel_requested = true WHERE id = $1")
-                .bind(uuid(id))
-                .execute(&mut *transaction)
-                .await?;
-            Cancellation::Requested
-        } else if state == State::Cancelled && is_written.load(Ordering::Acquire) {
-            Cancellation::Cancelled
-        } else {
-            transaction
-                .query(
-                    "WITH deleted AS (DELETE FROM jobs WHERE id = $1 RETURNING mesh_digest)
-                 INSERT INTO given_up SELECT mesh_digest, now() FROM deleted
+        let sql = match done {
+            Cancellation::Cancelled => {
+                let cancelled = [Transition::cancelled(id)];
+                apply(&mut transaction, &cancelled, self.terms.result_ttl).await?;
+                may_be_cancelled.store(true, Ordering::Release);
+                None
+            }
+            Cancellation::Requested => {
+                Some("UPDATE jobs SET cancel_requested = true WHERE id = $1")
+            }
+            Cancellation::Deleted => Some(
+                "WITH deleted AS (DELETE FROM jobs WHERE id = $1 RETURNING mesh_digest)
+                 INSERT INTO orphan_candidates SELECT mesh_digest, now() FROM deleted
                  WHERE mesh_digest IS NOT NULL ON CONFLICT DO NOTHING",
-                )
-                .bind(uuid(id))
-                .execute(&mut *transaction)
-                .await?;
-            Cancellation::Deleted
+            ),
+            Cancellation::Unknown | Cancellation::Gone => None,
         };
+        if let Some(sql) = sql {
+            transaction.query(sql).bind(uuid(id)).execute(&mut *transaction).await?;
+        }
         transaction.commit().await?;
         Ok(done)
     }

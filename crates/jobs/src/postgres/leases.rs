@@ -1,78 +1,68 @@
-//! The jobs that this node's workers have, and the one that it has set aside.
+//! The leases that the workers of this node hold, and the job that the node has reserved.
 
-use crate::queue::{Lease, MAX_ATTEMPTS};
+use crate::queue::{Claim, Lease, MAX_ATTEMPTS};
 use crate::record::JobId;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// All of them.
 #[derive(Debug, Default)]
 pub(super) struct HeldLeases(Mutex<Held>);
 
 #[derive(Debug, Default)]
 struct Held {
-    jobs: HashMap<JobId, HeldLease>,
+    leases: HashMap<Lease, HeldLease>,
     reserved: Option<Reserved>,
 }
 
 #[derive(Debug)]
 struct HeldLease {
-    fence: u64,
     attempt: u32,
-    until: Instant,
+    end: Instant,
 }
 
-/// A job that waits until its last attempt can be made alone.
+/// A job whose last attempt waits until nothing else runs on this node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reserved {
     pub(super) job: JobId,
-    /// When it was last kept from other nodes.
+    /// The time of the last reservation in the database.
     pub(super) since: Instant,
 }
 
 impl HeldLeases {
-    /// A worker of this node has a job.
-    pub(super) fn add(&self, lease: Lease, attempt: u32, term: Duration) {
-        let holding = HeldLease { fence: lease.fence, attempt, until: Instant::now() + term };
-        self.held().jobs.insert(lease.job, holding);
+    pub(super) fn add(&self, claim: &Claim, term: Duration) {
+        let held = HeldLease { attempt: claim.attempt, end: Instant::now() + term };
+        self.held().leases.insert(claim.lease, held);
     }
 
-    /// It has it for another term.
-    pub(super) fn keep(&self, lease: Lease, term: Duration) {
-        if let Some(held) = self.held().jobs.get_mut(&lease.job).filter(|h| h.fence == lease.fence)
-        {
-            held.until = Instant::now() + term;
+    pub(super) fn renew(&self, lease: Lease, term: Duration) {
+        if let Some(held) = self.held().leases.get_mut(&lease) {
+            held.end = Instant::now() + term;
         }
     }
 
-    /// It has it no more.
     pub(super) fn remove(&self, lease: Lease) {
-        let mut held = self.held();
-        if held.jobs.get(&lease.job).is_some_and(|holding| holding.fence == lease.fence) {
-            held.jobs.remove(&lease.job);
-        }
+        self.held().leases.remove(&lease);
     }
 
-    /// Whether there are any; those whose leases ended are none.
+    /// Whether no worker of this node holds a lease that has not expired.
     pub(super) fn is_empty(&self) -> bool {
-        let now = Instant::now();
-        self.held().jobs.retain(|_, holding| holding.until > now);
-        self.held().jobs.is_empty()
+        let (mut held, now) = (self.held(), Instant::now());
+        held.leases.retain(|_, lease| lease.end > now);
+        held.leases.is_empty()
     }
 
-    /// Whether one of them is on its last attempt.
+    /// Whether a job is on its last attempt.
     pub(super) fn last_attempt_runs(&self) -> bool {
-        !self.is_empty() && self.held().jobs.values().any(|holding| holding.attempt >= MAX_ATTEMPTS)
+        !self.is_empty() && self.held().leases.values().any(|held| held.attempt >= MAX_ATTEMPTS)
     }
 
-    /// The job that is set aside.
     pub(super) fn reserved(&self) -> Option<Reserved> {
         self.held().reserved
     }
 
-    /// Sets a job aside, or none.
+    /// Replaces the reservation.
     pub(super) fn reserve(&self, job: Option<JobId>) {
         self.held().reserved = job.map(|job| Reserved { job, since: Instant::now() });
     }

@@ -1,13 +1,14 @@
-//! What nodes tell each other at once: that there may be work, and which jobs have changed.
+//! Notifications between nodes by `LISTEN` and `NOTIFY`: there may be a job to claim, or jobs have
+//! changed.
 //!
-//! A call follows the commit that it tells of, in a transaction of its own: the database lets those
-//! that call commit one after another, and calls that come meanwhile are told together. One that is
-//! lost with its node is made good by looking again.
+//! A node sends a notification after its commit, in a transaction of its own, because the database
+//! serializes the commits of transactions that notify. Notifications that arise meanwhile are sent
+//! together. A notification that is lost with its node is made good by polling.
 
 use super::batches::Batcher;
 use super::database::Database;
-use crate::embedded::watchers::{Changes, Watchers};
 use crate::record::JobId;
+use crate::watchers::{Changes, Watchers};
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
 use sqlx::{ConnectOptions, Connection, Row};
 use std::collections::BTreeSet;
@@ -18,34 +19,34 @@ use tokio::task::JoinHandle;
 use tokio::time::sleep;
 use uuid::Uuid;
 
-/// The most jobs that one call names: a call has less than 8,000 bytes.
-const MOST_JOBS: usize = 200;
-/// How long a connection on which calls are heard may take.
+/// The most jobs of one notification, whose payload must be shorter than 8,000 bytes.
+const MAX_JOBS: usize = 200;
+/// How long connecting may take.
 const CONNECT_TIME: Duration = Duration::from_secs(5);
-/// The pause before such a connection is asked for again.
+/// The pause before a connection is retried.
 const PAUSE: Duration = Duration::from_millis(500);
-/// What a call begins with that says that there may be work.
+/// The word of a payload for a job to claim.
 const WORK: &str = "work";
 
-/// Calls to other nodes.
+/// Sends notifications to other nodes, and receives theirs.
 #[derive(Debug)]
 pub(super) struct Notifications {
-    gathered: Batcher<Arc<Changes>, ()>,
+    sender: Batcher<Arc<Changes>, ()>,
     watchers: Arc<Watchers>,
-    hears: Arc<AtomicBool>,
-    listening: JoinHandle<()>,
+    are_received: Arc<AtomicBool>,
+    receiver: JoinHandle<()>,
 }
 
-/// A connection on which calls of other nodes are heard.
-pub(super) struct Listening {
+/// A connection that listens for notifications.
+pub(super) struct ListenConnection {
     options: PgConnectOptions,
     channel: String,
     listener: PgListener,
 }
 
-impl Listening {
-    /// Opens one, unless the address is that of a pooler, which lends connections for a transaction
-    /// each: it does not pass on with what parameters a connection is asked for.
+impl ListenConnection {
+    /// Connects; `None` if the address is that of a pooler in transaction mode, which does not pass on
+    /// the parameters of connections.
     pub(super) async fn open(
         options: &PgConnectOptions,
         schema: &str,
@@ -57,90 +58,135 @@ impl Listening {
             }
             connected => connected?,
         };
-        let asked = sqlx::raw_sql("SELECT current_setting('pixmesh.direct', true)");
-        let answer: Option<String> = asked.fetch_one(&mut connection).await?.try_get(0)?;
+        let query = sqlx::raw_sql("SELECT current_setting('pixmesh.direct', true)");
+        let value: Option<String> = query.fetch_one(&mut connection).await?.try_get(0)?;
         connection.close().await?;
-        if answer.as_deref() != Some("on") {
+        if value.as_deref() != Some("on") {
             return Ok(None);
         }
-        let listener = listener(options, &channel).await?;
+        let listener = listen(options, &channel).await?;
         Ok(Some(Self { options: options.clone(), channel, listener }))
+    }
+
+    /// Passes the notifications of other nodes on to the watchers. When some may have been lost, every
+    /// watcher reads again.
+    async fn receive(
+        mut self,
+        node: String,
+        watchers: Arc<Watchers>,
+        are_received: Arc<AtomicBool>,
+    ) {
+        loop {
+            match self.listener.try_recv().await {
+                Ok(Some(received)) => watchers.notify(&parse(received.payload(), &node)),
+                Ok(None) => watchers.notify_all(),
+                Err(error) => {
+                    are_received.store(false, Ordering::Release);
+                    tracing::warn!(%error, "listen connection lost");
+                    self.listener = loop {
+                        sleep(PAUSE).await;
+                        match listen(&self.options, &self.channel).await {
+                            Ok(listener) => break listener,
+                            Err(error) => tracing::debug!(%error, "listen connection refused"),
+                        }
+                    };
+                    are_received.store(true, Ordering::Release);
+                    watchers.notify_all();
+                }
+            }
+        }
     }
 }
 
 impl Notifications {
-    /// Calls nodes, and hears of theirs where there is a line.
+    /// Starts to send, and to receive if there is a connection for it.
     pub(super) fn start(
         database: &Arc<Database>,
         watchers: &Arc<Watchers>,
         channel: &str,
-        line: Option<Listening>,
+        connection: Option<ListenConnection>,
     ) -> Self {
         let node = Uuid::now_v7().simple().to_string();
-        let hears = Arc::new(AtomicBool::new(line.is_some()));
-        let heard = (Arc::clone(watchers), Arc::clone(&hears));
-        let listening = tokio::spawn(listen(line, node.clone(), heard.0, heard.1));
-        let (database, channel) = (Arc::clone(database), channel.to_owned());
-        let gathered = Batcher::start(move |changes: Arc<[Arc<Changes>]>| {
-            let calls = calls(&node, &changes);
-            let (database, channel) = (Arc::clone(&database), channel.clone());
+        let are_received = Arc::new(AtomicBool::new(connection.is_some()));
+        let (receiving, flag) = (Arc::clone(watchers), Arc::clone(&are_received));
+        let receiver = tokio::spawn({
+            let node = node.clone();
             async move {
-                let call = || async {
-                    let mut transaction = database.begin().await?;
-                    transaction
-                        .query("SELECT pg_notify($1, call) FROM unnest($2::text[]) AS calls (call)")
-                        .bind(&channel)
-                        .bind(&calls)
-                        .execute(&mut *transaction)
-                        .await?;
-                    transaction.commit().await
+                if let Some(connection) = connection {
+                    connection.receive(node, receiving, flag).await;
+                }
+            }
+        });
+        let channel = channel.to_owned();
+        let sender = Batcher::start(database, move |database, changes: Arc<[Arc<Changes>]>| {
+            let (payloads, channel) = (payloads(&node, &changes), channel.clone());
+            async move {
+                let statement = || {
+                    sqlx::query(
+                        "SELECT pg_notify($1, payload) FROM unnest($2::text[]) AS new (payload)",
+                    )
+                    .bind(&channel)
+                    .bind(&payloads)
                 };
-                database.retry(call).await?;
+                database.execute(statement).await?;
                 Ok(vec![(); changes.len()])
             }
         });
-        Self { gathered, watchers: Arc::clone(watchers), hears, listening }
+        Self { sender, watchers: Arc::clone(watchers), are_received, receiver }
     }
 
-    /// Tells this node and all others what was committed.
+    /// Notifies this node and all others of changes that are committed.
     pub(super) fn send(&self, changes: Changes) {
         if changes.work || !changes.jobs.is_empty() {
-            self.watchers.tell(&changes);
-            self.gathered.tell(Arc::new(changes));
+            self.watchers.notify(&changes);
+            self.sender.send(Arc::new(changes));
         }
     }
 
-    /// Calls the workers of this node alone.
+    /// Wakes the workers of this node.
     pub(super) fn wake_workers(&self) {
-        self.watchers.tell(&Changes { jobs: Vec::new(), work: true });
+        self.watchers.notify(&Changes { jobs: Vec::new(), work: true });
     }
 
-    /// Whether calls of other nodes are heard now.
+    /// Whether this node receives the notifications of other nodes now.
     pub(super) fn are_received(&self) -> bool {
-        self.hears.load(Ordering::Acquire)
+        self.are_received.load(Ordering::Acquire)
     }
 }
 
 impl Drop for Notifications {
     fn drop(&mut self) {
-        self.listening.abort();
+        self.receiver.abort();
     }
 }
 
-/// The texts of calls: who calls, and then whether there may be work, and names of jobs.
-fn calls(node: &str, changes: &[Arc<Changes>]) -> Vec<String> {
-    let work = changes.iter().any(|changes| changes.work);
+/// Payloads are words: the id of the sending node, and then `work` or ids of jobs.
+fn payloads(node: &str, changes: &[Arc<Changes>]) -> Vec<String> {
     let jobs: BTreeSet<JobId> = changes.iter().flat_map(|changes| &changes.jobs).copied().collect();
     let jobs: Vec<String> = jobs.iter().map(ToString::to_string).collect();
-    let mut calls: Vec<String> =
-        jobs.chunks(MOST_JOBS).map(|jobs| format!("{node} {}", jobs.join(" "))).collect();
-    if work {
-        calls.push(format!("{node} {WORK}"));
+    let mut payloads: Vec<String> =
+        jobs.chunks(MAX_JOBS).map(|jobs| format!("{node} {}", jobs.join(" "))).collect();
+    if changes.iter().any(|changes| changes.work) {
+        payloads.push(format!("{node} {WORK}"));
     }
-    calls
+    payloads
 }
 
-async fn listener(options: &PgConnectOptions, channel: &str) -> sqlx::Result<PgListener> {
+/// The changes of a payload; none if this node sent it.
+fn parse(payload: &str, node: &str) -> Changes {
+    let mut changes = Changes::default();
+    let mut words = payload.split(' ');
+    if words.next() == Some(node) {
+        return changes;
+    }
+    for word in words {
+        changes.work |= word == WORK;
+        changes.jobs.extend(JobId::parse(word));
+    }
+    changes
+}
+
+async fn listen(options: &PgConnectOptions, channel: &str) -> sqlx::Result<PgListener> {
     let pool = PgPoolOptions::new()
         .max_connections(1)
         .acquire_timeout(CONNECT_TIME)
@@ -151,47 +197,4 @@ async fn listener(options: &PgConnectOptions, channel: &str) -> sqlx::Result<PgL
     let mut listener = PgListener::connect_with(&pool).await?;
     listener.listen(channel).await?;
     Ok(listener)
-}
-
-/// Hears calls, and has everybody look who waits when some may have been lost.
-async fn listen(
-    line: Option<Listening>,
-    node: String,
-    watchers: Arc<Watchers>,
-    hears: Arc<AtomicBool>,
-) {
-    let Some(mut line) = line else { return };
-    loop {
-        match line.listener.try_recv().await {
-            Ok(Some(call)) => watchers.tell(&heard(call.payload(), &node)),
-            Ok(None) => watchers.tell_all(),
-            Err(error) => {
-                hears.store(false, Ordering::Release);
-                tracing::warn!(%error, "calls of other nodes are not heard");
-                line.listener = loop {
-                    sleep(PAUSE).await;
-                    match listener(&line.options, &line.channel).await {
-                        Ok(listener) => break listener,
-                        Err(error) => tracing::debug!(%error, "no connection to hear calls on"),
-                    }
-                };
-                hears.store(true, Ordering::Release);
-                watchers.tell_all();
-            }
-        }
-    }
-}
-
-/// What a call says; nothing, when it is this node's own.
-fn heard(call: &str, node: &str) -> Changes {
-    let mut words = call.split(' ');
-    if words.next() == Some(node) {
-        return Changes::default();
-    }
-    let mut changes = Changes::default();
-    for word in words {
-        changes.work |= word == WORK;
-        changes.jobs.extend(JobId::parse(word));
-    }
-    changes
 }

@@ -1,25 +1,27 @@
-//! What is asked without changing anything.
+//! Queries that change nothing.
 
-use super::Node;
-use super::database::Transaction;
-use super::row::{self, select_record, uuid};
-use crate::queue::{Lookup, Page, PageRequest, QueueError, Stats};
+use super::database::{Transaction, failure};
+use super::node::Node;
+use super::rows::{bytes, uuid};
+use crate::queue::{Lease, Lookup, Page, PageRequest, QueueError, Renewal, Stats};
 use crate::record::{Event, JobId, State};
+use crate::row::{self, Row as _, select_record};
+use crate::transition::Status;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use sqlx::Row;
+use sqlx::postgres::PgRow;
 use std::collections::HashSet;
 use uuid::Uuid;
 
 impl Node {
-    /// An owner's job.
     pub(super) async fn get(&self, owner: &Owner, id: JobId) -> Result<Lookup, QueueError> {
         let read = || async {
             let mut reading = self.database.reading().await?;
             let found = reading
                 .query(select_record!(
-                    ", COALESCE(expires_at <= now(), false) AS is_over FROM jobs
-                 WHERE id = $1 AND owner = $2"
+                    ", COALESCE(expires_at <= now(), false) AS is_expired
+                     FROM jobs WHERE id = $1 AND owner = $2"
                 ))
                 .bind(uuid(id))
                 .bind(owner.as_str())
@@ -28,7 +30,7 @@ impl Node {
             let lookup = match &found {
                 None if is_gone(&mut reading, owner, id).await? => Ok(Lookup::Gone),
                 None => Ok(Lookup::Unknown),
-                Some(found) if found.try_get("is_over")? => Ok(Lookup::Gone),
+                Some(found) if found.try_get("is_expired")? => Ok(Lookup::Gone),
                 Some(found) => row::record(found).map(|record| Lookup::Found(Box::new(record))),
             };
             reading.commit().await?;
@@ -37,125 +39,115 @@ impl Node {
         self.database.retry(read).await
     }
 
-    /// An owner's jobs, newest first; what cannot be read is left out.
     pub(super) async fn list(
         &self,
         owner: &Owner,
         request: PageRequest,
     ) -> Result<Page, QueueError> {
         let PageRequest { state, before, limit } = request;
-        let states: Vec<i16> = match state {
-            Some(state) => vec![state as i16],
-            None => State::ALL.iter().map(|state| *state as i16).collect(),
-        };
-        let read = || async {
-            let mut reading = self.database.reading().await?;
-            // The index has the jobs of an owner in one state in their order: five short lists are
-            // merged, whatever there is in them.
-            let rows = reading
-                .query(
-                    "SELECT job.* FROM unnest($1::smallint[]) AS asked (state), LATERAL (
+        let states = state.as_ref().map_or(&State::ALL[..], std::slice::from_ref);
+        let states: Vec<i16> = states.iter().map(|state| *state as i16).collect();
+        // The index has the jobs of an owner in one state in their order: the page is merged from one
+        // short list for each state.
+        let statement = || {
+            sqlx::query(
+                "SELECT job.* FROM unnest($1::smallint[]) AS asked (state), LATERAL (
                      SELECT * FROM jobs WHERE state = asked.state AND owner = $2 AND id < $3
                        AND (expires_at IS NULL OR expires_at > now())
                      ORDER BY id DESC LIMIT $4) AS job
                  ORDER BY id DESC LIMIT $4",
-                )
-                .bind(&states)
-                .bind(owner.as_str())
-                .bind(before.map_or(Uuid::max(), uuid))
-                .bind(limit as i64 + 1)
-                .fetch_all(&mut *reading)
-                .await?;
-            reading.commit().await?;
-            Ok(rows)
+            )
+            .bind(&states)
+            .bind(owner.as_str())
+            .bind(before.map_or(Uuid::max(), uuid))
+            .bind(limit as i64 + 1)
         };
-        let rows = self.database.retry(read).await?;
-        let (mut jobs, mut last) = (Vec::new(), None);
-        for found in rows.iter().take(limit) {
-            last = row::id(found).ok();
-            match row::record(found) {
-                Ok(record) => jobs.push(record),
-                Err(error) => tracing::error!(job = ?last, %error, "a job's record cannot be read"),
-            }
-        }
-        Ok(Page { jobs, next: last.filter(|_| rows.len() > limit) })
+        let rows = self.database.execute(statement).await?;
+        let jobs = rows.iter().map(|row| Ok((row.id()?, row::record(row))));
+        let jobs = jobs.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))?;
+        Ok(Page::of(jobs, limit))
     }
 
-    /// What happened to a job after a revision, and whether more may come.
     pub(super) async fn events(
         &self,
         owner: &Owner,
         id: JobId,
         after: u64,
     ) -> Result<(Vec<Event>, bool), QueueError> {
-        let read = || async {
-            let mut reading = self.database.reading().await?;
-            let found = reading.query(
-                "SELECT state, attempt, revision, history, stage, fraction, progress_at FROM jobs
+        let statement = || {
+            sqlx::query(
+                "SELECT state, attempt, revision, history, progress, progress_at FROM jobs
                  WHERE id = $1 AND owner = $2",
             )
             .bind(uuid(id))
             .bind(owner.as_str())
-            .fetch_optional(&mut *reading)
-            .await?;
-            reading.commit().await?;
-            let Some(found) = found else { return Ok((Vec::new(), false)) };
-            Ok((row::events(&found, after)?, !row::state(&found)?.is_final()))
         };
-        self.database.retry(read).await
+        let rows = self.database.execute(statement).await?;
+        let Some(found) = rows.first() else { return Ok((Vec::new(), false)) };
+        let events = |found| Ok((row::events(found, after)?, !row::state(found)?.is_final()));
+        events(found).map_err(|error: sqlx::Error| failure(&error))
     }
 
-    /// How much there is of what.
+    pub(super) async fn standing(&self, lease: Lease) -> Result<Renewal, QueueError> {
+        let statement = || {
+            sqlx::query("SELECT state, fence, attempt, cancel_requested FROM jobs WHERE id = $1")
+                .bind(uuid(lease.job))
+        };
+        let rows = self.database.execute(statement).await?;
+        let status = rows.first().map(row::status).transpose().map_err(|error| failure(&error))?;
+        let standing = Status::renewal(status, lease);
+        if standing == Renewal::Lost {
+            self.leases.remove(lease);
+        }
+        Ok(standing)
+    }
+
     pub(super) async fn stats(&self) -> Result<Stats, QueueError> {
-        let read = || async {
-            let mut reading = self.database.reading().await?;
-            let (queued, running, oldest): (i64, i64, Option<f64>) = reading
-                .query_as(
-                    "SELECT SUM(queued)::bigint, SUM(running)::bigint,
+        let statement = || {
+            sqlx::query(
+                "SELECT SUM(queued)::bigint AS queued, SUM(running)::bigint AS running,
                         (SELECT extract(epoch FROM clock_timestamp() - min(created_at))
-                         FROM jobs WHERE state = 0)::double precision FROM job_counts",
-                )
-                .fetch_one(&mut *reading)
-                .await?;
-            reading.commit().await?;
-            let count = |number: i64| usize::try_from(number).unwrap_or_default();
-            let oldest_queued_s = oldest.unwrap_or_default().max(0.0);
-            Ok(Stats { queued: count(queued), running: count(running), oldest_queued_s })
+                         FROM jobs WHERE state = 0)::double precision AS oldest_s FROM job_counts",
+            )
         };
-        self.database.retry(read).await
+        let rows = self.database.execute(statement).await?;
+        let stats = |row: &PgRow| {
+            let count = |number: i64| usize::try_from(number).unwrap_or_default();
+            Ok(Stats {
+                queued: count(row.try_get("queued")?),
+                running: count(row.try_get("running")?),
+                oldest_queued_s: row.try_get::<Option<f64>, _>("oldest_s")?.unwrap_or(0.0).max(0.0),
+            })
+        };
+        let stats = rows.first().map(stats).transpose();
+        stats.map(Option::unwrap_or_default).map_err(|error: sqlx::Error| failure(&error))
     }
 
-    /// Those of the blobs that a job has.
+    /// Which of the blobs a job uses: its picture until it ends, and its mesh.
     pub(super) async fn referenced(&self, blobs: &[Digest]) -> Result<HashSet<Digest>, QueueError> {
-        let asked: Vec<&[u8]> = blobs.iter().map(|blob| blob.as_bytes().as_slice()).collect();
-        let read = || async {
-            let mut reading = self.database.reading().await?;
-            let rows = reading
-                .query(
-                    "SELECT blob FROM unnest($1::bytea[]) AS asked (blob)
+        let statement = || {
+            sqlx::query(
+                "SELECT blob FROM unnest($1::bytea[]) AS asked (blob)
                  WHERE EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
                     OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)",
-                )
-                .bind(&asked)
-                .fetch_all(&mut *reading)
-                .await?;
-            reading.commit().await?;
-            rows.iter().map(|row| row::digest(row, "blob")).collect()
+            )
+            .bind(bytes(blobs))
         };
-        self.database.retry(read).await
+        let rows = self.database.execute(statement).await?;
+        let blobs = rows.iter().filter_map(|row| row.digest("blob").transpose());
+        blobs.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))
     }
 }
 
-/// Whether an owner had a job that is no longer kept.
+/// Whether a job of an owner has expired and is deleted.
 pub(super) async fn is_gone(
     transaction: &mut Transaction,
     owner: &Owner,
     id: JobId,
 ) -> sqlx::Result<bool> {
-    transaction
-        .query_scalar("SELECT EXISTS (SELECT 1 FROM gone WHERE id = $1 AND owner = $2)")
+    let query = transaction
+        .query_as("SELECT EXISTS (SELECT 1 FROM gone WHERE id = $1 AND owner = $2)")
         .bind(uuid(id))
-        .bind(owner.as_str())
-        .fetch_one(&mut **transaction)
-        .await
+        .bind(owner.as_str());
+    query.fetch_one(&mut **transaction).await.map(|(is_gone,)| is_gone)
 }

@@ -1,8 +1,8 @@
-//! The tables, and how a database comes to have them.
+//! The tables and their versions.
 //!
-//! Nodes that start at the same time wait for each other at a row. All is done in one transaction, which a
-//! pooler passes on as a whole. A node of an earlier version goes on with tables of a later one while
-//! it runs; once it ends, it is not started again beside them.
+//! Nodes that start at the same time take turns by locking a row. All migrations run in one transaction,
+//! as poolers require. Nodes of an earlier version keep running with tables of a later one, but do not
+//! start with them.
 
 use super::database::{Database, failure};
 use super::settings::PostgresSettings;
@@ -11,13 +11,13 @@ use sqlx::AssertSqlSafe;
 use sqlx::migrate::{MigrateError, Migrator};
 use std::error::Error;
 
-/// Every version of the tables.
+/// All versions of the tables.
 static VERSIONS: Migrator = sqlx::migrate!("src/postgres/migrations");
 
-/// Makes the tables what this program needs.
+/// Creates the tables, or migrates them to the version of this program.
 ///
 /// # Errors
-/// When they are those of a later version, or cannot be made.
+/// When the tables have a later version, or cannot be created.
 pub(super) async fn migrate(
     database: &Database,
     settings: &PostgresSettings,
@@ -40,9 +40,9 @@ pub(super) async fn migrate(
     let versions =
         Migrator { locking: false, migrations: VERSIONS.migrations.clone(), ..Migrator::DEFAULT };
     let change = || async {
-        let mut transaction = database.begin_outer().await?;
-        let forget = || sqlx::raw_sql(database.forget_statements());
-        forget().execute(&mut *transaction).await?;
+        let mut transaction = database.begin_migration().await?;
+        let discard = || sqlx::raw_sql(database.discard_statements());
+        discard().execute(&mut *transaction).await?;
         sqlx::raw_sql("SET LOCAL statement_timeout = 0; SELECT id FROM migrating FOR UPDATE")
             .execute(&mut *transaction)
             .await?;
@@ -52,7 +52,7 @@ pub(super) async fn migrate(
                 Err(error)
             }
             other => {
-                forget().execute(&mut *transaction).await?;
+                discard().execute(&mut *transaction).await?;
                 transaction.commit().await?;
                 Ok(other)
             }
@@ -61,8 +61,8 @@ pub(super) async fn migrate(
     let newest = VERSIONS.iter().map(|version| version.version).max().unwrap_or_default();
     database.retry(change).await?.map_err(|error| match error {
         MigrateError::VersionMissing(found) => format!(
-            "the tables in schema {schema} are of version {found}, and this program's of {newest}: \
-             start a program that is as new as the newest node"
+            "the tables in schema {schema} have version {found}, and this program supports version \
+             {newest}: start a program that is as new as the newest node"
         )
         .into(),
         other => QueueError::Database(other.to_string()).into(),

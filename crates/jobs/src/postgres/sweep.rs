@@ -1,196 +1,173 @@
-//! What time brings: workers that fell silent, jobs that are no longer kept. All nodes sweep, and pass
-//! over what another has under way.
+//! Periodic maintenance: leases that expired, jobs that expired, blobs that no job uses. All nodes sweep,
+//! and skip the rows that another node has locked.
 
-use super::Node;
-use super::finish::{Transition, apply};
-use super::row::{self, ms, number};
-use crate::embedded::watchers::Changes;
-use crate::queue::{MAX_ATTEMPTS, Outcome, QueueError, Swept};
-use crate::record::{self, JobId, State};
+use super::database::failure;
+use super::finish::apply;
+use super::node::Node;
+use super::rows::{bytes, ms};
+use crate::queue::{QueueError, Swept};
+use crate::record::{JobId, State};
+use crate::row::{self, Row as _};
+use crate::transition::Transition;
+use crate::watchers::Changes;
 use pixmesh_engine::digest::Digest;
 use sqlx::Row;
+use std::sync::PoisonError;
 use std::time::Duration;
 use tokio::time::Instant;
 
 /// The most rows that one transaction changes, so that it is short.
-const MOST_ROWS: i64 = 2000;
-/// The most blobs that one sweep names.
-const MOST_BLOBS: i64 = 256;
-/// How long a sweep goes on with what is due; the rest is left to the next.
-const SWEEPING: Duration = Duration::from_secs(4);
+const MAX_ROWS: i64 = 2000;
+/// The most blobs that one sweep returns.
+const MAX_ORPHANS: i64 = 256;
+/// How long a sweep may take. The next sweep does the rest.
+const SWEEP_TIME: Duration = Duration::from_secs(4);
 
-/// Forgets that jobs were, once that has been remembered long enough.
+/// Deletes expired jobs and remembers their ids.
+const EXPIRE: &str = "
+    WITH expired AS (
+        DELETE FROM jobs WHERE id = ANY (ARRAY(
+            SELECT id FROM jobs WHERE expires_at <= now() ORDER BY expires_at LIMIT $1
+            FOR UPDATE SKIP LOCKED))
+        RETURNING id, owner, mesh_digest, expires_at),
+    remembered AS (
+        INSERT INTO gone SELECT id, owner, expires_at + $2 * interval '1 millisecond'
+        FROM expired ON CONFLICT DO NOTHING),
+    released AS (
+        INSERT INTO orphan_candidates SELECT DISTINCT mesh_digest, now() FROM expired
+        WHERE mesh_digest IS NOT NULL ORDER BY mesh_digest ON CONFLICT DO NOTHING)
+    SELECT count(*) FROM expired";
+/// Deletes the ids of jobs that expired long ago.
 const FORGET_GONE: &str = "
-    DELETE FROM gone WHERE id = ANY (ARRAY(
-        SELECT id FROM gone WHERE until <= now() LIMIT $1 FOR UPDATE SKIP LOCKED))";
-/// Leaves out of the blobs that were given up those that a job has: they are given up again later.
-const KEEP_REFERENCED: &str = "
-    DELETE FROM given_up WHERE blob = ANY (ARRAY(
-        SELECT blob FROM (SELECT blob FROM given_up ORDER BY since LIMIT $1
-                          FOR UPDATE SKIP LOCKED) AS oldest
-        WHERE EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
-           OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)))";
+    WITH forgotten AS (
+        DELETE FROM gone WHERE id = ANY (ARRAY(
+            SELECT id FROM gone WHERE until <= now() LIMIT $1 FOR UPDATE SKIP LOCKED))
+        RETURNING 1)
+    SELECT count(*) FROM forgotten";
+/// Removes candidates that a job uses. The job marks them again when it releases them.
+const UNMARK_REFERENCED: &str = "
+    WITH unmarked AS (
+        DELETE FROM orphan_candidates WHERE blob = ANY (ARRAY(
+            SELECT blob FROM (SELECT blob FROM orphan_candidates ORDER BY since LIMIT $1
+                              FOR UPDATE SKIP LOCKED) AS oldest
+            WHERE EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+               OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)))
+        RETURNING 1)
+    SELECT count(*) FROM unmarked";
 
 impl Node {
-    /// Does what is due.
     pub(super) async fn sweep(&self) -> Result<Swept, QueueError> {
-        let (mut swept, until) = (Swept::default(), Instant::now() + SWEEPING);
+        let (mut swept, until) = (Swept::default(), Instant::now() + SWEEP_TIME);
         loop {
-            let taken = self.database.retry(|| self.take_back()).await?;
-            let of = |wanted| taken.iter().filter(|(_, state)| *state == wanted).count();
-            swept.requeued += of(State::Queued);
-            swept.exhausted += of(State::Failed);
-            let (jobs, work) = (taken.iter().map(|(id, _)| *id).collect(), !taken.is_empty());
+            let ended = self.database.retry(|| self.end_expired_leases()).await?;
+            let count = |wanted| ended.iter().filter(|(_, state)| *state == wanted).count();
+            swept.requeued += count(State::Queued);
+            swept.exhausted += count(State::Failed);
+            let (jobs, work) = (ended.iter().map(|(id, _)| *id).collect(), !ended.is_empty());
             self.notifications.send(Changes { jobs, work });
-            if (taken.len() as i64) < MOST_ROWS || Instant::now() >= until {
+            if (ended.len() as i64) < MAX_ROWS || Instant::now() >= until {
                 break;
             }
         }
-        loop {
-            let expired = self.database.retry(|| self.expire()).await?;
-            swept.expired += expired as usize;
-            if (expired as i64) < MOST_ROWS || Instant::now() >= until {
-                break;
-            }
-        }
-        for sql in [FORGET_GONE, KEEP_REFERENCED] {
-            while self.database.retry(|| self.delete(sql)).await? as i64 >= MOST_ROWS
-                && Instant::now() < until
-            {}
-        }
-        swept.given_up = self.database.retry(|| self.given_up()).await?;
+        let gone_ttl = Some(ms(self.terms.gone_ttl));
+        swept.expired = self.repeat(EXPIRE, gone_ttl, until).await?;
+        self.repeat(FORGET_GONE, None, until).await?;
+        self.repeat(UNMARK_REFERENCED, None, until).await?;
+        swept.orphans = self.orphans().await?;
         Ok(swept)
     }
 
-    /// Takes jobs from workers that fell silent.
-    async fn take_back(&self) -> sqlx::Result<Vec<(JobId, State)>> {
+    async fn end_expired_leases(&self) -> sqlx::Result<Vec<(JobId, State)>> {
         let mut transaction = self.database.begin().await?;
-        let rows = transaction.query(
-            "SELECT id, attempt, cancel_requested FROM jobs WHERE state = 1 AND lease_end <= now()
-             ORDER BY owner, id LIMIT $1 FOR UPDATE SKIP LOCKED",
-        )
-        .bind(MOST_ROWS)
-        .fetch_all(&mut *transaction)
-        .await?;
-        let silent = |row| {
-            // A job whose attempts cannot be counted gets no further one.
-            let attempt = number::<i32, _>(row, "attempt").unwrap_or(MAX_ATTEMPTS);
-            let outcome = Outcome::Retry(record::exhausted(attempt));
-            Ok((row::id(row)?, attempt, row.try_get("cancel_requested")?, outcome))
-        };
-        let silent: Vec<_> = rows.iter().map(silent).collect::<sqlx::Result<_>>()?;
-        let settled: Vec<_> = silent
-            .iter()
-            .map(|(id, attempt, cancelled, outcome)| {
-                Transition::after(*id, *attempt, *cancelled, outcome)
-            })
-            .collect();
-        apply(&mut transaction, &settled, self.terms.result_ttl).await?;
-        transaction.commit().await?;
-        Ok(settled.iter().map(|job| (job.id, job.next)).collect())
-    }
-
-    /// Keeps of jobs past their time nothing but that they were.
-    async fn expire(&self) -> sqlx::Result<u64> {
-        let mut transaction = self.database.begin().await?;
-        let (expired,): (i64,) = transaction
-            .query_as(
-                "WITH ended AS (
-                 DELETE FROM jobs WHERE id = ANY (ARRAY(
-                     SELECT id FROM jobs WHERE expires_at <= now() ORDER BY expires_at LIMIT $1
-                     FOR UPDATE SKIP LOCKED))
-                 RETURNING id, owner, mesh_digest, expires_at),
-             remembered AS (
-                 INSERT INTO gone SELECT id, owner, expires_at + $2 * interval '1 millisecond'
-                 FROM ended ON CONFLICT DO NOTHING),
-             freed AS (
-                 INSERT INTO given_up SELECT DISTINCT mesh_digest, now() FROM ended
-                 WHERE mesh_digest IS NOT NULL ORDER BY mesh_digest ON CONFLICT DO NOTHING)
-             SELECT count(*) FROM ended",
-            )
-            .bind(MOST_ROWS)
-            .bind(ms(self.terms.gone_ttl))
-            .fetch_one(&mut *transaction)
-            .await?;
-        transaction.commit().await?;
-        Ok(expired.unsigned_abs())
-    }
-
-    async fn delete(&self, sql: &'static str) -> sqlx::Result<u64> {
-        let mut transaction = self.database.begin().await?;
-        let done = transaction.query(sql).bind(MOST_ROWS).execute(&mut *transaction).await?;
-        transaction.commit().await?;
-        Ok(done.rows_affected())
-    }
-
-    /// The blobs that were given up first, and that no job has. A write at each sweep tells whether the
-    /// storage takes any.
-    async fn given_up(&self) -> sqlx::Result<Vec<Digest>> {
-        let mut transaction = self.database.begin().await?;
-        transaction
-            .query(
-                "INSERT INTO shared_values VALUES ('pulse', 0, now())
-             ON CONFLICT (name) DO UPDATE SET at = excluded.at",
-            )
-            .execute(&mut *transaction)
-            .await?;
         let rows = transaction
             .query(
-                "SELECT blob FROM given_up
-             WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
-               AND NOT EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)
-             ORDER BY since LIMIT $1",
+                "SELECT id, state, fence, attempt, cancel_requested FROM jobs
+                 WHERE state = 1 AND lease_end <= now()
+                 ORDER BY owner, id LIMIT $1 FOR UPDATE SKIP LOCKED",
             )
-            .bind(MOST_BLOBS)
+            .bind(MAX_ROWS)
             .fetch_all(&mut *transaction)
             .await?;
-        transaction.commit().await?;
-        rows.iter().map(|row| row::digest(row, "blob")).collect()
-    }
-
-    /// Blobs that were given up are seen to.
-    pub(super) async fn forget(&self, blobs: &[Digest]) -> Result<(), QueueError> {
-        let blobs: Vec<&[u8]> = blobs.iter().map(|blob| blob.as_bytes().as_slice()).collect();
-        let forget = || async {
-            let mut transaction = self.database.begin().await?;
-            transaction
-                .query("DELETE FROM given_up WHERE blob = ANY ($1)")
-                .bind(&blobs)
-                .execute(&mut *transaction)
-                .await?;
-            transaction.commit().await
-        };
-        self.database.retry(forget).await
-    }
-
-    /// Tells other nodes how long jobs take here, where that is news, and returns what was told last.
-    pub(super) async fn share_mean(&self, own_s: Option<f64>) -> Result<Option<f64>, QueueError> {
-        let sent_mean_s =
-            || self.sent_mean_s.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let news = own_s.filter(|own_s| *sent_mean_s() != Some(*own_s));
-        let share = || async {
-            let mut transaction = self.database.begin().await?;
-            if let Some(mean_s) = news {
-                transaction
-                    .query(
-                        "INSERT INTO shared_values VALUES ('mean', $1, now())
-                     ON CONFLICT (name) DO UPDATE SET value = excluded.value, at = excluded.at",
-                    )
-                    .bind(mean_s)
-                    .execute(&mut *transaction)
-                    .await?;
-            }
-            let last = transaction
-                .query_scalar("SELECT value FROM shared_values WHERE name = 'mean'")
-                .fetch_optional(&mut *transaction)
-                .await?;
-            transaction.commit().await?;
-            Ok(last)
-        };
-        let last = self.database.retry(share).await?;
-        if news.is_some() {
-            *sent_mean_s() = news;
+        let mut transitions = Vec::new();
+        for row in &rows {
+            let job = row.id()?;
+            transitions.push(match row::status(row) {
+                Ok(status) => status.lease_expired(job),
+                Err(_) => Transition::damaged(job, State::Running),
+            });
         }
-        Ok(last)
+        apply(&mut transaction, &transitions, self.terms.result_ttl).await?;
+        transaction.commit().await?;
+        Ok(transitions.iter().map(|transition| (transition.job, transition.to)).collect())
+    }
+
+    /// Executes a statement that changes at most `MAX_ROWS` rows and counts them, until it changes fewer
+    /// or the time is over; returns how many rows were changed.
+    async fn repeat(
+        &self,
+        sql: &'static str,
+        parameter: Option<i64>,
+        until: Instant,
+    ) -> Result<usize, QueueError> {
+        let mut sum = 0;
+        loop {
+            let statement = || {
+                let statement = sqlx::query(sql).bind(MAX_ROWS);
+                if parameter.is_some() { statement.bind(parameter) } else { statement }
+            };
+            let rows = self.database.execute(statement).await?;
+            let count = rows.first().map_or(Ok(0), |row| row.try_get::<i64, _>(0));
+            let count = count.map_err(|error| failure(&error))?;
+            sum += count as usize;
+            if count < MAX_ROWS || Instant::now() >= until {
+                return Ok(sum);
+            }
+        }
+    }
+
+    /// The oldest blobs that no job uses. The write shows whether the database takes writes.
+    async fn orphans(&self) -> Result<Vec<Digest>, QueueError> {
+        let statement = || {
+            sqlx::query(
+                "WITH pulse AS (
+                     INSERT INTO shared_values VALUES ('pulse', 0, now())
+                     ON CONFLICT (name) DO UPDATE SET at = excluded.at)
+                 SELECT blob FROM orphan_candidates
+                 WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+                   AND NOT EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)
+                 ORDER BY since LIMIT $1",
+            )
+            .bind(MAX_ORPHANS)
+        };
+        let rows = self.database.execute(statement).await?;
+        let blobs = rows.iter().filter_map(|row| row.digest("blob").transpose());
+        blobs.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))
+    }
+
+    pub(super) async fn forget(&self, blobs: &[Digest]) -> Result<(), QueueError> {
+        let sql = "DELETE FROM orphan_candidates WHERE blob = ANY ($1)";
+        let statement = || sqlx::query(sql).bind(bytes(blobs));
+        self.database.execute(statement).await.map(|_| ())
+    }
+
+    /// Shares this node's mean duration with other nodes if it has changed, and returns the mean that a
+    /// node shared last.
+    pub(super) async fn share_mean(&self, own_s: Option<f64>) -> Result<Option<f64>, QueueError> {
+        let shared = || self.shared_mean_s.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(own_s) = own_s.filter(|own_s| *shared() != Some(*own_s)) {
+            let statement = || {
+                sqlx::query(
+                    "INSERT INTO shared_values VALUES ('mean', $1, now())
+                     ON CONFLICT (name) DO UPDATE SET value = excluded.value, at = excluded.at",
+                )
+                .bind(own_s)
+            };
+            self.database.execute(statement).await?;
+            *shared() = Some(own_s);
+        }
+        let statement = || sqlx::query("SELECT value FROM shared_values WHERE name = 'mean'");
+        let rows = self.database.execute(statement).await?;
+        let mean_s = rows.first().map(|row| row.try_get(0)).transpose();
+        mean_s.map_err(|error| failure(&error))
     }
 }

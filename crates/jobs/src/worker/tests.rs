@@ -1,12 +1,9 @@
-//! A worker does its jobs to whatever end, stops when it is told, and outlives kernels that panic.
+//! The worker with real jobs, a real store and kernels that panic or never end.
 
 use super::*;
-use crate::embedded::Embedded;
-use crate::fairness::Caps;
-use crate::folder::DataFolder;
 use crate::queue::{Lookup, Submitted, Terms};
 use crate::record::{JobId, KeptWeights, NewJob, Picture, Record, State};
-use crate::{blobs::Blobs, folder_for_test};
+use crate::testing::{self, terms};
 use pixmesh_codec::probe;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
@@ -15,11 +12,12 @@ use pixmesh_engine::scheduler::Limits as WorkLimits;
 use pixmesh_meshing::{Control, Stage};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 use tokio::task::JoinHandle;
 
 const PICTURE: &[u8] = b"P2\n4 3\n9\n0 1 2 3 4 5 6 7 8 9 0 1\n";
 
-/// Makes meshes, but panics for those of five vertices.
+/// Panics for meshes of five vertices.
 fn panicking(
     source: Weighed<Bytes>,
     options: &MeshOptions,
@@ -31,7 +29,7 @@ fn panicking(
     pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
 }
 
-/// Works on meshes of five vertices until it is stopped, half of one stage done.
+/// Runs until it is cancelled for meshes of five vertices, with half of a stage done.
 fn endless(
     source: Weighed<Bytes>,
     options: &MeshOptions,
@@ -49,27 +47,15 @@ fn endless(
     Err(Cancelled.into())
 }
 
-/// Lets a worker work, with time enough to end when it is told to.
+/// Starts a worker with a grace period of 5 s.
 fn start(worker: Worker) -> (CancellationToken, JoinHandle<()>) {
     let stop = CancellationToken::new();
-    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
-    (stop, working)
+    let running = tokio::spawn(worker.run(stop.clone(), Duration::from_secs(5)));
+    (stop, running)
 }
 
-fn jobs() -> Jobs {
-    jobs_with_leases_of(Duration::from_hours(1))
-}
-
-fn jobs_with_leases_of(lease: Duration) -> Jobs {
-    let folder = Arc::new(DataFolder::take(&folder_for_test("worker")).unwrap());
-    let hour = Duration::from_hours(1);
-    let caps = Caps { queued: 100, queued_per_owner: 100, running_per_owner: 100 };
-    let look_again = Duration::from_secs(1);
-    let terms =
-        Terms { caps, lease, result_ttl: hour, idempotency_ttl: hour, gone_ttl: hour, look_again };
-    let blobs = Blobs::in_folder(&folder.path().join("blobs")).unwrap();
-    let queue = Arc::new(Embedded::open(folder, terms).unwrap());
-    Jobs { queue, blobs, durations: Arc::default() }
+fn jobs() -> (Jobs, TempDir) {
+    testing::jobs(terms())
 }
 
 async fn submit(jobs: &Jobs, size: usize) -> JobId {
@@ -77,7 +63,7 @@ async fn submit(jobs: &Jobs, size: usize) -> JobId {
     let job = NewJob {
         id: JobId::new(),
         owner: Owner::Anonymous,
-        order: format!("method=med&size={size}"),
+        options: format!("method=med&size={size}"),
         picture: Picture::new(Digest::of(PICTURE), PICTURE.len(), &header),
         idempotency_key: None,
     };
@@ -87,7 +73,7 @@ async fn submit(jobs: &Jobs, size: usize) -> JobId {
     }
 }
 
-/// The job once it has come to its end.
+/// The record of a job after its end.
 async fn end(jobs: &Jobs, id: JobId) -> Record {
     loop {
         match jobs.queue.get(&Owner::Anonymous, id).await.unwrap() {
@@ -100,7 +86,7 @@ async fn end(jobs: &Jobs, id: JobId) -> Record {
     }
 }
 
-/// A worker with one slot, some of whose jobs are endless.
+/// A worker with one slot, for which meshes of five vertices never end.
 fn worker(jobs: &Jobs) -> Worker {
     let scheduler = Scheduler::new(&WorkLimits {
         workers: 1,
@@ -122,12 +108,12 @@ fn worker(jobs: &Jobs) -> Worker {
     }
 }
 
-/// The job as soon as it is like that.
-async fn once(jobs: &Jobs, id: JobId, is_so: impl Fn(&Record) -> bool) -> Record {
+/// The record of a job as soon as a condition holds.
+async fn once(jobs: &Jobs, id: JobId, holds: impl Fn(&Record) -> bool) -> Record {
     let found = async {
         loop {
             match jobs.queue.get(&Owner::Anonymous, id).await.unwrap() {
-                Lookup::Found(record) if is_so(&record) => return *record,
+                Lookup::Found(record) if holds(&record) => return *record,
                 Lookup::Found(_) => tokio::time::sleep(Duration::from_millis(5)).await,
                 other => panic!("{other:?}"),
             }
@@ -136,7 +122,7 @@ async fn once(jobs: &Jobs, id: JobId, is_so: impl Fn(&Record) -> bool) -> Record
     timeout(Duration::from_mins(1), found).await.unwrap()
 }
 
-/// Searches for 50 ms before it begins.
+/// Adds a search of 50 ms.
 fn searching(
     source: Weighed<Bytes>,
     options: &MeshOptions,
@@ -150,13 +136,13 @@ fn searching(
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_leaves_its_mesh_and_what_is_known_of_it() {
-    let jobs = jobs();
+async fn job_stores_its_mesh_and_figures() {
+    let (jobs, _folder) = jobs();
     let id = submit(&jobs, 6).await;
     assert_eq!(jobs.durations.mean_s(), None);
     let began = Instant::now();
     let worker = Worker { make: searching, ..worker(&jobs) };
-    let (stop, working) = start(worker);
+    let (stop, running) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     let mesh = record.mesh.unwrap();
     assert_eq!(record.state, State::Completed);
@@ -171,81 +157,81 @@ async fn a_job_leaves_its_mesh_and_what_is_known_of_it() {
     assert!(blob.starts_with(b"4 3"), "the MODEL of a picture of 4 columns and 3 rows");
     assert!(jobs.durations.mean_s().is_some_and(|mean_s| mean_s > 0.0));
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }
 
-/// Puts files in the way of all blobs but those whose shelves are there, and returns them.
+/// Blocks all new folders of blobs by files, and returns the files.
 fn block(folder: &Path) -> Vec<PathBuf> {
-    let shelves = (0..=255).map(|shelf| folder.join(format!("{shelf:02x}")));
-    let free: Vec<PathBuf> = shelves.filter(|shelf| !shelf.exists()).collect();
-    free.iter().for_each(|shelf| std::fs::write(shelf, b"").unwrap());
+    let prefixes = (0..=255).map(|prefix| folder.join(format!("{prefix:02x}")));
+    let free: Vec<PathBuf> = prefixes.filter(|prefix| !prefix.exists()).collect();
+    free.iter().for_each(|prefix| std::fs::write(prefix, b"").unwrap());
     free
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_mesh_that_the_store_does_not_take_is_stored_as_soon_as_it_does() {
-    let jobs = jobs();
+async fn mesh_is_stored_when_the_store_recovers() {
+    let (jobs, _folder) = jobs();
     let id = submit(&jobs, 4).await;
-    let in_the_way = block(jobs.blobs.folder_for_test());
-    let (stop, working) = start(worker(&jobs));
+    let blocking = block(jobs.blobs.folder_for_test());
+    let (stop, running) = start(worker(&jobs));
     once(&jobs, id, |record| record.state == State::Running).await;
     // Far longer than the mesh takes.
     tokio::time::sleep(Duration::from_millis(500)).await;
     assert_eq!(once(&jobs, id, |_| true).await.state, State::Running);
-    in_the_way.iter().for_each(|file| std::fs::remove_file(file).unwrap());
+    blocking.iter().for_each(|file| std::fs::remove_file(file).unwrap());
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Completed, 1));
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_mesh_that_the_store_never_takes_uses_up_the_attempts_of_its_job() {
-    let jobs = jobs();
+async fn failing_store_exhausts_the_attempts() {
+    let (jobs, _folder) = jobs();
     let id = submit(&jobs, 4).await;
     block(jobs.blobs.folder_for_test());
     let worker = Worker { deadline: Duration::from_secs(3), ..worker(&jobs) };
-    let (stop, working) = start(worker);
+    let (stop, running) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 3));
     assert!(record.problem.unwrap().to_string().contains("Storage("));
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_picture_that_a_shared_store_does_not_give_is_waited_for_until_the_deadline() {
-    let own = jobs();
+async fn picture_of_a_failing_shared_store_is_retried_until_the_deadline() {
+    let (own, _folder) = jobs();
     let jobs = Jobs { blobs: own.blobs.as_if_shared(), ..own.clone() };
     let id = submit(&jobs, 4).await;
-    let shelf = own.blobs.folder_for_test().join(&Digest::of(PICTURE).to_string()[..2]);
-    let aside = shelf.with_extension("aside");
+    let prefix = own.blobs.folder_for_test().join(&Digest::of(PICTURE).to_string()[..2]);
+    let aside = prefix.with_extension("aside");
     for (deadline, state, attempt) in [
         (Duration::from_mins(1), State::Completed, 1),
         (Duration::from_millis(50), State::Failed, 3),
     ] {
         let id = if attempt == 1 { id } else { submit(&jobs, 6).await };
-        std::fs::rename(&shelf, &aside).unwrap();
+        std::fs::rename(&prefix, &aside).unwrap();
         let worker = Worker { deadline, ..worker(&jobs) };
-        let (stop, working) = start(worker);
+        let (stop, running) = start(worker);
         once(&jobs, id, |record| record.state == State::Running).await;
         if attempt == 1 {
-            // Longer than all looks of one attempt to read it.
+            // Longer than all reads of one attempt.
             tokio::time::sleep(Duration::from_millis(1500)).await;
-            std::fs::rename(&aside, &shelf).unwrap();
+            std::fs::rename(&aside, &prefix).unwrap();
         }
         let record = once(&jobs, id, |record| record.state.is_final()).await;
         assert_eq!((record.state, record.attempt), (state, attempt));
         stop.cancel();
-        working.await.unwrap();
+        running.await.unwrap();
     }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_cancelled_job_stops_and_makes_room_for_the_next() {
-    let jobs = jobs();
+async fn cancelled_job_stops_and_the_next_one_runs() {
+    let (jobs, _folder) = jobs();
     let (unwanted, next) = (submit(&jobs, 5).await, submit(&jobs, 4).await);
-    let (stop, working) = start(worker(&jobs));
+    let (stop, running) = start(worker(&jobs));
     let record = once(&jobs, unwanted, |record| record.progress.is_some()).await;
     assert_eq!(record.state, State::Running);
     let progress = record.progress.unwrap();
@@ -256,24 +242,24 @@ async fn a_cancelled_job_stops_and_makes_room_for_the_next() {
     let record = once(&jobs, next, |record| record.state.is_final()).await;
     assert_eq!(record.state, State::Completed);
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_that_does_not_end_in_time_is_handed_back_when_the_worker_stops() {
-    let jobs = jobs();
+async fn stopping_worker_hands_back_a_long_job() {
+    let (jobs, _folder) = jobs();
     let id = submit(&jobs, 5).await;
     let stop = CancellationToken::new();
-    let working = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_millis(50)));
+    let running = tokio::spawn(worker(&jobs).run(stop.clone(), Duration::from_millis(50)));
     once(&jobs, id, |record| record.state == State::Running).await;
     stop.cancel();
-    timeout(Duration::from_secs(20), working).await.unwrap().unwrap();
+    timeout(Duration::from_secs(20), running).await.unwrap().unwrap();
     let record = once(&jobs, id, |_| true).await;
     assert_eq!((record.state, record.attempt), (State::Queued, 0));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_worker_that_has_nothing_to_do_stops_at_once_and_so_does_one_at_work_that_ends() {
+async fn idle_worker_stops_at_once_and_busy_worker_after_its_job() {
     fn slow(
         source: Weighed<Bytes>,
         options: &MeshOptions,
@@ -284,42 +270,42 @@ async fn a_worker_that_has_nothing_to_do_stops_at_once_and_so_does_one_at_work_t
         std::thread::sleep(Duration::from_millis(300));
         pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
     }
-    let jobs = jobs();
+    let (jobs, _folder) = jobs();
     let stop = CancellationToken::new();
     let run = |make| Worker { make, ..worker(&jobs) }.run(stop.clone(), Duration::from_mins(1));
     let idle = tokio::spawn(run(endless));
-    let at_work = tokio::spawn(run(slow));
+    let busy = tokio::spawn(run(slow));
     let id = submit(&jobs, 4).await;
     once(&jobs, id, |record| record.state != State::Queued).await;
     stop.cancel();
-    for working in [idle, at_work] {
-        timeout(Duration::from_secs(20), working).await.unwrap().unwrap();
+    for running in [idle, busy] {
+        timeout(Duration::from_secs(20), running).await.unwrap().unwrap();
     }
     assert_eq!(once(&jobs, id, |_| true).await.state, State::Completed);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_past_its_deadline_fails() {
-    let jobs = jobs();
+async fn job_fails_at_its_deadline() {
+    let (jobs, _folder) = jobs();
     let id = submit(&jobs, 5).await;
     let worker = Worker { deadline: Duration::from_millis(200), ..worker(&jobs) };
-    let (stop, working) = start(worker);
+    let (stop, running) = start(worker);
     let record = once(&jobs, id, |record| record.state.is_final()).await;
     assert_eq!((record.state, record.attempt), (State::Failed, 1));
     assert!(record.problem.unwrap().to_string().contains("DeadlineExceeded"));
     assert!(jobs.durations.mean_s().is_some_and(|mean_s| mean_s >= 0.2));
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_lease_of_a_job_is_renewed_while_it_runs() {
-    let jobs = jobs_with_leases_of(Duration::from_secs(5));
+async fn lease_is_renewed_while_a_job_runs() {
+    let (jobs, _folder) = testing::jobs(Terms { lease: Duration::from_secs(5), ..terms() });
     let id = submit(&jobs, 5).await;
     let stop = CancellationToken::new();
-    // Renewed whenever progress is looked at, though there is none.
+    // The worker renews the lease every 500 ms, although there is no new progress.
     let worker = Worker { lease: Duration::from_secs(1), ..worker(&jobs) };
-    let working = tokio::spawn(worker.run(stop.clone(), Duration::from_millis(1)));
+    let running = tokio::spawn(worker.run(stop.clone(), Duration::from_millis(1)));
     once(&jobs, id, |record| record.state == State::Running).await;
     for _ in 0..60 {
         tokio::time::sleep(Duration::from_millis(100)).await;
@@ -327,11 +313,11 @@ async fn the_lease_of_a_job_is_renewed_while_it_runs() {
     }
     assert_eq!(once(&jobs, id, |_| true).await.attempt, 1);
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }
 
 #[test]
-fn only_failures_of_the_storage_are_tried_again() {
+fn only_storage_errors_are_retried() {
     let storage = |error| AttemptError::Storage(error).may_succeed_later();
     assert!(storage(QueueError::StorageFull("why".into())));
     assert!(storage(QueueError::Storage("why".into())));
@@ -343,16 +329,16 @@ fn only_failures_of_the_storage_are_tried_again() {
 }
 
 #[test]
-fn weights_lie_behind_the_picture_and_nothing_behind_them() {
+fn blob_splits_into_picture_and_weights() {
     let header = probe(PICTURE, &Limits::default()).unwrap();
     let file = Bytes::from([PICTURE, b"weights".as_slice()].concat());
     let digest = Digest::of(&file);
     let mut picture = Picture::new(digest, PICTURE.len(), &header);
-    let whole = parted(&file, &picture).ok().unwrap();
+    let whole = split(&file, &picture).ok().unwrap();
     assert!(whole.image == file && whole.weights.is_none());
     for bytes in [6, 7, 8] {
         picture.shape.weights = Some(KeptWeights { bytes, digest, picture_digest: digest });
-        match parted(&file, &picture) {
+        match split(&file, &picture) {
             Ok(parts) if bytes == 7 => {
                 assert_eq!(
                     (&parts.image[..], parts.weights.as_deref()),
@@ -366,14 +352,14 @@ fn weights_lie_behind_the_picture_and_nothing_behind_them() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
-    let jobs = jobs();
+async fn panic_fails_its_job_only() {
+    let (jobs, _folder) = jobs();
     let worker = Worker { make: panicking, ..worker(&jobs) };
     let mut submitted = Vec::new();
     for size in [4, 5, 6, 5, 5, 7] {
         submitted.push((size, submit(&jobs, size).await));
     }
-    let (stop, working) = start(worker);
+    let (stop, running) = start(worker);
     for (size, id) in submitted {
         let record = timeout(Duration::from_secs(60), end(&jobs, id)).await.unwrap();
         let problem = record.problem.map(|problem| problem.to_string()).unwrap_or_default();
@@ -382,5 +368,5 @@ async fn a_kernel_that_panics_fails_its_job_and_the_others_go_on() {
         assert_eq!(record.attempt, 1);
     }
     stop.cancel();
-    working.await.unwrap();
+    running.await.unwrap();
 }

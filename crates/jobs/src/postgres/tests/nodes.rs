@@ -1,12 +1,13 @@
-//! Several nodes at the same queue.
+//! Several nodes with one queue.
 
 use super::*;
 use crate::queue::MAX_ATTEMPTS;
 use crate::record::State;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
+use tokio::time::timeout;
 
-/// Nodes claim all jobs at once, and tell whose jobs ran at the same time at most.
+/// Claims all jobs on all nodes at once; returns the most jobs of each owner that ran at the same time.
 async fn claim_all(nodes: &[Arc<Postgres>], jobs: usize) -> BTreeMap<Owner, usize> {
     let running = Arc::new(Mutex::new((BTreeMap::<Owner, usize>::new(), BTreeMap::new())));
     let done = Arc::new(Mutex::new(BTreeSet::new()));
@@ -43,7 +44,7 @@ async fn claim_all(nodes: &[Arc<Postgres>], jobs: usize) -> BTreeMap<Owner, usiz
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_job_is_claimed_twice_and_caps_hold() {
+async fn nodes_claim_each_job_once_and_keep_caps() {
     for is_pooled in [false, true] {
         let Some(engine) = engine("claims", is_pooled) else { return };
         let caps = Caps { running_per_owner: 3, ..terms().caps };
@@ -68,7 +69,7 @@ async fn no_job_is_claimed_twice_and_caps_hold() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_more_jobs_of_an_owner_wait_than_may() {
+async fn nodes_keep_the_cap_of_queued_jobs() {
     let Some(engine) = engine("queued", false) else { return };
     let terms = Terms { caps: Caps { queued_per_owner: 25, ..terms().caps }, ..terms() };
     let nodes = [engine.opened(terms).await, engine.opened(terms).await];
@@ -81,14 +82,12 @@ async fn no_more_jobs_of_an_owner_wait_than_may() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_word_given_to_two_nodes_at_once_is_one_job() {
+async fn idempotency_key_on_two_nodes_is_one_job() {
     let Some(engine) = engine("keys", false) else { return };
     let nodes = [engine.opened(terms()).await, engine.opened(terms()).await];
-    let with_word = |_| NewJob {
-        idempotency_key: Some("idempotency_key".into()),
-        ..job(&Owner::Anonymous, "i")
-    };
-    let submissions = (0..40).map(|n| nodes[n % 2].submit(with_word(n)));
+    let with_key =
+        |_| NewJob { idempotency_key: Some("key".into()), ..job(&Owner::Anonymous, "i") };
+    let submissions = (0..40).map(|n| nodes[n % 2].submit(with_key(n)));
     let submitted = futures_util::future::join_all(submissions).await;
     let id = |done: &Result<Submitted, QueueError>| match done {
         Ok(Submitted::Created(record) | Submitted::Existing(record)) => record.id,
@@ -100,7 +99,7 @@ async fn a_word_given_to_two_nodes_at_once_is_one_job() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_worker_whose_lease_ran_out_changes_nothing() {
+async fn expired_lease_is_fenced() {
     let Some(engine) = engine("fence", false) else { return };
     let terms = Terms { lease: Duration::from_millis(200), ..terms() };
     let [slow, other] = [engine.opened(terms).await, engine.opened(terms).await];
@@ -114,7 +113,7 @@ async fn a_worker_whose_lease_ran_out_changes_nothing() {
     assert_eq!(late, Finish::Fenced);
     assert_eq!(slow.renew(lost, None).await.unwrap(), Renewal::Lost);
     assert_eq!(other.renew(lease, None).await.unwrap(), Renewal::Ok);
-    // An acknowledgement may be lost: who ends a job once more hears the same.
+    // A repeated outcome, whose acknowledgement may have been lost, has the same result.
     for _ in 0..2 {
         let finish = other.finish(lease, Outcome::Cancelled).await.unwrap();
         assert_eq!(finish, Finish::Committed(State::Cancelled));
@@ -122,9 +121,9 @@ async fn a_worker_whose_lease_ran_out_changes_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_change_on_another_node_is_heard_of_within_200_ms() {
-    let Some(engine) = engine("heard", false) else { return };
-    let hour = Terms { look_again: Duration::from_hours(1), ..terms() };
+async fn change_reaches_another_node_within_200_ms() {
+    let Some(engine) = engine("change", false) else { return };
+    let hour = Terms { poll_period: Duration::from_hours(1), ..terms() };
     let [one, other] = [engine.opened(hour).await, engine.opened(hour).await].map(Arc::new);
     let owner = Owner::named("a");
     let id = submit(&*one, &owner, "image").await;
@@ -149,8 +148,8 @@ async fn a_change_on_another_node_is_heard_of_within_200_ms() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_last_attempt_waits_on_one_node_and_others_go_on() {
-    let Some(engine) = engine("aside", false) else { return };
+async fn last_attempt_is_reserved_by_one_node() {
+    let Some(engine) = engine("reserved", false) else { return };
     let [busy, other] = [engine.opened(terms()).await, engine.opened(terms()).await];
     let poison = submit(&busy, &Owner::named("a"), "poison").await;
     for _ in 1..MAX_ATTEMPTS {
@@ -161,16 +160,16 @@ async fn a_last_attempt_waits_on_one_node_and_others_go_on() {
     let second = submit(&busy, &Owner::named("b"), "second").await;
     let runs = busy.claim().await.unwrap().unwrap().lease;
     assert_eq!(runs.job, first);
-    assert_eq!(busy.claim().await.unwrap(), None, "something runs");
+    assert_eq!(busy.claim().await.unwrap(), None, "another job is running");
     assert_eq!(other.claim().await.unwrap().unwrap().lease.job, second);
-    assert_eq!(other.claim().await.unwrap(), None, "the first node has set it aside");
+    assert_eq!(other.claim().await.unwrap(), None, "the first node has reserved it");
     busy.finish(runs, Outcome::Cancelled).await.unwrap();
     let last = busy.claim().await.unwrap().unwrap();
     assert_eq!((last.lease.job, last.attempt), (poison, MAX_ATTEMPTS));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn nodes_with_other_schemas_know_nothing_of_each_other() {
+async fn schemas_are_separate_queues() {
     let Some(engine) = engine("schemas", false) else { return };
     let one = engine.opened(terms()).await;
     submit(&one, &Owner::Anonymous, "image").await;
@@ -181,18 +180,18 @@ async fn nodes_with_other_schemas_know_nothing_of_each_other() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn every_node_knows_how_long_jobs_take() {
+async fn nodes_share_the_mean_duration() {
     let Some(engine) = engine("mean", false) else { return };
     let [one, other] = [engine.opened(terms()).await, engine.opened(terms()).await];
     assert_eq!(other.mean_duration_s(None).await.unwrap(), None);
     assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(2.5));
     assert_eq!(other.mean_duration_s(Some(4.0)).await.unwrap(), Some(4.0));
-    // The first has done nothing since: what it knows is old.
+    // The first node has shared its mean before.
     assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(4.0));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
+async fn damaged_record_fails_its_job_only() {
     let Some(engine) = engine("damaged", false) else { return };
     let queue = engine.opened(terms()).await;
     let owner = Owner::Anonymous;
@@ -209,16 +208,16 @@ async fn a_damaged_record_is_set_aside_and_the_others_go_on() {
     let page = queue.list(&owner, request).await.unwrap();
     assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [whole]);
     let Stats { queued, running, .. } = queue.stats().await.unwrap();
-    assert_eq!((queued, running), (0, 1), "the damaged one has come to its end");
+    assert_eq!((queued, running), (0, 1), "the damaged job has failed");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_the_database_refuses_spoils_nothing_beside_it() {
+async fn refused_request_fails_alone() {
     let Some(engine) = engine("refused", false) else { return };
     let queue = engine.opened(terms()).await;
-    let order = |n: usize| if n == 5 { "a\0b".into() } else { "density=2".to_owned() };
-    let submissions =
-        (0..20).map(|n| queue.submit(NewJob { order: order(n), ..job(&Owner::Anonymous, "i") }));
+    let options = |n: usize| if n == 5 { "a\0b".into() } else { "density=2".to_owned() };
+    let submissions = (0..20)
+        .map(|n| queue.submit(NewJob { options: options(n), ..job(&Owner::Anonymous, "i") }));
     let submitted = futures_util::future::join_all(submissions).await;
     let refused: Vec<usize> = (0..20).filter(|&n| submitted[n].is_err()).collect();
     assert_eq!(refused, [5]);

@@ -1,4 +1,4 @@
-//! A database that is killed and comes back, with what it acknowledged.
+//! A database that is killed and restarted.
 
 use super::*;
 use crate::record::State;
@@ -6,7 +6,7 @@ use serde_json::json;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn nothing_acknowledged_is_lost_when_the_database_is_killed() {
+async fn acknowledged_jobs_survive_a_killed_database() {
     let Some(programs) = servers::programs() else { return };
     let mut server = PostgresServer::start(&programs, &[]);
     let terms = Terms { lease: Duration::from_secs(3), ..terms() };
@@ -76,7 +76,7 @@ async fn nothing_acknowledged_is_lost_when_the_database_is_killed() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_database_that_is_away_is_said_to_be_so_in_time() {
+async fn stopped_database_is_unreachable_within_8_s() {
     let Some(programs) = servers::programs() else { return };
     let mut server = PostgresServer::start(&programs, &["fsync=off"]);
     let queue = Postgres::open(&settings(server.url(), "away"), terms()).await.unwrap();

@@ -1,9 +1,9 @@
-//! Tables that are made, and those of other versions.
+//! New tables, and tables of other versions.
 
 use super::*;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn nodes_that_start_at_once_make_the_tables_once() {
+async fn nodes_that_start_at_once_create_the_tables() {
     for is_pooled in [false, true] {
         let Some(engine) = engine("at_once", is_pooled) else { return };
         let nodes = futures_util::future::join_all((0..4).map(|_| engine.opened(terms()))).await;
@@ -15,7 +15,7 @@ async fn nodes_that_start_at_once_make_the_tables_once() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn tables_of_a_later_version_are_refused() {
+async fn later_version_is_refused() {
     let Some(engine) = engine("later", false) else { return };
     let running = engine.opened(terms()).await;
     engine.server.0.run_sql(&format!(
@@ -23,19 +23,19 @@ async fn tables_of_a_later_version_are_refused() {
         engine.schema
     ));
     let error = Postgres::open(&engine.settings(), terms()).await.unwrap_err().to_string();
-    assert!(error.contains("version 99") && error.contains("this program's of 1"), "{error}");
-    // Who runs goes on.
+    assert!(error.contains("version 99") && error.contains("supports version 1"), "{error}");
+    // A node that runs already keeps running.
     submit(&running, &Owner::Anonymous, "image").await;
     assert!(running.claim().await.unwrap().is_some());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_question_asked_often_looks_at_every_job() {
+async fn frequent_queries_use_indexes() {
     let Some(engine) = engine("plans", false) else { return };
     drop(engine.opened(terms()).await);
     let table = |name: &str| format!("\"{}\".{name}", engine.schema);
     engine.server.0.run_sql(&format!(
-        "INSERT INTO {jobs} (id, owner, state, attempt, fence, cancel_requested, order_query,
+        "INSERT INTO {jobs} (id, owner, state, attempt, fence, cancel_requested, options,
                              image_digest, image_bytes, image_shape, created_at, revision, history,
                              mesh_digest, expires_at)
          SELECT gen_random_uuid(), 'o' || n % 100, n % 5, 0, 0, false, '', sha256(n::text::bytea), 1,

@@ -1,12 +1,12 @@
-//! How long jobs and their blobs are kept.
+//! How long jobs and their blobs are stored.
 
 use super::*;
 
-pub(crate) async fn jobs_are_gone_after_their_time_and_then_unknown<E: Engine>(engine: &E) {
+pub(crate) async fn expired_job_is_gone_then_unknown<E: Engine>(engine: &E) {
     let terms = Terms { result_ttl: E::SHORT, gone_ttl: E::SHORT + BRIEF, ..terms() };
     let (queue, owner) = (engine.open(terms).await, Owner::named("a"));
-    let id = submit(&queue, &owner, "image").await;
-    let waiting = submit(&queue, &owner, "waiting").await;
+    let id = submit(&*queue, &owner, "image").await;
+    let waiting = submit(&*queue, &owner, "waiting").await;
     let lease = claim(&queue).await.lease;
     queue.finish(lease, Outcome::Completed(figures("mesh"))).await.unwrap();
     sleep(2 * E::SHORT).await;
@@ -16,7 +16,7 @@ pub(crate) async fn jobs_are_gone_after_their_time_and_then_unknown<E: Engine>(e
     let swept = queue.sweep().await.unwrap();
     assert_eq!(swept.expired, 1);
     let mesh = Digest::of(b"mesh");
-    assert!(swept.given_up.contains(&mesh) && swept.given_up.contains(&Digest::of(b"image")));
+    assert!(swept.orphans.contains(&mesh) && swept.orphans.contains(&Digest::of(b"image")));
     assert_eq!(queue.get(&owner, id).await.unwrap(), Lookup::Gone);
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Gone);
     let unknown = async {
@@ -26,44 +26,48 @@ pub(crate) async fn jobs_are_gone_after_their_time_and_then_unknown<E: Engine>(e
         }
     };
     timeout(PATIENCE, unknown).await.unwrap();
-    assert_eq!(found(&queue, &owner, waiting).await.state, State::Queued, "it has not ended");
+    assert_eq!(
+        found(&queue, &owner, waiting).await.state,
+        State::Queued,
+        "queued jobs do not expire"
+    );
 }
 
-pub(crate) async fn blobs_are_given_up_with_the_last_job_that_has_them<E: Engine>(engine: &E) {
+pub(crate) async fn picture_is_orphaned_with_its_last_job<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
     let image = Digest::of(b"image");
-    let first = submit(&queue, &owner, "image").await;
-    let second = submit(&queue, &owner, "image").await;
+    let first = submit(&*queue, &owner, "image").await;
+    let second = submit(&*queue, &owner, "image").await;
     queue.cancel(&owner, first).await.unwrap();
-    assert!(!queue.sweep().await.unwrap().given_up.contains(&image), "the second job has it");
+    assert!(!queue.sweep().await.unwrap().orphans.contains(&image), "the second job uses it");
     assert!(queue.referenced(vec![image]).await.unwrap().contains(&image));
     queue.cancel(&owner, second).await.unwrap();
-    assert!(queue.sweep().await.unwrap().given_up.contains(&image));
+    assert!(queue.sweep().await.unwrap().orphans.contains(&image));
     assert!(queue.referenced(vec![image]).await.unwrap().is_empty());
-    assert!(queue.sweep().await.unwrap().given_up.contains(&image), "until it is seen to");
+    assert!(queue.sweep().await.unwrap().orphans.contains(&image), "until it is forgotten");
     queue.forget(vec![image]).await.unwrap();
-    assert!(queue.sweep().await.unwrap().given_up.is_empty());
+    assert!(queue.sweep().await.unwrap().orphans.is_empty());
 }
 
-pub(crate) async fn a_blob_stored_for_nothing_is_given_up<E: Engine>(engine: &E) {
-    let caps = Caps { queued: 1, ..CAPS };
+pub(crate) async fn picture_of_a_refused_job_is_orphaned<E: Engine>(engine: &E) {
+    let caps = Caps { queued: 1, ..terms().caps };
     let (queue, owner) = (engine.open(Terms { caps, ..terms() }).await, Owner::named("a"));
-    submit(&queue, &owner, "image").await;
+    submit(&*queue, &owner, "image").await;
     queue.submit(job(&owner, "refused")).await.unwrap();
-    assert_eq!(queue.sweep().await.unwrap().given_up, [Digest::of(b"refused")]);
+    assert_eq!(queue.sweep().await.unwrap().orphans, [Digest::of(b"refused")]);
 }
 
-pub(crate) async fn a_mesh_is_kept_while_its_job_is<E: Engine>(engine: &E) {
+pub(crate) async fn mesh_is_referenced_until_its_job_is_deleted<E: Engine>(engine: &E) {
     let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
     let [image, mesh] = [b"image", b"mesh!"].map(|bytes| Digest::of(bytes));
-    let id = submit(&queue, &owner, "image").await;
+    let id = submit(&*queue, &owner, "image").await;
     let lease = claim(&queue).await.lease;
     queue.finish(lease, Outcome::Completed(figures("mesh!"))).await.unwrap();
     let kept = queue.referenced(vec![image, mesh]).await.unwrap();
     assert!(kept.contains(&mesh) && !kept.contains(&image));
-    assert_eq!(queue.sweep().await.unwrap().given_up, [image]);
+    assert_eq!(queue.sweep().await.unwrap().orphans, [image]);
     queue.forget(vec![image]).await.unwrap();
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Deleted);
     assert!(queue.referenced(vec![image, mesh]).await.unwrap().is_empty());
-    assert!(queue.sweep().await.unwrap().given_up.contains(&mesh));
+    assert!(queue.sweep().await.unwrap().orphans.contains(&mesh));
 }

@@ -1,18 +1,20 @@
-//! Who waits for a change of a job, or for work.
+//! Tasks that wait for a change of a job, or for a job to claim.
 
 use crate::record::JobId;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::{Notify, watch};
+use tokio::time::timeout;
 
-/// Everybody who waits.
+/// All waiting tasks of this process.
 #[derive(Debug, Default)]
-pub(crate) struct Watchers {
+pub struct Watchers {
     jobs: Mutex<HashMap<JobId, watch::Sender<()>>>,
     work: Notify,
 }
 
-/// Hears of the changes of one job.
+/// Receives the changes of one job.
 #[derive(Debug)]
 pub(crate) struct Subscription {
     watchers: Arc<Watchers>,
@@ -20,29 +22,28 @@ pub(crate) struct Subscription {
     receiver: Option<watch::Receiver<()>>,
 }
 
-/// What a commit changed, for those who wait.
+/// What a commit changed.
 #[derive(Debug, Default)]
 pub(crate) struct Changes {
-    /// These jobs.
     pub(crate) jobs: Vec<JobId>,
-    /// There may be something to claim.
+    /// There may be a job to claim.
     pub(crate) work: bool,
 }
 
 impl Watchers {
-    /// Hears of a job's changes from now on.
+    /// Receives the changes of a job from now on.
     pub(crate) fn subscribe(self: &Arc<Self>, job: JobId) -> Subscription {
         let receiver = self.jobs().entry(job).or_default().subscribe();
         Subscription { watchers: Arc::clone(self), job, receiver: Some(receiver) }
     }
 
-    /// Waits until there may be something to claim.
-    pub(crate) async fn work(&self) {
-        self.work.notified().await;
+    /// Waits until there may be a job to claim, at most for `longest`.
+    pub(crate) async fn work(&self, longest: Duration) {
+        let _ = timeout(longest, self.work.notified()).await;
     }
 
-    /// Tells those who wait what was committed.
-    pub(crate) fn tell(&self, changes: &Changes) {
+    /// Wakes the tasks that wait for these changes.
+    pub(crate) fn notify(&self, changes: &Changes) {
         let jobs = self.jobs();
         for sender in changes.jobs.iter().filter_map(|job| jobs.get(job)) {
             sender.send_replace(());
@@ -53,8 +54,8 @@ impl Watchers {
         }
     }
 
-    /// Has everybody look who waits.
-    pub(crate) fn tell_all(&self) {
+    /// Wakes every waiting task.
+    pub(crate) fn notify_all(&self) {
         self.jobs().values().for_each(|sender| sender.send_replace(()));
         self.work.notify_one();
     }
@@ -65,16 +66,16 @@ impl Watchers {
 }
 
 impl Subscription {
-    /// Waits for a change after the last one heard of.
-    pub(crate) async fn changed(&mut self) {
+    /// Waits for a change since the last call, at most for `longest`.
+    pub(crate) async fn changed(&mut self, longest: Duration) {
         if let Some(receiver) = &mut self.receiver {
-            let _ = receiver.changed().await;
+            let _ = timeout(longest, receiver.changed()).await;
         }
     }
 }
 
 impl Drop for Subscription {
-    /// The last one who waits for a job leaves nothing behind.
+    /// The last subscription to a job removes its entry.
     fn drop(&mut self) {
         let mut jobs = self.watchers.jobs();
         self.receiver = None;
@@ -87,23 +88,24 @@ impl Drop for Subscription {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
-    use tokio::time::timeout;
+    use std::time::Instant;
+
+    const SHORT: Duration = Duration::from_millis(10);
+    const LONG: Duration = Duration::from_mins(1);
 
     #[tokio::test]
-    async fn changes_are_heard_of_and_nothing_is_left_behind() {
-        let watchers = Arc::new(Watchers::default());
+    async fn each_change_wakes_once_and_the_last_subscription_removes_its_entry() {
+        let (watchers, began) = (Arc::new(Watchers::default()), Instant::now());
         let job = JobId::new();
         let (mut first, second) = (watchers.subscribe(job), watchers.subscribe(job));
-        watchers.tell(&Changes { jobs: vec![job, JobId::new()], work: true });
-        first.changed().await;
-        watchers.work().await;
-        // Each is heard of once.
-        let moment = Duration::from_millis(10);
-        assert!(timeout(moment, first.changed()).await.is_err());
-        assert!(timeout(moment, watchers.work()).await.is_err());
-        watchers.tell(&Changes { jobs: vec![job], work: false });
-        assert!(timeout(moment, watchers.work()).await.is_err());
+        watchers.notify(&Changes { jobs: vec![job, JobId::new()], work: true });
+        first.changed(LONG).await;
+        watchers.work(LONG).await;
+        assert!(began.elapsed() < LONG, "both waits end at the notification");
+        assert!(timeout(SHORT, first.changed(LONG)).await.is_err());
+        assert!(timeout(SHORT, watchers.work(LONG)).await.is_err());
+        watchers.notify(&Changes { jobs: vec![job], work: false });
+        assert!(timeout(SHORT, watchers.work(LONG)).await.is_err());
         drop(first);
         assert_eq!(watchers.jobs().len(), 1);
         drop(second);
