@@ -25,3 +25,8 @@ fn the_engine_has_no_cycles() {
 fn the_programs_have_no_cycles() {
     assert_eq!(cycles_below("crates/cli/src").unwrap(), [""; 0]);
 }
+
+#[test]
+fn the_queue_has_no_cycles() {
+    assert_eq!(cycles_below("crates/jobs/src").unwrap(), [""; 0]);
+}
