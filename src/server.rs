@@ -225,7 +225,7 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
         if let Err(error) = retention::clean_up(&jobs).await {
             tracing::warn!(%error, "blobs that no job has could not be deleted");
         }
-        retention::keep(jobs, stop).await;
+        retention::run(jobs, stop).await;
     });
     let (stop, is_idle) = (service.stop.clone(), settings.jobs.no_worker);
     tokio::spawn(async move {

@@ -108,9 +108,10 @@ pub(crate) fn of_attempt(error: AttemptError) -> Value {
         .setting("--job-deadline"),
         AttemptError::Engine(error) => error.into(),
         AttemptError::Storage(error) => error.into(),
-        AttemptError::PictureChanged => {
-            Problem::new(Kind::StorageUnavailable, "the image is not stored as it was")
-        }
+        AttemptError::PictureChanged => Problem::new(
+            Kind::StorageUnavailable,
+            "the stored image has another length than the submitted one",
+        ),
     };
     problem.value()
 }

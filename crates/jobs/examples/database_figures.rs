@@ -13,7 +13,6 @@ use pixmesh_jobs::queue::{Outcome, PageRequest, Queue, Submitted, Terms};
 use pixmesh_jobs::record::{JobId, MeshFigures, NewJob, Picture, PictureShape, State};
 use sqlx::{AssertSqlSafe, PgPool};
 use std::error::Error;
-use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -30,6 +29,8 @@ struct Flags {
     /// Address of the database.
     #[arg(long)]
     url: String,
+    #[command(flatten)]
+    database: PostgresSettings,
     /// The number of stored jobs while lists are measured.
     #[arg(long, default_value = "1000000")]
     jobs: usize,
@@ -39,18 +40,19 @@ type Done<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
 #[tokio::main]
 async fn main() -> Done<()> {
-    let flags = Flags::parse();
+    let mut flags = Flags::parse();
+    flags.database.queue_schema = SCHEMA.into();
     let pool = PgPool::connect(&flags.url).await?;
     println!("{:<52}{:>12}", "what", "figure");
-    let nodes = fresh(&pool, &flags.url).await?;
+    let nodes = fresh(&pool, &flags).await?;
     submissions(&nodes, "anonymous", |_| Owner::Anonymous).await;
     submissions(&nodes, "of 100 owners", |n| Owner::named(&format!("owner-{}", n % 100))).await;
     claims(&nodes, "claims with completions/s").await;
     for owners in [10, 10_000] {
-        let nodes = fresh(&pool, &flags.url).await?;
+        let nodes = fresh(&pool, &flags).await?;
         fill(&pool, 50_000, owners, "0", "NULL").await?;
         claims(&nodes, &format!("the same, {owners} owners with queued jobs")).await;
-        let nodes = fresh(&pool, &flags.url).await?;
+        let nodes = fresh(&pool, &flags).await?;
         fill(&pool, 20_000, owners, "0", "NULL").await?;
         let began = Instant::now();
         for _ in 0..500 {
@@ -61,7 +63,7 @@ async fn main() -> Done<()> {
             began.elapsed().as_secs_f64() * 2.0,
         );
     }
-    let nodes = fresh(&pool, &flags.url).await?;
+    let nodes = fresh(&pool, &flags).await?;
     fill(
         &pool,
         flags.jobs,
@@ -82,7 +84,7 @@ async fn main() -> Done<()> {
         nodes[0].stats().await?;
     }
     row("ms the numbers of queued and running jobs", began.elapsed().as_secs_f64() * 10.0);
-    let nodes = fresh(&pool, &flags.url).await?;
+    let nodes = fresh(&pool, &flags).await?;
     fill(&pool, 100_000, 100, "2", "now() - interval '1 second'").await?;
     let (began, mut expired) = (Instant::now(), 0);
     while expired < 100_000 {
@@ -94,31 +96,16 @@ async fn main() -> Done<()> {
 }
 
 /// Two nodes with new tables.
-async fn fresh(pool: &PgPool, url: &str) -> Done<[Arc<Postgres>; 2]> {
+async fn fresh(pool: &PgPool, flags: &Flags) -> Done<[Arc<Postgres>; 2]> {
     let dropped = format!("DROP SCHEMA IF EXISTS {SCHEMA} CASCADE");
     sqlx::raw_sql(AssertSqlSafe(dropped)).execute(pool).await?;
     let caps = Caps { queued: 1 << 30, queued_per_owner: 1 << 30, running_per_owner: 1 << 30 };
-    let hour = Duration::from_hours(1);
-    let terms = Terms {
-        caps,
-        lease: hour,
-        result_ttl: hour,
-        idempotency_ttl: hour,
-        gone_ttl: hour,
-        poll_period: Duration::from_secs(1),
-    };
-    let settings = PostgresSettings {
-        url: url.into(),
-        direct_url: None,
-        ca: None,
-        certificate: None,
-        key: None,
-        password_file: None,
-        max_connections: NonZeroU32::MIN.saturating_add(7),
-        schema: SCHEMA.into(),
-    };
-    let [one, other] =
-        [Postgres::open(&settings, terms).await?, Postgres::open(&settings, terms).await?];
+    let terms = Terms::new(caps, Duration::from_hours(1), Duration::from_hours(1));
+    let url = flags.url.parse()?;
+    let [one, other] = [
+        Postgres::open(&url, &flags.database, terms).await?,
+        Postgres::open(&url, &flags.database, terms).await?,
+    ];
     Ok([Arc::new(one), Arc::new(other)])
 }
 

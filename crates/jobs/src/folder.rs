@@ -19,7 +19,7 @@ impl DataFolder {
     /// When the folder cannot be created or written to, or another process has locked it.
     pub fn take(path: &Path) -> Result<Self, Box<dyn Error>> {
         let named = |error: &dyn std::fmt::Display| {
-            format!("--data-dir {}: jobs cannot be kept there: {error}", path.display())
+            format!("--data-dir {}: the data folder cannot be used: {error}", path.display())
         };
         DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(|e| named(&e))?;
         let lock = OpenOptions::new()

@@ -64,7 +64,7 @@ use folder::DataFolder;
 use postgres::Postgres;
 pub use queue::{Caps, Queue, QueueError, Submitted, Terms};
 use record::NewJob;
-use settings::QueueSettings;
+use settings::{QueueEngine, QueueSettings};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
@@ -102,11 +102,11 @@ impl Jobs {
     /// blobs cannot be used.
     pub async fn open(settings: &Settings<'_>) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let Settings { queue, terms, .. } = *settings;
-        let Some(database) = queue.postgres() else {
+        let QueueEngine::Postgres(url) = &queue.queue else {
             return Self::in_folder(settings).map_err(|error| error.to_string().into());
         };
         let blobs = Blobs::shared(&settings.blobs).await?;
-        let opened = Postgres::open(&database, terms).await;
+        let opened = Postgres::open(url, &queue.postgres, terms).await;
         let queue = Arc::new(opened.map_err(|error| format!("--queue {queue}: {error}"))?);
         Ok(Self { queue, blobs, durations: Arc::default() })
     }

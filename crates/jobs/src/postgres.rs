@@ -41,6 +41,7 @@ use crate::queue::{
     Renewal, Stats, Submitted, Swept, Terms,
 };
 use crate::record::{Event, JobId, NewJob, Progress};
+use crate::secret::Secret;
 use crate::watchers::Watchers;
 use async_trait::async_trait;
 use batches::Batcher;
@@ -75,23 +76,25 @@ pub struct Postgres {
 }
 
 impl Postgres {
-    /// Opens the queue, and creates its tables if there are none.
+    /// Opens the queue at an address, `postgres://NAME:PASSWORD@HOST:PORT/DATABASE`, and creates its
+    /// tables if there are none.
     ///
     /// # Errors
     /// When the database cannot be reached or refuses a request, or its tables have a later version.
     pub async fn open(
+        url: &Secret,
         settings: &PostgresSettings,
         terms: Terms,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let direct_url = settings.direct_url.as_deref().unwrap_or(&settings.url);
-        let connection = listen_connection(settings, direct_url).await?;
-        let is_pooled = settings.direct_url.is_some() || connection.is_none();
-        let options = settings.options(&settings.url)?;
+        let direct_url = settings.queue_direct.as_ref().unwrap_or(url);
+        let connection = listen_connection(settings, direct_url.reveal()).await?;
+        let is_pooled = settings.queue_direct.is_some() || connection.is_none();
+        let options = settings.options(url.reveal())?;
         let database = Arc::new(Database::new(options, settings, is_pooled));
         schema::migrate(&database, settings).await?;
         let watchers = Arc::new(Watchers::default());
         let notifications =
-            Notifications::start(&database, &watchers, &settings.schema, connection);
+            Notifications::start(&database, &watchers, &settings.queue_schema, connection);
         let node = Arc::new(Node {
             terms,
             database,
@@ -132,7 +135,7 @@ async fn listen_connection(
 ) -> Result<Option<ListenConnection>, Box<dyn Error + Send + Sync>> {
     let (until, options) = (Instant::now() + START_TIME, settings.options(url)?);
     loop {
-        match ListenConnection::open(&options, &settings.schema).await {
+        match ListenConnection::open(&options, &settings.queue_schema).await {
             Ok(None) => {
                 tracing::warn!(
                     "no notifications through this pooler: nodes poll every second; name the \

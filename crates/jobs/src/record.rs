@@ -148,12 +148,12 @@ pub struct PictureShape {
     pub precision: u8,
     /// The picture of weights, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub weights: Option<KeptWeights>,
+    pub weights: Option<StoredWeights>,
 }
 
 /// The weights of a picture, whose file follows that of the picture in the blob.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct KeptWeights {
+pub struct StoredWeights {
     /// The length of the file in bytes.
     pub bytes: u64,
     /// SHA-256 of the file.
@@ -200,12 +200,12 @@ pub struct MeshFigures {
     pub chunks: Vec<Digest>,
     /// The order of importance of the vertices, if it is stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub progression: Option<KeptProgression>,
+    pub progression: Option<StoredProgression>,
 }
 
 /// The order of importance of a mesh's vertices, as pmesh after the MODEL text in the blob.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct KeptProgression {
+pub struct StoredProgression {
     /// The length of the pmesh in bytes.
     pub bytes: u64,
     /// SHA-256 of the MODEL text alone, in hexadecimal digits.
@@ -216,7 +216,7 @@ impl MeshFigures {
     /// The blob; `None` if the stored digest is damaged.
     #[must_use]
     pub fn blob(&self) -> Option<ChunkedBlob> {
-        let progression = self.progression.as_ref().map_or(0, |kept| kept.bytes);
+        let progression = self.progression.as_ref().map_or(0, |progression| progression.bytes);
         Some(ChunkedBlob {
             digest: self.digest.parse().ok()?,
             bytes: self.bytes + progression,
@@ -227,7 +227,7 @@ impl MeshFigures {
     /// SHA-256 of the MODEL text, in hexadecimal digits.
     #[must_use]
     pub fn model_digest(&self) -> &str {
-        self.progression.as_ref().map_or(&self.digest, |kept| &kept.model_digest)
+        self.progression.as_ref().map_or(&self.digest, |progression| &progression.model_digest)
     }
 }
 
@@ -376,8 +376,8 @@ mod tests {
     fn progression_changes_the_digest_of_the_blob_only() {
         let alone = MeshFigures { digest: "of all".into(), ..figures("mesh") };
         assert_eq!(alone.model_digest(), "of all");
-        let kept = KeptProgression { bytes: 3, model_digest: "of the model".into() };
-        let both = MeshFigures { progression: Some(kept), ..alone };
+        let progression = StoredProgression { bytes: 3, model_digest: "of the model".into() };
+        let both = MeshFigures { progression: Some(progression), ..alone };
         assert_eq!(both.model_digest(), "of the model");
     }
 

@@ -34,7 +34,7 @@ pub async fn clean_up(jobs: &Jobs) -> Result<(), Box<dyn Error + Send + Sync>> {
 }
 
 /// Sweeps periodically until `stop`.
-pub async fn keep(jobs: Jobs, stop: CancellationToken) {
+pub async fn run(jobs: Jobs, stop: CancellationToken) {
     let mut ticks = tokio::time::interval(PERIOD);
     loop {
         tokio::select! {
@@ -91,11 +91,11 @@ mod tests {
     #[tokio::test]
     async fn new_process_deletes_unused_blobs() {
         let (jobs, _folder) = jobs(terms());
-        let (_, kept) = submit_picture(&jobs, "of a job").await;
+        let (_, used) = submit_picture(&jobs, "of a job").await;
         put(&jobs.blobs, b"of no job").await;
         assert_eq!(jobs.blobs.all().unwrap().len(), 2);
         clean_up(&jobs).await.unwrap();
-        assert_eq!(jobs.blobs.all().unwrap(), [kept]);
+        assert_eq!(jobs.blobs.all().unwrap(), [used]);
     }
 
     #[tokio::test]
@@ -131,15 +131,15 @@ mod tests {
         let (id, _) = submit_picture(&jobs, "for a moment").await;
         cancel(&jobs, id).await;
         let stop = CancellationToken::new();
-        let kept = tokio::spawn(keep(jobs.clone(), stop.clone()));
+        let running = tokio::spawn(run(jobs.clone(), stop.clone()));
         let deleted = async {
             while !jobs.blobs.all().unwrap().is_empty() {
                 tokio::time::sleep(Duration::from_millis(5)).await;
             }
         };
         tokio::time::timeout(Duration::from_secs(20), deleted).await.unwrap();
-        assert!(!kept.is_finished());
+        assert!(!running.is_finished());
         stop.cancel();
-        tokio::time::timeout(Duration::from_secs(20), kept).await.unwrap().unwrap();
+        tokio::time::timeout(Duration::from_secs(20), running).await.unwrap().unwrap();
     }
 }

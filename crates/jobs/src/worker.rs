@@ -8,7 +8,7 @@ use crate::Jobs;
 use crate::blobs::Pin;
 use crate::blobs::chunks::chunk_digests;
 use crate::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
-use crate::record::{KeptProgression, MeshFigures, Picture, Progress};
+use crate::record::{MeshFigures, Picture, Progress, StoredProgression};
 use crate::telemetry;
 use bytes::Bytes;
 use pixmesh_codec::{Format, Limits};
@@ -314,7 +314,7 @@ impl MeshBlob {
         if let Some(progression) = progression {
             let model_digest = digest.to_string();
             figures.progression =
-                Some(KeptProgression { bytes: progression.len() as u64, model_digest });
+                Some(StoredProgression { bytes: progression.len() as u64, model_digest });
             answer.bytes.extend_from_slice(&progression);
             digest = Digest::of_while(&answer.bytes, || context.check())?;
             figures.digest = digest.to_string();

@@ -4,7 +4,8 @@ use crate::problem::Problem;
 use pixmesh_engine::MeshOptions;
 use pixmesh_jobs::queue::MAX_ATTEMPTS;
 use pixmesh_jobs::record::{
-    Event, JobId, KeptWeights, MeshFigures, Moment, Picture, Progress as Progressed, Record, State,
+    Event, JobId, MeshFigures, Moment, Picture, Progress as Progressed, Record, State,
+    StoredWeights,
 };
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -188,7 +189,7 @@ impl From<&Picture> for JobImage {
             precision: shape.precision,
             bytes: picture.bytes,
             sha256: picture.file_digest().to_string(),
-            weights: shape.weights.map(|KeptWeights { bytes, digest, .. }| JobWeights {
+            weights: shape.weights.map(|StoredWeights { bytes, digest, .. }| JobWeights {
                 bytes,
                 sha256: digest.to_string(),
             }),

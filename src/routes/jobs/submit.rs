@@ -25,7 +25,7 @@ use pixmesh_engine::params::{MeshOptions, ParameterSet};
 use pixmesh_engine::telemetry::{Shed, shed};
 use pixmesh_jobs::queue::{Lookup, Submitted};
 use pixmesh_jobs::record::{
-    JobId, KeptWeights, NewJob, Picture, PictureShape, Record, State as JobState,
+    JobId, NewJob, Picture, PictureShape, Record, State as JobState, StoredWeights,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -195,14 +195,14 @@ async fn submit(
 struct Packed {
     digest: Digest,
     file: Bytes,
-    weights: Option<KeptWeights>,
+    weights: Option<StoredWeights>,
 }
 
 /// Packs an upload of any size, whose digests take their time.
 async fn packed(upload: Weighed<Upload>) -> Result<Packed, Problem> {
     let pack = || {
         let Weighed { mut image, weights } = upload;
-        let kept = weights.as_ref().map(|weights| KeptWeights {
+        let kept = weights.as_ref().map(|weights| StoredWeights {
             bytes: weights.bytes.len() as u64,
             digest: Digest::of(&weights.bytes),
             picture_digest: Digest::of(&image.bytes),

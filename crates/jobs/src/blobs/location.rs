@@ -1,15 +1,15 @@
-//! The setting of where pictures and results are kept.
+//! The setting of the store of blobs.
 
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// What keeps pictures and results.
+/// The store of blobs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BlobEngine {
     /// Files in the data folder.
     File,
-    /// Files in a folder that all nodes have.
+    /// Files in a folder that all nodes share.
     Folder(PathBuf),
     /// An S3-compatible store, by `s3://BUCKET` with or without a prefix.
     S3(String),
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stores_read_back_as_they_are_written() {
+    fn stores_round_trip_through_text() {
         for text in ["file", "file:///srv/blobs", "s3://bucket", "s3://bucket/prefix"] {
             assert_eq!(
                 text.parse::<BlobEngine>().map(|engine| engine.to_string()),

@@ -55,9 +55,9 @@ impl Database {
         settings: &PostgresSettings,
         is_pooled: bool,
     ) -> Self {
-        let session = session(&settings.schema, is_pooled);
+        let session = session(&settings.queue_schema, is_pooled);
         let mut pool = PgPoolOptions::new()
-            .max_connections(settings.max_connections.get())
+            .max_connections(settings.queue_connections.get())
             .acquire_timeout(CONNECT_TIME)
             .test_before_acquire(false)
             .before_acquire(|connection, known| {

@@ -22,7 +22,7 @@ pub(super) async fn migrate(
     database: &Database,
     settings: &PostgresSettings,
 ) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let schema = &settings.schema;
+    let schema = &settings.queue_schema;
     let prepared = format!(
         "CREATE SCHEMA IF NOT EXISTS \"{schema}\";
          CREATE TABLE IF NOT EXISTS migrating (id integer NOT NULL PRIMARY KEY);

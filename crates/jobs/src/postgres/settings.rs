@@ -1,38 +1,42 @@
 //! The connection to the database, and what is wrong with it when it fails.
 
+use crate::secret::Secret;
+use clap::Args;
 use rustls::RootCertStore;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use sqlx::ConnectOptions;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::error::Error;
-use std::fmt;
 use std::fs;
 use std::io;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
-/// The connection to the database.
-#[derive(Clone)]
+/// The connection to the database, without its address.
+#[derive(Args, Clone, Debug)]
 pub struct PostgresSettings {
-    /// The address, as `postgres://NAME:PASSWORD@HOST:PORT/DATABASE?sslmode=verify-full`.
-    pub url: String,
-    /// The address without the pooler, if `url` is that of a pooler in transaction mode: nodes receive
-    /// notifications there. Without it they poll.
-    pub direct_url: Option<String>,
-    /// File with the certificate authorities that may sign the server's certificate; requires TLS.
-    pub ca: Option<PathBuf>,
-    /// File with the certificate that this node presents to the server.
-    pub certificate: Option<PathBuf>,
+    /// Address of the same PostgreSQL database without the pooler, for notifications between nodes.
+    #[arg(long, env = "PIXMESH_QUEUE_DIRECT", hide_env_values = true)]
+    pub queue_direct: Option<Secret>,
+    /// The most connections of this node to the PostgreSQL database.
+    #[arg(long, env = "PIXMESH_QUEUE_CONNECTIONS", default_value = "8")]
+    pub queue_connections: NonZeroU32,
+    /// The schema of the tables in the PostgreSQL database: one for each deployment that shares it.
+    #[arg(long, env = "PIXMESH_QUEUE_SCHEMA", default_value = "pixmesh", value_parser = schema)]
+    pub queue_schema: String,
+    /// File with the password of the PostgreSQL database in its first line.
+    #[arg(long, env = "PIXMESH_QUEUE_PASSWORD_FILE")]
+    pub queue_password_file: Option<PathBuf>,
+    /// File with the certificate authorities that may sign the database's certificate; requires TLS.
+    #[arg(long, env = "PIXMESH_QUEUE_CA")]
+    pub queue_ca: Option<PathBuf>,
+    /// File with the certificate that this node presents to the database.
+    #[arg(long, env = "PIXMESH_QUEUE_CERT", requires = "queue_key")]
+    pub queue_cert: Option<PathBuf>,
     /// File with the private key of that certificate.
-    pub key: Option<PathBuf>,
-    /// File with the password in its first line.
-    pub password_file: Option<PathBuf>,
-    /// The most connections of this node, without the one that receives notifications.
-    pub max_connections: NonZeroU32,
-    /// The schema of the tables, created if it does not exist: 1 to 32 letters, digits, hyphens or
-    /// underscores.
-    pub schema: String,
+    #[arg(long, env = "PIXMESH_QUEUE_KEY", requires = "queue_cert")]
+    pub queue_key: Option<PathBuf>,
 }
 
 type Failure = Box<dyn Error + Send + Sync>;
@@ -48,13 +52,13 @@ impl PostgresSettings {
         })?;
         // Poolers refuse the parameter extra_float_digits; the binary protocol does not need it.
         options = options.application_name("pixmesh").extra_float_digits(None);
-        if let Some(path) = &self.ca {
+        if let Some(path) = &self.queue_ca {
             options = options.ssl_root_cert_from_pem(authorities(path)?);
             if !matches!(options.get_ssl_mode(), PgSslMode::VerifyCa) {
                 options = options.ssl_mode(PgSslMode::VerifyFull);
             }
         }
-        if let (Some(certificate), Some(key)) = (&self.certificate, &self.key) {
+        if let (Some(certificate), Some(key)) = (&self.queue_cert, &self.queue_key) {
             let pem = read("--queue-cert", certificate)?;
             if CertificateDer::from_pem_slice(&pem).is_err() {
                 return Err(no_such_pem("--queue-cert", certificate, "certificate"));
@@ -65,7 +69,7 @@ impl PostgresSettings {
             }
             options = options.ssl_client_cert_from_pem(pem).ssl_client_key_from_pem(key_pem);
         }
-        if let Some(path) = &self.password_file {
+        if let Some(path) = &self.queue_password_file {
             let text = String::from_utf8(read("--queue-password-file", path)?);
             let text = text.map_err(|_| format!("{} is not text", path.display()))?;
             let password = text.lines().next().filter(|password| !password.is_empty());
@@ -93,7 +97,7 @@ impl PostgresSettings {
                 Some("42501") => format!(
                     "grant CREATE on the database to the user in --queue, or create the schema {} \
                      for it",
-                    self.schema
+                    self.queue_schema
                 ),
                 _ => return None,
             },
@@ -102,8 +106,8 @@ impl PostgresSettings {
             }
             sqlx::Error::Tls(_) => format!(
                 "TLS cannot be set up: check that --queue-key{} is the key of --queue-cert{}",
-                file(&self.key),
-                file(&self.certificate)
+                file(&self.queue_key),
+                file(&self.queue_cert)
             ),
             sqlx::Error::Io(error) => match tls_error(error)? {
                 rustls::Error::InvalidCertificate(
@@ -113,11 +117,11 @@ impl PostgresSettings {
                 rustls::Error::InvalidCertificate(_) => format!(
                     "no known authority has signed the certificate of the database: name the file \
                      of its authority with --queue-ca{}",
-                    file(&self.ca)
+                    file(&self.queue_ca)
                 ),
                 rustls::Error::AlertReceived(_) => format!(
                     "the database refuses the certificate of this node: check --queue-cert{}",
-                    file(&self.certificate)
+                    file(&self.queue_cert)
                 ),
                 _ => return None,
             },
@@ -152,12 +156,22 @@ fn tls_error(error: &io::Error) -> Option<&rustls::Error> {
     error.get_ref()?.downcast_ref()
 }
 
-impl fmt::Debug for PostgresSettings {
-    /// Without addresses, which may contain passwords.
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter
-            .debug_struct("PostgresSettings")
-            .field("schema", &self.schema)
-            .finish_non_exhaustive()
+/// The name of a schema that needs no escapes in SQL.
+fn schema(text: &str) -> Result<String, String> {
+    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
+    if (1..=32).contains(&text.len()) && text.bytes().all(is_allowed) {
+        return Ok(text.to_owned());
+    }
+    Err("must be 1 to 32 letters, digits, hyphens or underscores".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn schemas_are_short_and_plain() {
+        assert!(schema("pixmesh-2").is_ok() && schema("a.b").is_err() && schema("").is_err());
+        assert!(schema(&"a".repeat(33)).is_err());
     }
 }

@@ -42,26 +42,30 @@ impl Engine for InSchema {
 
 impl InSchema {
     async fn opened(&self, terms: Terms) -> Postgres {
-        Postgres::open(&self.settings(), terms).await.unwrap()
+        self.try_open(terms).await.unwrap()
     }
 
-    fn settings(&self) -> PostgresSettings {
+    async fn try_open(&self, terms: Terms) -> Result<Postgres, Box<dyn Error + Send + Sync>> {
         let url = if self.is_pooled { self.server.1.url() } else { self.server.0.url() };
-        settings(url, &self.schema)
+        open(&url, &self.schema, terms).await
     }
 }
 
-fn settings(url: String, schema: &str) -> PostgresSettings {
-    PostgresSettings {
-        url,
-        direct_url: None,
-        ca: None,
-        certificate: None,
-        key: None,
-        password_file: None,
-        max_connections: NonZeroU32::new(8).unwrap(),
-        schema: schema.into(),
-    }
+async fn open(
+    url: &str,
+    schema: &str,
+    terms: Terms,
+) -> Result<Postgres, Box<dyn Error + Send + Sync>> {
+    let settings = PostgresSettings {
+        queue_direct: None,
+        queue_connections: NonZeroU32::new(8).unwrap(),
+        queue_schema: schema.into(),
+        queue_password_file: None,
+        queue_ca: None,
+        queue_cert: None,
+        queue_key: None,
+    };
+    Postgres::open(&url.parse().unwrap(), &settings, terms).await
 }
 
 /// A queue in a new schema of the shared server; `None` if the programs are not installed.

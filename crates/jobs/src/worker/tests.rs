@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::queue::{Lookup, Submitted, Terms};
-use crate::record::{JobId, KeptWeights, NewJob, Picture, Record, State};
+use crate::record::{JobId, NewJob, Picture, Record, State, StoredWeights};
 use crate::testing::{self, terms};
 use pixmesh_codec::probe;
 use pixmesh_engine::Owner;
@@ -337,7 +337,7 @@ fn blob_splits_into_picture_and_weights() {
     let whole = split(&file, &picture).ok().unwrap();
     assert!(whole.image == file && whole.weights.is_none());
     for bytes in [6, 7, 8] {
-        picture.shape.weights = Some(KeptWeights { bytes, digest, picture_digest: digest });
+        picture.shape.weights = Some(StoredWeights { bytes, digest, picture_digest: digest });
         match split(&file, &picture) {
             Ok(parts) if bytes == 7 => {
                 assert_eq!(

@@ -173,8 +173,7 @@ async fn schemas_are_separate_queues() {
     let Some(engine) = engine("schemas", false) else { return };
     let one = engine.opened(terms()).await;
     submit(&one, &Owner::Anonymous, "image").await;
-    let elsewhere = settings(engine.server.0.url(), "schemas-other");
-    let other = Postgres::open(&elsewhere, terms()).await.unwrap();
+    let other = open(&engine.server.0.url(), "schemas-other", terms()).await.unwrap();
     assert_eq!(other.claim().await.unwrap(), None);
     assert_eq!(other.stats().await.unwrap(), Stats::default());
 }

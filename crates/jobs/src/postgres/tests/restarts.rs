@@ -10,7 +10,7 @@ async fn acknowledged_jobs_survive_a_killed_database() {
     let Some(programs) = servers::programs() else { return };
     let mut server = PostgresServer::start(&programs, &[]);
     let terms = Terms { lease: Duration::from_secs(3), ..terms() };
-    let queue = Arc::new(Postgres::open(&settings(server.url(), "killed"), terms).await.unwrap());
+    let queue = Arc::new(open(&server.url(), "killed", terms).await.unwrap());
     let (stop, owner) = (Arc::new(AtomicBool::new(false)), Owner::named("a"));
     let submitting: Vec<_> = (0..8)
         .map(|_| {
@@ -79,7 +79,7 @@ async fn acknowledged_jobs_survive_a_killed_database() {
 async fn stopped_database_is_unreachable_within_8_s() {
     let Some(programs) = servers::programs() else { return };
     let mut server = PostgresServer::start(&programs, &["fsync=off"]);
-    let queue = Postgres::open(&settings(server.url(), "away"), terms()).await.unwrap();
+    let queue = open(&server.url(), "stopped", terms()).await.unwrap();
     server.kill();
     let began = Instant::now();
     let error = queue.submit(job(&Owner::Anonymous, "image")).await.unwrap_err();

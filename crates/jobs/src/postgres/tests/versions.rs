@@ -22,7 +22,7 @@ async fn later_version_is_refused() {
         "INSERT INTO \"{}\"._sqlx_migrations VALUES (99, 'later', now(), true, '', 0)",
         engine.schema
     ));
-    let error = Postgres::open(&engine.settings(), terms()).await.unwrap_err().to_string();
+    let error = engine.try_open(terms()).await.unwrap_err().to_string();
     assert!(error.contains("version 99") && error.contains("supports version 1"), "{error}");
     // A node that runs already keeps running.
     submit(&running, &Owner::Anonymous, "image").await;
