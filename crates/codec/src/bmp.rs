@@ -6,15 +6,11 @@
 //!
 //! Literature: Microsoft, "Bitmap Storage" and "BITMAPV5HEADER structure", Windows GDI reference.
 
-use crate::canvas::Canvas;
-use crate::decode::DecodeOptions;
+use crate::decode::{DecodeOptions, Opened};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
-use crate::guard::guarded;
-use crate::header::Header;
-use crate::limits::Limits;
-use crate::raster::Raster;
-use crate::wanted::{Wanted, WantedBytes, always};
+use crate::raster;
+use crate::wanted::{Wanted, WantedBytes};
 use image::codecs::bmp::BmpDecoder;
 
 /// Where the length of the second header stands.
@@ -26,20 +22,18 @@ const SIZE_AT: usize = 18;
 /// Bytes of the oldest header.
 const CORE_HEADER_BYTES: i32 = 12;
 
-/// Reads the header, see [`probe`](crate::probe).
-pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Bmp, &always, |wanted| Ok(open(bytes, limits, wanted)?.header))
-}
-
-/// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    guarded(PictureFormat::Bmp, wanted, |wanted| {
-        open(bytes, &options.limits, wanted)?.decode(options, wanted)
-    })
+/// Reads headers and palette. The size is checked first: the decoder reports a size of 0 as a feature
+/// that it does not support.
+pub(crate) fn open<'a>(
+    bytes: &'a [u8],
+    options: &'a DecodeOptions,
+    wanted: &'a Wanted<'a>,
+) -> Result<Opened<'a>, DecodeError> {
+    if let Some((width, height)) = claimed_size(bytes) {
+        options.limits.check(width, height)?;
+    }
+    let decoder = BmpDecoder::new(WantedBytes::new(bytes, wanted));
+    raster::open(PictureFormat::Bmp, decoder, || Ok(()), options, wanted)
 }
 
 /// The columns and rows that the header claims, if the file is long enough to claim any.
@@ -52,17 +46,4 @@ fn claimed_size(bytes: &[u8]) -> Option<(u64, u64)> {
     // Rows from the top are told by a height below zero; no width is.
     let width = u64::try_from(number(SIZE_AT)?).ok()?;
     Some((width, number(SIZE_AT + 4)?.unsigned_abs().into()))
-}
-
-/// Reads headers and palette, the size first: the decoder takes one that is nothing for one that it
-/// does not support.
-fn open<'a>(
-    bytes: &'a [u8],
-    limits: &Limits,
-    wanted: &'a Wanted<'a>,
-) -> Result<Raster<BmpDecoder<WantedBytes<'a>>>, DecodeError> {
-    if let Some((width, height)) = claimed_size(bytes) {
-        limits.check(width, height)?;
-    }
-    Raster::new(PictureFormat::Bmp, BmpDecoder::new(WantedBytes::new(bytes, wanted)), limits)
 }

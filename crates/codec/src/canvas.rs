@@ -4,10 +4,9 @@
 //! pixels go straight to where its orientation wants them.
 
 use crate::alpha::Alpha;
-use crate::budget::{Budget, image_bytes};
 use crate::error::DecodeError;
 use crate::header::Header;
-use crate::orientation::Orientation;
+use crate::orientation::{Orientation, transposes, upright};
 use crate::wanted::Wanted;
 use pixmesh_meshing::Image;
 
@@ -62,27 +61,24 @@ impl Canvas {
     /// A black canvas of the upright size in `header`, for a file that has `orientation`.
     ///
     /// # Errors
-    /// When the budget does not allow it, or the picture is no longer wanted: it can take a moment to
-    /// get so much memory.
+    /// When the picture is no longer wanted: allocating this much memory can take a moment.
     pub(crate) fn new(
         header: Header,
         orientation: Orientation,
-        mut budget: Budget,
         wanted: &Wanted<'_>,
     ) -> Result<Self, DecodeError> {
-        budget.reserve(image_bytes(&header, header.component_count))?;
         // Each by itself: a copy of zeros would touch all of its memory before anything is in it.
         let plane = |_| wanted().map(|()| vec![0; header.width * header.height]);
         let planes = (0..header.component_count).map(plane).collect::<Result<_, _>>()?;
-        let upright_width = header.width;
-        let (width, height) = orientation.upright(header.width, header.height);
+        let (width, height) = upright(orientation, header.width, header.height);
+        let transposed = transposes(orientation);
         let (column_stride, row_stride) =
-            if orientation.transpose { (upright_width, 1) } else { (1, upright_width) };
+            if transposed { (header.width, 1) } else { (1, header.width) };
         // Rows of an image begin at the bottom: whatever runs along the upright picture's columns is
         // mirrored once more.
-        let mirrored = orientation.mirror_columns != orientation.transpose;
+        let mirrored = matches!(orientation.to_exif(), 2 | 3 | 7 | 8) != transposed;
         let columns = Axis { count: width, stride: column_stride, mirrored };
-        let mirrored = orientation.mirror_rows == orientation.transpose;
+        let mirrored = matches!(orientation.to_exif(), 3 | 4 | 6 | 7) == transposed;
         let rows = Axis { count: height, stride: row_stride, mirrored };
         Ok(Self { header, planes, columns, rows })
     }
@@ -149,20 +145,18 @@ impl Canvas {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decode::DecodeOptions;
     use crate::format::PictureFormat;
     use crate::wanted::always;
 
     fn canvas(header: Header, orientation: Orientation) -> Canvas {
-        let budget = Budget::of_decoder(&header, &DecodeOptions::default()).unwrap();
-        Canvas::new(header, orientation, budget, &always).unwrap()
+        Canvas::new(header, orientation, &always).unwrap()
     }
 
     /// The upright picture, from its top, of a file of three columns and two rows
     /// `1 2 3 / 4 5 6` with a value of the orientation tag.
-    fn upright(tag: u16) -> (usize, Vec<u16>) {
-        let orientation = Orientation::from_tag(tag);
-        let (width, height) = orientation.upright(3, 2);
+    fn made_upright(tag: u8) -> (usize, Vec<u16>) {
+        let orientation = Orientation::from_exif(tag).unwrap();
+        let (width, height) = upright(orientation, 3, 2);
         let format = PictureFormat::Pnm;
         let header = Header { format, width, height, component_count: 1, precision: 8 };
         let mut canvas = canvas(header, orientation);
@@ -176,21 +170,21 @@ mod tests {
 
     #[test]
     fn each_orientation_makes_the_picture_upright() {
-        assert_eq!(upright(1), (3, vec![1, 2, 3, 4, 5, 6]));
-        assert_eq!(upright(2), (3, vec![3, 2, 1, 6, 5, 4]));
-        assert_eq!(upright(3), (3, vec![6, 5, 4, 3, 2, 1]));
-        assert_eq!(upright(4), (3, vec![4, 5, 6, 1, 2, 3]));
-        assert_eq!(upright(5), (2, vec![1, 4, 2, 5, 3, 6]));
-        assert_eq!(upright(6), (2, vec![4, 1, 5, 2, 6, 3]));
-        assert_eq!(upright(7), (2, vec![6, 3, 5, 2, 4, 1]));
-        assert_eq!(upright(8), (2, vec![3, 6, 2, 5, 1, 4]));
+        assert_eq!(made_upright(1), (3, vec![1, 2, 3, 4, 5, 6]));
+        assert_eq!(made_upright(2), (3, vec![3, 2, 1, 6, 5, 4]));
+        assert_eq!(made_upright(3), (3, vec![6, 5, 4, 3, 2, 1]));
+        assert_eq!(made_upright(4), (3, vec![4, 5, 6, 1, 2, 3]));
+        assert_eq!(made_upright(5), (2, vec![1, 4, 2, 5, 3, 6]));
+        assert_eq!(made_upright(6), (2, vec![4, 1, 5, 2, 6, 3]));
+        assert_eq!(made_upright(7), (2, vec![6, 3, 5, 2, 4, 1]));
+        assert_eq!(made_upright(8), (2, vec![3, 6, 2, 5, 1, 4]));
     }
 
     #[test]
     fn what_lies_beyond_the_picture_is_dropped() {
         let format = PictureFormat::Pnm;
         let header = Header { format, width: 2, height: 2, component_count: 2, precision: 8 };
-        let mut canvas = canvas(header, Orientation::default());
+        let mut canvas = canvas(header, Orientation::NoTransforms);
         canvas.put_row(Row::whole(0), &[1_u16, 2, 3, 4, 5, 6]);
         canvas.put_row(Row::whole(2), &[9_u16; 4]);
         canvas.put_row(Row { y: 1, first: 2, step: 1 }, &[9_u16; 4]);

@@ -1,16 +1,34 @@
-//! The two entries: the header alone, and the whole picture.
+//! The two entry points: a picture's header, and the whole picture.
 
 use crate::alpha::Alpha;
+use crate::canvas::Canvas;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
+use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::wanted::{Wanted, always};
 use crate::{bmp, gif, jpeg, png, pnm, tiff, webp};
 use pixmesh_meshing::Image;
 
-/// The most bytes that a file's metadata may make a decoder hold.
+/// The most bytes that a decoder may allocate for a file's metadata.
 pub(crate) const METADATA_BYTES: usize = 8 << 20;
+
+/// A picture whose header has been read and is within the limits.
+pub(crate) struct Opened<'a> {
+    header: Header,
+    decode: Box<dyn FnOnce() -> Result<Canvas, DecodeError> + 'a>,
+}
+
+impl<'a> Opened<'a> {
+    /// A picture with this header, alpha kept, and the function that decodes its pixels.
+    pub(crate) fn new(
+        header: Header,
+        decode: impl FnOnce() -> Result<Canvas, DecodeError> + 'a,
+    ) -> Self {
+        Self { header, decode: Box::new(decode) }
+    }
+}
 
 /// How pictures are decoded.
 ///
@@ -43,17 +61,9 @@ impl DecodeOptions {
     /// # Errors
     /// As [`probe`].
     pub fn probe(&self, bytes: &[u8]) -> Result<Header, DecodeError> {
-        let limits = &self.limits;
-        let header = match PictureFormat::sniff(bytes)? {
-            PictureFormat::Png => png::probe(bytes, limits),
-            PictureFormat::Jpeg => jpeg::probe(bytes, limits),
-            PictureFormat::Pnm => pnm::probe(bytes, limits),
-            PictureFormat::WebP => webp::probe(bytes, limits),
-            PictureFormat::Gif => gif::probe(bytes, limits),
-            PictureFormat::Tiff => tiff::probe(bytes, limits),
-            PictureFormat::Bmp => bmp::probe(bytes, limits),
-        };
-        header.map(|header| self.alpha.of_header(header))
+        let format = PictureFormat::sniff(bytes)?;
+        let header = |wanted: &Wanted<'_>| Ok(self.open(format, bytes, wanted)?.header);
+        guarded(format, &always, header).map(|header| self.alpha.of_header(header))
     }
 
     /// Decodes a picture, see [`decode`].
@@ -66,7 +76,7 @@ impl DecodeOptions {
 
     /// Decodes a picture, see [`decode`], for as long as it is wanted.
     ///
-    /// Decoders are stopped when they read. Three decoders work for long without reading: the last
+    /// Decoders poll `wanted` when they read. Three decoders work for long without reading: the last
     /// part of a progressive JPEG of 40 megapixels takes up to 0.23 s, of a lossless WebP 0.33 s,
     /// and a lossy WebP 0.6 s.
     ///
@@ -74,16 +84,42 @@ impl DecodeOptions {
     /// [`DecodeError::Cancelled`] when it is no longer wanted, else as [`decode`].
     pub fn decode_while(&self, bytes: &[u8], wanted: &Wanted<'_>) -> Result<Image, DecodeError> {
         wanted()?;
-        let canvas = match PictureFormat::sniff(bytes)? {
-            PictureFormat::Png => png::decode(bytes, self, wanted),
-            PictureFormat::Jpeg => jpeg::decode(bytes, self, wanted),
-            PictureFormat::Pnm => pnm::decode(bytes, self, wanted),
-            PictureFormat::WebP => webp::decode(bytes, self, wanted),
-            PictureFormat::Gif => gif::decode(bytes, self, wanted),
-            PictureFormat::Tiff => tiff::decode(bytes, self, wanted),
-            PictureFormat::Bmp => bmp::decode(bytes, self, wanted),
-        };
+        let format = PictureFormat::sniff(bytes)?;
+        let canvas = guarded(format, wanted, |wanted| {
+            let Opened { header, decode } = self.open(format, bytes, wanted)?;
+            let (needed, allowed) = (self.needed_bytes(&header), self.max_bytes);
+            match allowed.filter(|&allowed| needed > allowed) {
+                Some(allowed) => Err(DecodeError::TooMuchMemory { needed, allowed }),
+                None => decode(),
+            }
+        });
         canvas?.into_image(self.alpha, wanted)
+    }
+
+    fn open<'a>(
+        &'a self,
+        format: PictureFormat,
+        bytes: &'a [u8],
+        wanted: &'a Wanted<'a>,
+    ) -> Result<Opened<'a>, DecodeError> {
+        match format {
+            PictureFormat::Png => png::open(bytes, self, wanted),
+            PictureFormat::Jpeg => jpeg::open(bytes, self, wanted),
+            PictureFormat::Pnm => pnm::open(bytes, self, wanted),
+            PictureFormat::WebP => webp::open(bytes, self, wanted),
+            PictureFormat::Gif => gif::open(bytes, self, wanted),
+            PictureFormat::Tiff => tiff::open(bytes, self, wanted),
+            PictureFormat::Bmp => bmp::open(bytes, self, wanted),
+        }
+    }
+
+    /// The most bytes that decoding a picture of this stored header allocates: what the format's
+    /// decoder needs, the stored planes, and the planes of a gray picture composed over a colour.
+    fn needed_bytes(&self, stored: &Header) -> u64 {
+        let (count, decoded) = (stored.component_count, self.alpha.of_header(*stored));
+        let planes =
+            if decoded.component_count > count { 1 + decoded.component_count } else { count };
+        stored.decoder_bytes() + stored.image_bytes(planes)
     }
 }
 
@@ -103,9 +139,9 @@ pub fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
 ///
 /// Colour profiles and gamma (gAMA, cHRM, sRGB, cICP and iCCP of PNG, ICC profiles of the others)
 /// are ignored: samples are taken as they are stored. Memory is bounded by what the header claims,
-/// which is checked first, and reserved of what [`DecodeOptions::max_bytes`] allows, see [`Header::decode_bytes`]. Bytes after the picture's end are ignored;
-/// of an animation the first frame is decoded (of an animated PNG its default image), of a stream of
-/// portable anymaps or a TIFF of several pages the first.
+/// which is checked first, and by [`DecodeOptions::max_bytes`], see [`Header::decode_bytes`]. Bytes
+/// after the picture's end are ignored. Of an animation the first frame is decoded (of an animated
+/// PNG its default image), of a stream of portable anymaps or a TIFF of several pages the first.
 ///
 /// # Errors
 /// As [`probe`], and when the pixels are broken or end early.

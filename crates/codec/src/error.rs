@@ -38,7 +38,7 @@ pub enum DecodeError {
         limit: usize,
     },
     /// What the file carries beside its pixels would take too much memory.
-    #[error("the metadata of the {} file takes more than {limit} bytes", .format.name())]
+    #[error("the metadata of the {format} file takes more than {limit} bytes")]
     MetadataTooLarge {
         /// The file's format.
         format: PictureFormat,
@@ -54,7 +54,7 @@ pub enum DecodeError {
         allowed: u64,
     },
     /// The bytes break the rules of their format, or end early.
-    #[error("the {} file cannot be decoded: {reason}", .format.name())]
+    #[error("the {format} file cannot be decoded: {reason}")]
     Malformed {
         /// The file's format.
         format: PictureFormat,
@@ -62,7 +62,7 @@ pub enum DecodeError {
         reason: String,
     },
     /// The format allows it, but it is not read here.
-    #[error("the {} file cannot be decoded: {reason}", .format.name())]
+    #[error("the {format} file cannot be decoded: {reason}")]
     Unsupported {
         /// The file's format.
         format: PictureFormat,

@@ -1,47 +1,30 @@
 //! The picture formats that are read, told apart by their first bytes.
 
 use crate::error::DecodeError;
-use std::fmt;
+use pixmesh_meshing::named_values;
 
-/// A picture format that [`decode`](crate::decode()) reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum PictureFormat {
-    /// Portable Network Graphics.
-    Png,
-    /// JPEG, baseline or progressive.
-    Jpeg,
-    /// The portable anymaps: PBM, PGM and PPM, plain and raw, and PAM.
-    Pnm,
-    /// WebP, lossy or lossless.
-    WebP,
-    /// Graphics Interchange Format.
-    Gif,
-    /// Tagged Image File Format.
-    Tiff,
-    /// Windows bitmap.
-    Bmp,
+named_values! {
+    /// A picture format that [`decode`](crate::decode()) reads.
+    #[non_exhaustive]
+    "format" PictureFormat {
+        /// Portable Network Graphics.
+        Png = "PNG",
+        /// JPEG, baseline or progressive.
+        Jpeg = "JPEG",
+        /// The portable anymaps: PBM, PGM and PPM, plain and raw, and PAM.
+        Pnm = "PNM",
+        /// WebP, lossy or lossless.
+        WebP = "WebP",
+        /// Graphics Interchange Format.
+        Gif = "GIF",
+        /// Tagged Image File Format.
+        Tiff = "TIFF",
+        /// Windows bitmap.
+        Bmp = "BMP",
+    }
 }
 
 impl PictureFormat {
-    /// Every format, in the order of their declaration.
-    pub const ALL: &'static [Self] =
-        &[Self::Png, Self::Jpeg, Self::Pnm, Self::WebP, Self::Gif, Self::Tiff, Self::Bmp];
-
-    /// The format's usual name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Png => "PNG",
-            Self::Jpeg => "JPEG",
-            Self::Pnm => "PNM",
-            Self::WebP => "WebP",
-            Self::Gif => "GIF",
-            Self::Tiff => "TIFF",
-            Self::Bmp => "BMP",
-        }
-    }
-
     /// Tells the format of a file by its first bytes.
     ///
     /// # Errors
@@ -70,12 +53,6 @@ impl PictureFormat {
     /// The error for a file of this format that uses what is not read here.
     pub(crate) fn unsupported(self, reason: impl Into<String>) -> DecodeError {
         DecodeError::Unsupported { format: self, reason: reason.into() }
-    }
-}
-
-impl fmt::Display for PictureFormat {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.name())
     }
 }
 

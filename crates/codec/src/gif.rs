@@ -7,120 +7,84 @@
 //!
 //! Literature: CompuServe, "Graphics Interchange Format, Version 89a", 1990.
 
-use crate::budget::Budget;
 use crate::canvas::{Canvas, Row};
-use crate::decode::{DecodeOptions, METADATA_BYTES};
+use crate::decode::{DecodeOptions, METADATA_BYTES, Opened};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
-use crate::guard::guarded;
 use crate::header::Header;
-use crate::limits::Limits;
 use crate::orientation::Orientation;
-use crate::wanted::{Wanted, WantedBytes, always};
-use gif::{ColorOutput, Decoder, DecodingError, Frame, MemoryLimit};
+use crate::wanted::{Wanted, WantedBytes};
+use gif::{ColorOutput, DecodingError, Frame, MemoryLimit};
 use std::num::NonZeroU64;
 
-/// Where the size of the screen ends, the header's last four bytes that far.
+/// End of the screen's columns and rows, which are the last four bytes before it.
 const SIZE_END: usize = 10;
 
-/// Reads the header, see [`probe`](crate::probe).
-pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(
-        PictureFormat::Gif,
-        &always,
-        |wanted| Ok(Animation::open(bytes, limits, wanted)?.header),
-    )
-}
-
-/// Decodes the first frame, see [`decode`](crate::decode()).
-pub(crate) fn decode(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    guarded(PictureFormat::Gif, wanted, |wanted| {
-        let mut animation = Animation::open(bytes, &options.limits, wanted)?;
-        let budget = Budget::of_decoder(&animation.header, options)?;
-        let indices = animation.read_frame(options.lenient)?;
-        animation.paint(&indices, budget, wanted)
-    })
-}
-
-/// A file that is open up to the pixels of its first frame.
-struct Animation<'a> {
-    decoder: Decoder<WantedBytes<'a>>,
-    frame: Frame<'static>,
-    header: Header,
-}
-
-impl<'a> Animation<'a> {
-    fn open(bytes: &'a [u8], limits: &Limits, wanted: &'a Wanted<'a>) -> Result<Self, DecodeError> {
-        let &[.., w0, w1, h0, h1] =
-            bytes.get(..SIZE_END).ok_or_else(|| malformed("it ends early"))?
-        else {
-            return Err(malformed("it ends early"));
-        };
-        let side = |low, high| u16::from_le_bytes([low, high]).into();
-        let (width, height) = limits.check(side(w0, w1), side(h0, h1))?;
-        let mut options = gif::DecodeOptions::new();
-        options.set_color_output(ColorOutput::Indexed);
-        options.check_frame_consistency(true);
-        options.allow_unknown_blocks(true);
-        // All that the decoder would keep of itself is metadata: the pixels' buffer is ours.
-        options.set_memory_limit(MemoryLimit::Bytes(
-            NonZeroU64::new(METADATA_BYTES as u64).unwrap_or(NonZeroU64::MIN),
-        ));
-        let mut decoder = options.read_info(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
-        let frame = decoder.next_frame_info().map_err(refusal)?;
-        let frame = frame.ok_or_else(|| malformed("it has no frame"))?.clone();
-        let covers = usize::from(frame.width) == width && usize::from(frame.height) == height;
-        let opaque = covers && frame.transparent.is_none();
-        let component_count = if opaque { 3 } else { 4 };
-        let format = PictureFormat::Gif;
-        let header = Header { format, width, height, component_count, precision: 8 };
-        Ok(Self { decoder, frame, header })
-    }
-
-    /// The frame's indices of colours, row by row from the top; those that are missing are 0.
-    fn read_frame(&mut self, lenient: bool) -> Result<Vec<u8>, DecodeError> {
-        let mut indices = vec![0; usize::from(self.frame.width) * usize::from(self.frame.height)];
-        match self.decoder.read_into_buffer(&mut indices) {
-            Err(DecodingError::UnexpectedEof) if lenient => {}
+/// Reads everything before the pixels of the first frame.
+pub(crate) fn open<'a>(
+    bytes: &'a [u8],
+    options: &'a DecodeOptions,
+    wanted: &'a Wanted<'a>,
+) -> Result<Opened<'a>, DecodeError> {
+    let Some(&[.., w0, w1, h0, h1]) = bytes.get(..SIZE_END) else {
+        return Err(malformed("it ends early"));
+    };
+    let side = |low, high| u16::from_le_bytes([low, high]).into();
+    let (width, height) = options.limits.check(side(w0, w1), side(h0, h1))?;
+    let mut reading = gif::DecodeOptions::new();
+    reading.set_color_output(ColorOutput::Indexed);
+    reading.check_frame_consistency(true);
+    reading.allow_unknown_blocks(true);
+    // The pixels' buffer is ours, so that the decoder allocates for metadata only.
+    let most = NonZeroU64::new(METADATA_BYTES as u64).unwrap_or(NonZeroU64::MIN);
+    reading.set_memory_limit(MemoryLimit::Bytes(most));
+    let mut decoder = reading.read_info(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
+    let frame = decoder.next_frame_info().map_err(refusal)?;
+    let frame = frame.ok_or_else(|| malformed("it has no frame"))?.clone();
+    let covers = usize::from(frame.width) == width && usize::from(frame.height) == height;
+    let opaque = covers && frame.transparent.is_none();
+    let component_count = if opaque { 3 } else { 4 };
+    let format = PictureFormat::Gif;
+    let header = Header { format, width, height, component_count, precision: 8 };
+    Ok(Opened::new(header, move || {
+        // Pixels that are missing keep the first colour.
+        let mut indices = vec![0; usize::from(frame.width) * usize::from(frame.height)];
+        match decoder.read_into_buffer(&mut indices) {
+            Err(DecodingError::UnexpectedEof) if options.lenient => {}
             result => result.map_err(refusal)?,
         }
-        Ok(indices)
-    }
+        paint(&frame, &indices, decoder.palette().map_err(refusal)?, header, wanted)
+    }))
+}
 
-    /// Puts the frame's colours onto the screen.
-    fn paint(
-        &self,
-        indices: &[u8],
-        budget: Budget,
-        wanted: &Wanted<'_>,
-    ) -> Result<Canvas, DecodeError> {
-        let palette = self.decoder.palette().map_err(refusal)?;
-        let frame = &self.frame;
-        let mut canvas = Canvas::new(self.header, Orientation::default(), budget, wanted)?;
-        let mut samples = Vec::new();
-        for (y, row) in indices.chunks_exact(usize::from(frame.width).max(1)).enumerate() {
-            wanted()?;
-            samples.clear();
-            for &index in row {
-                let first = 3 * usize::from(index);
-                let colour = palette.get(first..first + 3).ok_or_else(|| {
-                    let count = palette.len() / 3;
-                    malformed(&format!("a pixel has colour {index} of a palette of {count}"))
-                })?;
-                samples.extend_from_slice(colour);
-                if self.header.component_count == 4 {
-                    samples.push(if frame.transparent == Some(index) { 0 } else { 255 });
-                }
+/// The frame's colours on the screen.
+fn paint(
+    frame: &Frame<'_>,
+    indices: &[u8],
+    palette: &[u8],
+    header: Header,
+    wanted: &Wanted<'_>,
+) -> Result<Canvas, DecodeError> {
+    let mut canvas = Canvas::new(header, Orientation::NoTransforms, wanted)?;
+    let mut samples = Vec::new();
+    for (y, row) in indices.chunks_exact(usize::from(frame.width).max(1)).enumerate() {
+        wanted()?;
+        samples.clear();
+        for &index in row {
+            let first = 3 * usize::from(index);
+            let colour = palette.get(first..first + 3).ok_or_else(|| {
+                let count = palette.len() / 3;
+                malformed(&format!("a pixel has colour {index} of a palette of {count}"))
+            })?;
+            samples.extend_from_slice(colour);
+            if header.component_count == 4 {
+                samples.push(if frame.transparent == Some(index) { 0 } else { 255 });
             }
-            let y = usize::from(frame.top) + y;
-            canvas.put_row(Row { y, first: frame.left.into(), step: 1 }, &samples);
         }
-        Ok(canvas)
+        let y = usize::from(frame.top) + y;
+        canvas.put_row(Row { y, first: frame.left.into(), step: 1 }, &samples);
     }
+    Ok(canvas)
 }
 
 fn malformed(reason: &str) -> DecodeError {

@@ -20,4 +20,4 @@ mod frame;
 mod read;
 mod segments;
 
-pub(crate) use read::{decode, plain_copy, probe};
+pub(crate) use read::{open, plain_copy};

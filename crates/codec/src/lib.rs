@@ -45,7 +45,6 @@
 
 mod alpha;
 mod bmp;
-mod budget;
 mod canvas;
 mod choices;
 mod color;

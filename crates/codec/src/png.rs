@@ -7,5 +7,5 @@ mod pixels;
 mod read;
 mod write;
 
-pub(crate) use read::{decode, probe};
+pub(crate) use read::open;
 pub use write::{write_png, write_png_while, write_png_with};

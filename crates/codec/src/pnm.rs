@@ -7,5 +7,5 @@ mod read;
 mod scanner;
 mod write;
 
-pub(crate) use read::{decode, probe};
+pub(crate) use read::open;
 pub use write::write_pnm;

@@ -15,51 +15,37 @@
 mod page;
 mod samples;
 
-use crate::budget::Budget;
 use crate::canvas::{Canvas, Row};
-use crate::decode::{DecodeOptions, METADATA_BYTES};
+use crate::decode::{DecodeOptions, METADATA_BYTES, Opened};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
-use crate::guard::guarded;
-use crate::header::Header;
-use crate::limits::Limits;
-use crate::wanted::{Wanted, WantedBytes, always};
+use crate::wanted::{Wanted, WantedBytes};
 use page::Page;
 use samples::Samples;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::{TiffError, TiffUnsupportedError};
 
-/// Reads the header, see [`probe`](crate::probe).
-pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    guarded(PictureFormat::Tiff, &always, |wanted| open(bytes, wanted)?.header(limits))
-}
-
-/// Decodes the first page, see [`decode`](crate::decode()).
-pub(crate) fn decode(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    guarded(PictureFormat::Tiff, wanted, |wanted| {
-        let page = open(bytes, wanted)?;
-        let header = page.header(&options.limits)?;
-        let budget = Budget::of_decoder(&header, options)?;
+/// Reads the first page's directory.
+pub(crate) fn open<'a>(
+    bytes: &'a [u8],
+    options: &'a DecodeOptions,
+    wanted: &'a Wanted<'a>,
+) -> Result<Opened<'a>, DecodeError> {
+    if bytes.get(2..4).is_some_and(|version| version.contains(&b'+')) {
+        return Err(PictureFormat::Tiff.unsupported("BigTIFF is not supported"));
+    }
+    let page = Page::read(&mut Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?)?;
+    let header = page.header(&options.limits)?;
+    Ok(Opened::new(header, move || {
         let stored = read_stored(bytes, &page, wanted)?;
-        let mut canvas = Canvas::new(header, page.orientation, budget, wanted)?;
+        let mut canvas = Canvas::new(header, page.orientation, wanted)?;
         let mut samples = Samples::new(&page, &stored)?;
         for y in 0..page.height {
             wanted()?;
             canvas.put_row(Row::whole(y), samples.row(y)?);
         }
         Ok(canvas)
-    })
-}
-
-fn open(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Page, DecodeError> {
-    if bytes.get(2..4).is_some_and(|version| version.contains(&b'+')) {
-        return Err(PictureFormat::Tiff.unsupported("BigTIFF is not supported"));
-    }
-    Page::read(&mut Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?)
+    }))
 }
 
 /// The samples as stored, several to a byte where they have less than 8 bits.

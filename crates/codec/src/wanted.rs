@@ -5,7 +5,7 @@
 //! the decoder makes of that error into [`DecodeError::Cancelled`](crate::DecodeError::Cancelled).
 
 use pixmesh_meshing::{Cancelled, Control, Stage};
-use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, Cursor, Read, Seek, SeekFrom};
 
 /// Returns `Err(Cancelled)` once the result is no longer wanted.
 ///
@@ -32,8 +32,7 @@ const PIECE_BYTES: usize = 4096;
 
 /// A reader of a file in memory that fails once the picture is no longer wanted.
 pub(crate) struct WantedBytes<'a> {
-    bytes: &'a [u8],
-    position: usize,
+    file: Cursor<&'a [u8]>,
     /// Bytes, and calls of `fill_buf` and `seek`, left before the next poll.
     left: usize,
     wanted: &'a Wanted<'a>,
@@ -41,13 +40,7 @@ pub(crate) struct WantedBytes<'a> {
 
 impl<'a> WantedBytes<'a> {
     pub(crate) fn new(bytes: &'a [u8], wanted: &'a Wanted<'a>) -> Self {
-        Self { bytes, position: 0, left: 0, wanted }
-    }
-
-    /// The next bytes, one piece at the most.
-    fn piece(&self) -> &'a [u8] {
-        let rest = self.bytes.get(self.position..).unwrap_or_default();
-        rest.get(..PIECE_BYTES).unwrap_or(rest)
+        Self { file: Cursor::new(bytes), left: 0, wanted }
     }
 
     /// Counts `bytes` read and polls when [`PIECE_BYTES`] have been.
@@ -71,10 +64,9 @@ impl<'a> WantedBytes<'a> {
 impl Read for WantedBytes<'_> {
     #[inline]
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let read = self.piece().read(buffer)?;
-        self.spend(read)?;
-        self.position += read;
-        Ok(read)
+        let most = buffer.len().min(PIECE_BYTES);
+        self.spend(most)?;
+        self.file.read(&mut buffer[..most])
     }
 }
 
@@ -83,12 +75,13 @@ impl BufRead for WantedBytes<'_> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         // Some decoders look at the same bytes many times without consuming them.
         self.spend(1)?;
-        Ok(self.piece())
+        let rest = self.file.fill_buf()?;
+        Ok(rest.get(..PIECE_BYTES).unwrap_or(rest))
     }
 
     #[inline]
     fn consume(&mut self, amount: usize) {
-        self.position += amount;
+        self.file.consume(amount);
         // The next `fill_buf` or `read` polls.
         self.left = self.left.saturating_sub(amount);
     }
@@ -96,15 +89,8 @@ impl BufRead for WantedBytes<'_> {
 
 impl Seek for WantedBytes<'_> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let (base, offset) = match to {
-            SeekFrom::Start(position) => (position, 0),
-            SeekFrom::End(offset) => (self.bytes.len() as u64, offset),
-            SeekFrom::Current(offset) => (self.position as u64, offset),
-        };
-        let position = base.checked_add_signed(offset).and_then(|to| usize::try_from(to).ok());
-        self.position = position.ok_or(io::ErrorKind::InvalidInput)?;
         self.spend(1)?;
-        Ok(self.position as u64)
+        self.file.seek(to)
     }
 }
 
@@ -112,7 +98,6 @@ impl Seek for WantedBytes<'_> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::io::Cursor;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::limits::Limits;
-use crate::orientation::Orientation;
+use crate::orientation::{Orientation, from_exif};
 
 /// The longest side that JPEG decoders agree on, as in the reference library.
 const MAX_JPEG_SIDE: usize = 65_500;
@@ -51,13 +51,13 @@ impl Frame {
         bytes: &[u8],
         options: &DecodeOptions,
     ) -> Result<(Self, Vec<u8>), DecodeError> {
-        let mut essence = Vec::with_capacity(bytes.len());
-        essence.extend(START);
+        let mut stripped = Vec::with_capacity(bytes.len());
+        stripped.extend(START);
         let mut segments = Segments::new(bytes);
-        let (frame, first) = read_to_scan(&mut segments, &options.limits, &mut essence)?;
-        frame.read_scans(&mut segments, first, options.lenient, &mut essence)?;
-        essence.extend([0xFF, END]);
-        Ok((frame, essence))
+        let (frame, first) = read_to_scan(&mut segments, &options.limits, &mut stripped)?;
+        frame.read_scans(&mut segments, first, options.lenient, &mut stripped)?;
+        stripped.extend([0xFF, END]);
+        Ok((frame, stripped))
     }
 
     /// Reads the scans up to the end-of-image marker, and checks that they hold the picture; when
@@ -67,7 +67,7 @@ impl Frame {
         segments: &mut Segments<'_>,
         first: Segment<'_>,
         lenient: bool,
-        essence: &mut Vec<u8>,
+        stripped: &mut Vec<u8>,
     ) -> Result<(), DecodeError> {
         let (mut segment, mut scan_count) = (first, 0);
         // What the scans of first coefficients have.
@@ -85,15 +85,15 @@ impl Frame {
                         component_count += components;
                         length += entropy_coded.len();
                     }
-                    essence.extend_from_slice(segment.bytes);
-                    essence.extend_from_slice(entropy_coded);
+                    stripped.extend_from_slice(segment.bytes);
+                    stripped.extend_from_slice(entropy_coded);
                 }
                 END => break,
                 0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCF | 0xDC => {
                     let reason = format!("a second frame starts at byte {}", segment.at);
                     return Err(malformed(reason));
                 }
-                _ => keep(segment, essence),
+                _ => keep(segment, stripped),
             }
             segment = match segments.next() {
                 Err(_) if lenient => return Ok(()),
@@ -171,7 +171,7 @@ impl Frame {
 fn read_to_scan<'a>(
     segments: &mut Segments<'a>,
     limits: &Limits,
-    essence: &mut Vec<u8>,
+    stripped: &mut Vec<u8>,
 ) -> Result<(Frame, Segment<'a>), DecodeError> {
     let mut frame = None;
     let mut orientation = None;
@@ -187,24 +187,24 @@ fn read_to_scan<'a>(
             }
             END => return Err(malformed(format!("it ends at byte {} without a scan", segment.at))),
             APP1 if segment.payload().starts_with(b"Exif\0\0") => {
-                orientation.get_or_insert(Orientation::from_exif(segment.payload()));
+                orientation.get_or_insert(from_exif(segment.payload()));
             }
             SCAN => {
                 let mut frame = frame.ok_or_else(|| malformed("a scan comes before its frame"))?;
-                frame.orientation = orientation.unwrap_or_default();
+                frame.orientation = orientation.unwrap_or(Orientation::NoTransforms);
                 return Ok((frame, segment));
             }
             _ => {}
         }
-        keep(segment, essence);
+        keep(segment, stripped);
     }
 }
 
 /// Keeps segments that decoding needs: tables, the frame, and what tells the colours (APP0 and
 /// APP14); no other application data, no comments, and no marker that stands alone.
-fn keep(segment: Segment<'_>, essence: &mut Vec<u8>) {
+fn keep(segment: Segment<'_>, stripped: &mut Vec<u8>) {
     if !matches!(segment.marker, 0x01..=0xBF | 0xD0..=SCAN | APP1..=0xED | 0xEF | 0xFE) {
-        essence.extend_from_slice(segment.bytes);
+        stripped.extend_from_slice(segment.bytes);
     }
 }
 
@@ -235,7 +235,7 @@ fn read_frame(segment: Segment<'_>, limits: &Limits) -> Result<Frame, DecodeErro
         return Err(malformed("the frame header has a wrong length"));
     }
     let samplings = components.iter().map(read_sampling).collect::<Result<_, _>>()?;
-    let (progressive, orientation) = (segment.marker == 0xC2, Orientation::default());
+    let (progressive, orientation) = (segment.marker == 0xC2, Orientation::NoTransforms);
     let frame = Frame { width, height, samplings, progressive, orientation };
     frame.check_sampling()?;
     Ok(frame)

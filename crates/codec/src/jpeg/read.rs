@@ -1,42 +1,38 @@
 //! The JPEG reader: gray stays gray, all else becomes RGB, the EXIF orientation is applied.
 
 use super::frame::Frame;
-use crate::budget::Budget;
 use crate::canvas::Canvas;
-use crate::decode::DecodeOptions;
+use crate::decode::{DecodeOptions, Opened};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
-use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
-use crate::orientation::Orientation;
+use crate::orientation::{Orientation, upright};
 use crate::wanted::{Wanted, WantedBytes};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Reads the header, see [`probe`](crate::probe).
-pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    Ok(header(&Frame::read(bytes, limits)?))
-}
-
-/// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    let (frame, essence) = Frame::read_all(bytes, options)?;
-    let header = header(&frame);
-    let budget = Budget::of_decoder(&header, options)?;
-    let pixels = guarded(PictureFormat::Jpeg, wanted, |wanted| {
-        decode_essence(&frame, header.component_count, WantedBytes::new(&essence, wanted))
-    })?;
-    drop(essence);
-    let mut canvas = Canvas::new(header, frame.orientation, budget, wanted)?;
-    canvas.put_rows(&pixels, wanted)?;
-    Ok(canvas)
+/// Reads everything before the first scan.
+pub(crate) fn open<'a>(
+    bytes: &'a [u8],
+    options: &'a DecodeOptions,
+    wanted: &'a Wanted<'a>,
+) -> Result<Opened<'a>, DecodeError> {
+    let frame = Frame::read(bytes, &options.limits)?;
+    let (width, height) = upright(frame.orientation, frame.width, frame.height);
+    let component_count = if frame.samplings.len() == 1 { 1 } else { 3 };
+    let format = PictureFormat::Jpeg;
+    let header = Header { format, width, height, component_count, precision: 8 };
+    Ok(Opened::new(header, move || {
+        let (frame, stripped) = Frame::read_all(bytes, options)?;
+        let pixels = decode_stripped(&frame, component_count, WantedBytes::new(&stripped, wanted))?;
+        drop(stripped);
+        let mut canvas = Canvas::new(header, frame.orientation, wanted)?;
+        canvas.put_rows(&pixels, wanted)?;
+        Ok(canvas)
+    }))
 }
 
 /// A copy of a JPEG without its metadata, where readers that know no orientation and no inks show
@@ -47,26 +43,19 @@ pub(crate) fn plain_copy(bytes: &[u8]) -> Option<Vec<u8>> {
     }
     let any_size = Limits { max_pixels: u64::MAX, max_side: usize::MAX };
     let options = DecodeOptions { limits: any_size, ..DecodeOptions::default() };
-    let (frame, essence) = Frame::read_all(bytes, &options).ok()?;
-    let plain = frame.orientation == Orientation::default() && frame.samplings.len() < 4;
-    plain.then_some(essence)
-}
-
-/// What the frame header means for the decoded image.
-fn header(frame: &Frame) -> Header {
-    let (width, height) = frame.orientation.upright(frame.width, frame.height);
-    let component_count = if frame.samplings.len() == 1 { 1 } else { 3 };
-    Header { format: PictureFormat::Jpeg, width, height, component_count, precision: 8 }
+    let (frame, stripped) = Frame::read_all(bytes, &options).ok()?;
+    let plain = frame.orientation == Orientation::NoTransforms && frame.samplings.len() < 4;
+    plain.then_some(stripped)
 }
 
 /// Decodes what the walk through the segments has left of the file.
 ///
 /// The decoder enforces no limit of memory itself: the buffer is ours, and is only made when the
 /// decoder has understood the same size as the walk.
-fn decode_essence(
+fn decode_stripped(
     frame: &Frame,
     component_count: usize,
-    essence: WantedBytes<'_>,
+    stripped: WantedBytes<'_>,
 ) -> Result<Vec<u8>, DecodeError> {
     let color = if component_count == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
     let options = DecoderOptions::default()
@@ -74,7 +63,7 @@ fn decode_essence(
         .set_strict_mode(false)
         .set_max_width(frame.width)
         .set_max_height(frame.height);
-    let mut decoder = JpegDecoder::new_with_options(essence, options);
+    let mut decoder = JpegDecoder::new_with_options(stripped, options);
     decoder.decode_headers().map_err(refusal)?;
     let is_gray = decoder.input_colorspace() == Some(ColorSpace::Luma);
     if decoder.dimensions() != Some((frame.width, frame.height))

@@ -10,16 +10,13 @@
 
 use super::interlace::stored_rows;
 use super::pixels::Pixels;
-use crate::budget::Budget;
 use crate::canvas::Canvas;
-use crate::decode::{DecodeOptions, METADATA_BYTES};
+use crate::decode::{DecodeOptions, METADATA_BYTES, Opened};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
-use crate::guard::guarded;
 use crate::header::Header;
-use crate::limits::Limits;
-use crate::orientation::Orientation;
-use crate::wanted::{Wanted, WantedBytes, always};
+use crate::orientation::{Orientation, from_exif, upright};
+use crate::wanted::{Wanted, WantedBytes};
 use png::{Decoder, DecodingError, Reader};
 use std::io::ErrorKind;
 
@@ -32,41 +29,54 @@ const CHUNK_FRAME_BYTES: usize = 12;
 /// The most bytes of a stored pixel: four samples of 16 bits.
 const MAX_PIXEL_BYTES: usize = 8;
 
-/// Reads the header, see [`probe`](crate::probe).
-pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    Ok(Source::open(bytes, limits, 0, &always)?.header)
+/// Reads everything before the pixels.
+///
+/// The size is checked before any other chunk is read. What stands before the pixels may take
+/// [`METADATA_BYTES`], the decoder's rows as much as the longest side allowed.
+pub(crate) fn open<'a>(
+    bytes: &'a [u8],
+    options: &'a DecodeOptions,
+    wanted: &'a Wanted<'a>,
+) -> Result<Opened<'a>, DecodeError> {
+    let row_bytes = options.limits.max_side.saturating_mul(MAX_PIXEL_BYTES);
+    let budget = png::Limits { bytes: METADATA_BYTES.saturating_add(row_bytes) };
+    let mut decoder = Decoder::new_with_limits(WantedBytes::new(bytes, wanted), budget);
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    let (width, height) = decoder.read_header_info().map_err(refusal)?.size();
+    let (width, height) = options.limits.check(width.into(), height.into())?;
+    let reader = decoder.read_info().map_err(refusal)?;
+    let pixels = Pixels::new(reader.info())?;
+    let exif = reader.info().exif_metadata.as_deref();
+    let orientation = exif.map_or(Orientation::NoTransforms, from_exif);
+    let (width, height) = upright(orientation, width, height);
+    let (component_count, precision) = (pixels.component_count(), pixels.precision());
+    let format = PictureFormat::Png;
+    let header = Header { format, width, height, component_count, precision };
+    Ok(Opened::new(header, move || {
+        if !options.lenient {
+            check_chunks(bytes)?;
+        }
+        let canvas = Canvas::new(header, orientation, wanted)?;
+        read_rows(reader, pixels, canvas, options.lenient, wanted)
+    }))
 }
 
-/// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(
-    bytes: &[u8],
-    options: &DecodeOptions,
+/// Decodes the rows, in a lenient way up to the end of the file.
+fn read_rows(
+    mut reader: Reader<WantedBytes<'_>>,
+    mut pixels: Pixels,
+    mut canvas: Canvas,
+    lenient: bool,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    if !options.lenient {
-        check_chunks(bytes)?;
-    }
-    guarded(PictureFormat::Png, wanted, |wanted| read_picture(bytes, options, wanted))
-}
-
-fn read_picture(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    let limits = &options.limits;
-    let row_bytes = limits.max_side.saturating_mul(MAX_PIXEL_BYTES);
-    let Source { mut reader, mut pixels, header, orientation } =
-        Source::open(bytes, limits, row_bytes, wanted)?;
-    let (width, height) = orientation.upright(header.width, header.height);
-    let interlaced = reader.info().interlaced;
-    let budget = Budget::of_decoder(&header, options)?;
-    let mut canvas = Canvas::new(header, orientation, budget, wanted)?;
+    let (width, height) = reader.info().size();
+    let (width, height) = (width as usize, height as usize);
     let mut samples = Vec::new();
-    for row in stored_rows(width, height, interlaced) {
+    for row in stored_rows(width, height, reader.info().interlaced) {
         wanted()?;
         let stored = match reader.next_row() {
-            Err(error) if options.lenient && is_end(&error) => return Ok(canvas),
+            Err(error) if lenient && is_end(&error) => return Ok(canvas),
             stored => stored.map_err(refusal)?,
         };
         let stored = stored.ok_or_else(|| PictureFormat::Png.malformed("rows are missing"))?;
@@ -74,11 +84,13 @@ fn read_picture(
         pixels.unpack(stored.data(), count, &mut samples)?;
         canvas.put_row(row, &samples);
     }
-    match check_end(&mut reader) {
-        Err(_) if options.lenient => {}
-        result => result?,
+    // Reading on verifies the checksums of the remaining pixel data.
+    match reader.next_row().map_err(refusal) {
+        Ok(None) => Ok(canvas),
+        _ if lenient => Ok(canvas),
+        Ok(Some(_)) => Err(PictureFormat::Png.malformed("it has more rows than its header says")),
+        Err(error) => Err(error),
     }
-    Ok(canvas)
 }
 
 /// Checks that the chunks run up to the last, whatever they hold.
@@ -94,49 +106,6 @@ fn check_chunks(bytes: &[u8]) -> Result<(), DecodeError> {
         if kind.starts_with(b"IEND") {
             return Ok(());
         }
-    }
-}
-
-/// A PNG that is open up to its first pixel.
-struct Source<'a> {
-    reader: Reader<WantedBytes<'a>>,
-    pixels: Pixels,
-    header: Header,
-    orientation: Orientation,
-}
-
-impl<'a> Source<'a> {
-    /// Opens a file: its size is checked before anything else is read, and what stands before the
-    /// pixels may take [`METADATA_BYTES`] and `row_bytes` more.
-    fn open(
-        bytes: &'a [u8],
-        limits: &Limits,
-        row_bytes: usize,
-        wanted: &'a Wanted<'a>,
-    ) -> Result<Self, DecodeError> {
-        let budget = png::Limits { bytes: METADATA_BYTES.saturating_add(row_bytes) };
-        let mut decoder = Decoder::new_with_limits(WantedBytes::new(bytes, wanted), budget);
-        decoder.set_ignore_text_chunk(true);
-        decoder.set_ignore_iccp_chunk(true);
-        let (width, height) = decoder.read_header_info().map_err(refusal)?.size();
-        let (width, height) = limits.check(width.into(), height.into())?;
-        let reader = decoder.read_info().map_err(refusal)?;
-        let pixels = Pixels::new(reader.info())?;
-        let exif = reader.info().exif_metadata.as_deref();
-        let orientation = exif.map_or_else(Orientation::default, Orientation::from_exif);
-        let (width, height) = orientation.upright(width, height);
-        let (component_count, precision) = (pixels.component_count(), pixels.precision());
-        let format = PictureFormat::Png;
-        let header = Header { format, width, height, component_count, precision };
-        Ok(Self { reader, pixels, header, orientation })
-    }
-}
-
-/// Reads the rest of the pixels' chunks, so that their checksums are verified.
-fn check_end(reader: &mut Reader<WantedBytes<'_>>) -> Result<(), DecodeError> {
-    match reader.next_row().map_err(refusal)? {
-        None => Ok(()),
-        Some(_) => Err(PictureFormat::Png.malformed("it has more rows than its header says")),
     }
 }
 

@@ -6,9 +6,8 @@
 //! the file is long enough to hold the pixels that its header claims.
 
 use super::scanner::Scanner;
-use crate::budget::Budget;
 use crate::canvas::{Canvas, Row};
-use crate::decode::DecodeOptions;
+use crate::decode::{DecodeOptions, Opened};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
@@ -19,22 +18,28 @@ use crate::wanted::Wanted;
 /// The largest maxval.
 const MAX_MAXVAL: u64 = 65_535;
 
-/// Reads the header, see [`probe`](crate::probe).
-pub(crate) fn probe(bytes: &[u8], limits: &Limits) -> Result<Header, DecodeError> {
-    Ok(Anymap::read_header(bytes, limits)?.header)
-}
-
-/// Decodes the picture, see [`decode`](crate::decode()).
-pub(crate) fn decode(
-    bytes: &[u8],
-    options: &DecodeOptions,
-    wanted: &Wanted<'_>,
-) -> Result<Canvas, DecodeError> {
-    let anymap = Anymap::read_header(bytes, &options.limits)?;
-    if !options.lenient {
-        anymap.check_length()?;
-    }
-    anymap.read_raster(options, wanted)
+/// Reads the header.
+pub(crate) fn open<'a>(
+    bytes: &'a [u8],
+    options: &'a DecodeOptions,
+    wanted: &'a Wanted<'a>,
+) -> Result<Opened<'a>, DecodeError> {
+    let mut anymap = Anymap::read_header(bytes, &options.limits)?;
+    let header = anymap.header;
+    Ok(Opened::new(header, move || {
+        if !options.lenient {
+            anymap.check_length()?;
+        }
+        let mut canvas = Canvas::new(header, Orientation::NoTransforms, wanted)?;
+        match anymap.coding {
+            Coding::RawBits | Coding::RawNumbers => anymap.read_raw(&mut canvas, wanted)?,
+            _ => match anymap.read_plain(&mut canvas, wanted) {
+                Err(_) if options.lenient && anymap.raster.rest().is_empty() => {}
+                result => result?,
+            },
+        }
+        Ok(canvas)
+    }))
 }
 
 /// How the samples are written.
@@ -159,26 +164,6 @@ impl<'a> Anymap<'a> {
             return Err(PictureFormat::Pnm.malformed(reason));
         }
         Ok(())
-    }
-
-    /// Reads the pixels, of a file that ends early as far as it goes.
-    fn read_raster(
-        mut self,
-        options: &DecodeOptions,
-        wanted: &Wanted<'_>,
-    ) -> Result<Canvas, DecodeError> {
-        let budget = Budget::of_decoder(&self.header, options)?;
-        let mut canvas = Canvas::new(self.header, Orientation::default(), budget, wanted)?;
-        match self.coding {
-            Coding::PlainBits | Coding::PlainNumbers => {
-                match self.read_plain(&mut canvas, wanted) {
-                    Err(_) if options.lenient && self.raster.rest().is_empty() => {}
-                    result => result?,
-                }
-            }
-            Coding::RawBits | Coding::RawNumbers => self.read_raw(&mut canvas, wanted)?,
-        }
-        Ok(canvas)
     }
 
     fn read_plain(&mut self, canvas: &mut Canvas, wanted: &Wanted<'_>) -> Result<(), DecodeError> {

@@ -5,7 +5,7 @@ use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
-use crate::orientation::Orientation;
+use crate::orientation::{Orientation, upright};
 use crate::wanted::WantedBytes;
 use std::borrow::Cow;
 use tiff::decoder::{ChunkType, Decoder};
@@ -65,8 +65,9 @@ impl Page {
                 return Err(unsupported(&reason));
             }
         };
-        let orientation = value(Tag::Orientation)?.and_then(|tag| u16::try_from(tag).ok());
-        let orientation = orientation.map_or_else(Orientation::default, Orientation::from_tag);
+        let orientation = value(Tag::Orientation)?.and_then(|tag| u8::try_from(tag).ok());
+        let orientation = orientation.and_then(Orientation::from_exif);
+        let orientation = orientation.unwrap_or(Orientation::NoTransforms);
         let planar = value(Tag::PlanarConfiguration)? == Some(2);
         let photometric = value(Tag::PhotometricInterpretation)?.unwrap_or(0);
         // Components beyond the colours are alpha when the file says so, and left out otherwise.
@@ -94,7 +95,7 @@ impl Page {
     /// What the directory means for the decoded image.
     pub(super) fn header(&self, limits: &Limits) -> Result<Header, DecodeError> {
         let (width, height) = limits.check(self.width as u64, self.height as u64)?;
-        let (width, height) = self.orientation.upright(width, height);
+        let (width, height) = upright(self.orientation, width, height);
         let (component_count, precision) = match self.meaning {
             Meaning::Plain(component_count) => (component_count, self.depth),
             Meaning::Indexed(_) => (3, 16),
