@@ -2,7 +2,9 @@
 
 use super::Finding;
 use super::delaunay;
-use pixmesh_codec::{Limits, decode, read_model, write_glb, write_model, write_png};
+use pixmesh_codec::{
+    Encodable, EncodeOptions, Format, Limits, decode, encode, read_model, write_model, write_png,
+};
 use pixmesh_meshing::{Approximation, Fidelity, Image, Method, Target, mesh_image, rasterize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -46,7 +48,8 @@ pub(super) fn check_codec() -> Finding {
         return Err("a MODEL does not read back as it was written".into());
     }
     let mut glb = Vec::new();
-    write_glb(&mesh, &pixmesh_codec::GltfOptions::default(), &mut glb)
+    let source = Encodable::new(&mesh);
+    encode(&source, Format::Glb, &EncodeOptions::default(), &mut glb, &|| Ok(()))
         .map_err(|error| error.to_string())?;
     let digest = Sha256::digest(&model).iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");

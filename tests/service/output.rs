@@ -2,7 +2,10 @@
 
 use crate::pictures::{disc, disc_image};
 use crate::server::Server;
-use pixmesh_codec::{DecodeOptions, Geometry, Relief, ReliefHeight, write_ply, write_png};
+use pixmesh_codec::{
+    DecodeOptions, Encodable, EncodeOptions, Format, Geometry, Relief, ReliefHeight, encode,
+    write_png,
+};
 use pixmesh_meshing::{Image, Method, Target, mesh_image};
 use serde_json::Value;
 
@@ -30,7 +33,9 @@ fn a_relief_has_the_height_asked_for_and_says_so() {
     let geometry =
         Geometry { relief: Some(relief), pixel_size: 0.5, base: 2.0, ..Geometry::default() };
     let mut expected = Vec::new();
-    write_ply(&model.mesh, &geometry, &mut expected).unwrap();
+    let options = EncodeOptions { geometry, ..EncodeOptions::default() };
+    let source = Encodable::new(&model.mesh);
+    encode(&source, Format::Ply, &options, &mut expected, &|| Ok(())).unwrap();
     assert_eq!(answer.body, expected);
     // What was run gives the same again.
     assert_eq!(server.mesh(&ran, &[], &image).body, expected);

@@ -87,7 +87,7 @@ impl OutputOptions {
         image: &Image,
     ) -> Result<Option<Texture>, CliError> {
         let wanted = self.format(path).holds_texture() && self.texture == Texturing::Embed;
-        Ok(wanted.then(|| Texture::of_file(picture, image)).transpose()?)
+        Ok(wanted.then(|| Texture::of_file_while(picture, image, &|| Ok(()))).transpose()?)
     }
 
     /// Checks that a picture of so many components can be written so.

@@ -78,7 +78,8 @@ impl RasterizeModel {
         match self.format() {
             PictureOut::Pnm => pixmesh_codec::write_pnm(&image, &mut picture)?,
             PictureOut::Png => {
-                pixmesh_codec::write_png_with(&image, self.png_compression, &mut picture)?;
+                let compression = self.png_compression;
+                pixmesh_codec::write_png_while(&image, compression, &mut picture, &|| Ok(()))?;
             }
         }
         files::write(self.output.as_ref(), &picture)

@@ -4,8 +4,8 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used)] // It is a program to look at.
 
 use pixmesh_codec::{
-    Compression, Geometry, GltfOptions, PngCompression, write_glb, write_model, write_ply,
-    write_png_with, write_pnm,
+    Compression, Encodable, EncodeOptions, Format, PngCompression, encode, write_png_while,
+    write_pnm,
 };
 use pixmesh_meshing::{Mesh, Point, Shape, rasterize};
 use std::time::Instant;
@@ -48,21 +48,26 @@ fn main() {
         write(&mut out);
         out.len()
     };
-    time("MODEL", || written(&|out| write_model(&mesh, out).unwrap()));
-    time("PLY", || written(&|out| write_ply(&mesh, &Geometry::default(), out).unwrap()));
+    let source = Encodable::new(&mesh);
+    for format in [Format::Model, Format::Ply, Format::Obj, Format::Svg, Format::Json] {
+        let options = EncodeOptions::default();
+        time(format.name(), || {
+            written(&|out| encode(&source, format, &options, out, &|| Ok(())).unwrap())
+        });
+    }
     for compression in Compression::ALL {
-        let options = GltfOptions { compression: *compression, ..GltfOptions::default() };
-        let name = format!("GLB, {compression}");
-        time(&name, || written(&|out| write_glb(&mesh, &options, out).unwrap()));
+        let options = EncodeOptions { compression: *compression, ..EncodeOptions::default() };
+        time(&format!("GLB, {compression}"), || {
+            written(&|out| encode(&source, Format::Glb, &options, out, &|| Ok(())).unwrap())
+        });
     }
     let image = rasterize(&mesh, &()).unwrap();
     let samples = image.pixel_count() * image.component_count();
     time("rebuilding", || rasterize(&mesh, &()).map(|_| samples).unwrap());
     time("PNM", || written(&|out| write_pnm(&image, out).unwrap()));
-    time("PNG, fast", || {
-        written(&|out| write_png_with(&image, PngCompression::Fast, out).unwrap())
-    });
-    time("PNG, small", || {
-        written(&|out| write_png_with(&image, PngCompression::Small, out).unwrap())
-    });
+    for compression in PngCompression::ALL {
+        time(&format!("PNG, {compression}"), || {
+            written(&|out| write_png_while(&image, *compression, out, &|| Ok(())).unwrap())
+        });
+    }
 }

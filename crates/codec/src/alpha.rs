@@ -1,6 +1,7 @@
 //! What becomes of a picture's alpha: kept as a component, dropped, or composed over a colour.
 
 use crate::header::Header;
+use crate::rounding::rounded_quotient;
 use crate::wanted::Wanted;
 use pixmesh_meshing::{Cancelled, ParameterError};
 use std::fmt;
@@ -72,27 +73,21 @@ impl Alpha {
                 others.iter_mut().for_each(|plane| plane.clone_from(gray));
             }
         }
-        let largest = u32::from(u16::MAX >> (16 - precision));
+        let largest = u64::from(u16::MAX >> (16 - precision));
         for (plane, backdrop) in planes.iter_mut().zip(colour) {
-            let backdrop = (2 * u32::from(backdrop) * largest + 255) / 510;
+            let backdrop = rounded_quotient(u64::from(backdrop) * largest, 255);
             for (samples, alphas) in plane.chunks_mut(POLL_SAMPLES).zip(alphas.chunks(POLL_SAMPLES))
             {
                 wanted()?;
                 for (sample, &alpha) in samples.iter_mut().zip(alphas) {
-                    *sample = composed(*sample, alpha, backdrop, largest);
+                    let alpha = u64::from(alpha);
+                    let sum = u64::from(*sample) * alpha + backdrop * (largest - alpha);
+                    *sample = rounded_quotient(sum, largest) as u16;
                 }
             }
         }
         Ok(())
     }
-}
-
-/// `(sample alpha + backdrop (largest - alpha)) / largest`, rounded to the nearest, halves up.
-fn composed(sample: u16, alpha: u16, backdrop: u32, largest: u32) -> u16 {
-    let (sample, alpha, backdrop) = (u64::from(sample), u64::from(alpha), u64::from(backdrop));
-    let largest = u64::from(largest);
-    let sum = sample * alpha + backdrop * (largest - alpha);
-    ((2 * sum + largest) / (2 * largest)) as u16
 }
 
 impl fmt::Display for Alpha {

@@ -1,37 +1,44 @@
-//! The colours of sample vectors as sRGB of 8 bits, for formats that hold no more.
+//! The colours of sample vectors: gray, gray and alpha, RGB, RGBA.
 
+use crate::rounding::rounded_quotient;
 use pixmesh_meshing::Shape;
 
-/// Converts the samples of an image: one component is gray, two are gray and alpha, three RGB, four
-/// RGBA; of five and more the first three are RGB.
-pub(crate) struct Colors {
-    /// What each sample becomes, rounded to the nearest, halves up.
-    table: Vec<u8>,
-    has_alpha: bool,
+/// Whether the last component of a picture of so many is alpha.
+pub(crate) fn has_alpha(component_count: usize) -> bool {
+    matches!(component_count, 2 | 4)
 }
+
+/// Red, green, blue and alpha of a sample vector, each sample converted: one component is gray, two
+/// are gray and alpha, three RGB, four RGBA; of five and more the first three are RGB.
+pub(crate) fn rgba<T: Copy>(
+    samples: &[u16],
+    color: impl Fn(u16) -> T,
+    alpha: impl Fn(u16) -> T,
+    opaque: T,
+) -> [T; 4] {
+    let [red, green, blue, last] = match *samples {
+        [gray] => [gray, gray, gray, 0],
+        [gray, last] => [gray, gray, gray, last],
+        [red, green, blue] => [red, green, blue, 0],
+        [red, green, blue, last, ..] => [red, green, blue, last],
+        [] => [0; 4],
+    };
+    let alpha = if has_alpha(samples.len()) { alpha(last) } else { opaque };
+    [color(red), color(green), color(blue), alpha]
+}
+
+/// What each sample of a precision becomes in sRGB of 8 bits, rounded to the nearest, halves up.
+pub(crate) struct Colors(Vec<u8>);
 
 impl Colors {
     pub(crate) fn new(shape: Shape) -> Self {
-        let largest = u32::from(u16::MAX >> (16 - shape.precision));
-        let scale = |sample: u32| ((510 * sample + largest) / (2 * largest)) as u8;
-        let table = (0..=largest).map(scale).collect();
-        Self { table, has_alpha: matches!(shape.component_count, 2 | 4) }
+        let largest = u64::from(u16::MAX >> (16 - shape.precision));
+        Self((0..=largest).map(|sample| rounded_quotient(255 * sample, largest) as u8).collect())
     }
 
-    /// Whether the last component is alpha.
-    pub(crate) fn has_alpha(&self) -> bool {
-        self.has_alpha
-    }
-
-    /// Red, green, blue and alpha.
+    /// Red, green, blue and alpha of a sample vector.
     pub(crate) fn rgba(&self, samples: &[u16]) -> [u8; 4] {
-        let scale = |sample: u16| self.table.get(usize::from(sample)).copied().unwrap_or(255);
-        match *samples {
-            [gray] => [scale(gray), scale(gray), scale(gray), 255],
-            [gray, alpha] => [scale(gray), scale(gray), scale(gray), scale(alpha)],
-            [red, green, blue, alpha] => [scale(red), scale(green), scale(blue), scale(alpha)],
-            [red, green, blue, ..] => [scale(red), scale(green), scale(blue), 255],
-            [] => [0, 0, 0, 255],
-        }
+        let scale = |sample: u16| self.0.get(usize::from(sample)).copied().unwrap_or(255);
+        rgba(samples, scale, scale, 255)
     }
 }

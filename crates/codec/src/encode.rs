@@ -2,7 +2,7 @@
 
 use crate::choices::{Compression, PngCompression, Shading};
 use crate::error::EncodeError;
-use crate::gltf::{GltfOptions, Texture, write_glb, write_gltf};
+use crate::gltf::{Texture, write_glb, write_gltf};
 use crate::json::write_json;
 use crate::mesh_format::Format;
 use crate::model::write_model_with_comments;
@@ -87,16 +87,15 @@ pub fn encode(
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
     let Encodable { mesh, comments, fidelity, progression, .. } = *source;
-    let EncodeOptions { geometry, compression, texture, shading, .. } = *options;
+    let EncodeOptions { geometry, shading, .. } = *options;
     let needed = held_bytes(source, format, options);
     if let Some(allowed) = options.max_bytes.filter(|&allowed| needed > allowed) {
         return Err(EncodeError::TooMuchMemory { format: format.name(), needed, allowed });
     }
-    let gltf = GltfOptions { geometry, compression, texture };
     match format {
         Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
-        Format::Glb => write_glb(mesh, &gltf, out),
-        Format::Gltf => write_gltf(mesh, &gltf, out),
+        Format::Glb => write_glb(mesh, options, out),
+        Format::Gltf => write_gltf(mesh, options, out),
         Format::Svg => write_svg(mesh, shading, out),
         Format::Ply => write_ply(mesh, &geometry, out),
         Format::Obj => write_obj(mesh, &geometry, out),
@@ -128,7 +127,7 @@ pub fn estimated_bytes(mesh: &Mesh, format: Format, options: &EncodeOptions<'_>)
     let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
     let Shape { width, height, component_count, precision } = mesh.shape();
     let picture = width * height * component_count * usize::from(precision).div_ceil(8);
-    let texture = options.texture.map_or(0, |texture| texture.bytes().len());
+    let texture = options.texture.map_or(0, |texture| texture.bytes.len());
     let beside = match format {
         Format::Glb => texture,
         Format::Gltf => texture / 3 * 4,

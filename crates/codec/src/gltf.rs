@@ -11,4 +11,4 @@ mod texture;
 mod write;
 
 pub use texture::Texture;
-pub use write::{GltfOptions, write_glb, write_gltf};
+pub(crate) use write::{write_glb, write_gltf};

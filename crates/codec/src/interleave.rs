@@ -2,17 +2,17 @@
 
 use pixmesh_meshing::Image;
 
-/// Replaces `bytes` with row `y` of an image, each sample as `convert` makes it.
+/// Replaces `bytes` with the first `component_count` samples of each pixel of row `y`, converted.
 ///
 /// Samples take `bytes_per_sample` bytes: 1, or 2 with the more significant first.
 pub(crate) fn interleave_row(
     image: &Image,
     y: usize,
+    component_count: usize,
     bytes_per_sample: usize,
     convert: impl Fn(u16) -> u16,
     bytes: &mut Vec<u8>,
 ) {
-    let component_count = image.component_count();
     bytes.resize(image.width() * component_count * bytes_per_sample, 0);
     for c in 0..component_count {
         let places = bytes.chunks_exact_mut(bytes_per_sample).skip(c).step_by(component_count);

@@ -8,44 +8,31 @@ use crate::color::Colors;
 use crate::error::EncodeError;
 use crate::lines::Lines;
 use crate::surface::{Geometry, Surface};
-use pixmesh_meshing::{Fidelity, Mesh};
+use pixmesh_meshing::{Fidelity, Mesh, Shape};
 use std::io::{self, Write};
 
 /// Writes a mesh as one JSON object. The PSNR of a perfect copy, which is infinite, is `null`, as
 /// are both figures of a mesh whose fidelity is not known.
-///
-/// # Errors
-/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, and whatever `out` fails with.
-pub fn write_json(
+pub(crate) fn write_json(
     mesh: &Mesh,
     fidelity: Option<&Fidelity>,
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let surface = Surface::new(mesh, geometry)?;
-    let shape = mesh.shape();
     let mut lines = Lines::new(out);
-    let mut figure = |name: &str, value: usize| {
-        lines.text(name);
-        lines.integer(value);
-    };
-    figure("{\"width\":", shape.width);
-    figure(",\"height\":", shape.height);
-    figure(",\"components\":", shape.component_count);
-    figure(",\"precision\":", shape.precision.into());
-    figure(",\"vertices\":", surface.vertex_count());
-    figure(",\"faces\":", surface.face_count());
+    let Shape { width, height, component_count, precision } = mesh.shape();
+    let (vertices, faces, unit) = (surface.vertex_count(), surface.face_count(), geometry.unit);
+    write!(lines, "{{\"width\":{width},\"height\":{height},\"components\":{component_count}")?;
+    write!(lines, ",\"precision\":{precision},\"vertices\":{vertices},\"faces\":{faces}")?;
     put_number(",\"mse\":", fidelity.map(Fidelity::mse), &mut lines);
     put_number(",\"psnr_db\":", fidelity.map(Fidelity::psnr_db), &mut lines);
-    lines.text(",\"unit\":\"");
-    lines.text(geometry.unit.name());
-    lines.end("\"")?;
+    write!(lines, ",\"unit\":\"{unit}\"")?;
     put_array(",\"positions\":[", surface.positions(), &mut lines, Lines::decimal)?;
-    let origins = || (0..surface.vertex_count()).map(|vertex| surface.origin(vertex));
-    let samples = origins().map(|origin| mesh.vertex_samples(origin).iter().copied());
+    let samples = surface.samples().map(|samples| samples.iter().copied());
     put_array(",\"samples\":[", samples, &mut lines, Lines::integer)?;
-    let palette = Colors::new(shape);
-    let colors = origins().map(|origin| palette.rgba(mesh.vertex_samples(origin)));
+    let palette = Colors::new(mesh.shape());
+    let colors = surface.samples().map(|samples| palette.rgba(samples));
     put_array(",\"colors\":[", colors, &mut lines, Lines::integer)?;
     put_array(",\"triangles\":[", surface.faces(), &mut lines, Lines::integer)?;
     lines.end("}\n")?;

@@ -6,15 +6,12 @@
 //!
 //! | format | in | out |
 //! |---|---|---|
-//! | PNG | [`decode`] | [`write_png`], [`write_png_with`], [`write_png_while`] |
+//! | PNG | [`decode`] | [`write_png`], [`write_png_while`] |
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
 //! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
 //! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_pmesh_while`], [`write_progression`] |
-//! | glTF 2.0 | | [`write_glb`], [`write_gltf`] |
-//! | SVG | | [`write_svg`] |
-//! | PLY, OBJ, STL | | [`write_ply`], [`write_obj`], [`write_stl`] |
-//! | JSON | | [`write_json`] |
+//! | every [`Format`] of meshes | | [`encode`] |
 //!
 //! [`DecodeOptions`] say what becomes of alpha and of files that end early, and how much memory may
 //! be taken; [`EncodeOptions`] say the same of writing. [`Geometry`] says how a mesh lies in space:
@@ -72,6 +69,7 @@ mod pmesh;
 mod png;
 mod pnm;
 mod raster;
+mod rounding;
 mod stl;
 mod surface;
 mod svg;
@@ -87,26 +85,21 @@ pub use encode::{Encodable, EncodeOptions, encode, estimated_bytes};
 pub use error::{DecodeError, EncodeError};
 pub use format::PictureFormat;
 
-pub use gltf::{GltfOptions, Texture, write_glb, write_gltf};
+pub use gltf::Texture;
 pub use guard::in_guarded_decoder;
 pub use header::Header;
-pub use json::write_json;
 pub use limits::Limits;
 pub use mesh_format::Format;
 pub use model::{
     ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_bytes,
     read_model_while, write_model, write_model_with_comments,
 };
-pub use obj::write_obj;
-pub use ply::write_ply;
 pub use pmesh::{
     PmeshError, is_pmesh, read_pmesh, read_progression, read_progression_while, write_pmesh,
     write_pmesh_while, write_progression,
 };
-pub use png::{write_png, write_png_while, write_png_with};
+pub use png::{write_png, write_png_while};
 pub use pnm::write_pnm;
-pub use stl::write_stl;
 pub use surface::{Geometry, Relief, ReliefHeight};
-pub use svg::write_svg;
 pub use wanted::Wanted;
 pub use weights::{WeightsError, probe_weights, read_weights, read_weights_while};

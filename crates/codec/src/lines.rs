@@ -40,9 +40,15 @@ impl<'a, W: Write> Lines<'a, W> {
         self.text(text);
         if self.buffer.len() > BUFFER_BYTES { self.flush() } else { Ok(()) }
     }
+}
+
+impl<W: Write> Write for Lines<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.buffer.write(bytes)
+    }
 
     /// Writes what is left.
-    pub(crate) fn flush(&mut self) -> io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         self.out.write_all(&self.buffer)?;
         self.buffer.clear();
         Ok(())

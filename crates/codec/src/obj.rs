@@ -9,15 +9,13 @@
 use crate::color::Colors;
 use crate::error::EncodeError;
 use crate::lines::Lines;
+use crate::rounding::rounded_quotient;
 use crate::surface::{Geometry, Surface};
 use pixmesh_meshing::Mesh;
 use std::io::Write;
 
 /// Writes a mesh as OBJ.
-///
-/// # Errors
-/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, and whatever `out` fails with.
-pub fn write_obj(
+pub(crate) fn write_obj(
     mesh: &Mesh,
     geometry: &Geometry,
     out: &mut impl Write,
@@ -25,19 +23,19 @@ pub fn write_obj(
     let surface = Surface::new(mesh, geometry)?;
     let colors = Colors::new(mesh.shape());
     let mut lines = Lines::new(out);
-    lines.text("# lengths in ");
-    lines.end(surface.geometry().unit.name())?;
-    lines.end("\no picture\n")?;
-    for (vertex, position) in surface.positions().enumerate() {
+    writeln!(lines, "# lengths in {}\no picture", geometry.unit)?;
+    for (position, samples) in surface.positions().zip(surface.samples()) {
         lines.text("v");
         for length in position {
             lines.text(" ");
             lines.decimal(length);
         }
-        let [red, green, blue, _] = colors.rgba(mesh.vertex_samples(surface.origin(vertex)));
+        let [red, green, blue, _] = colors.rgba(samples);
         for part in [red, green, blue] {
             lines.text(" ");
-            put_fraction(part, &mut lines);
+            // Four digits, from which the 8 bits can be had back.
+            let fraction = rounded_quotient(10_000 * u64::from(part), 255);
+            write!(lines, "{}.{:04}", fraction / 10_000, fraction % 10_000)?;
         }
         lines.end("\n")?;
     }
@@ -51,15 +49,4 @@ pub fn write_obj(
     }
     lines.flush()?;
     Ok(())
-}
-
-/// Appends `part / 255` with four digits, from which the 8 bits can be had back.
-fn put_fraction<W: Write>(part: u8, lines: &mut Lines<'_, W>) {
-    let thousandths = (u32::from(part) * 20_000 + 255) / 510;
-    lines.integer(thousandths / 10_000);
-    lines.text(".");
-    let digits = thousandths % 10_000;
-    for place in [1000, 100, 10, 1] {
-        lines.integer(digits / place % 10);
-    }
 }

@@ -5,30 +5,26 @@
 //!
 //! Literature: Greg Turk, "The PLY Polygon File Format", 1994.
 
-use crate::color::Colors;
+use crate::color::{Colors, has_alpha};
 use crate::error::EncodeError;
 use crate::surface::{Geometry, Surface};
 use pixmesh_meshing::Mesh;
 use std::io::{BufWriter, Write};
 
 /// Writes a mesh as binary PLY.
-///
-/// # Errors
-/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, and whatever `out` fails with.
-pub fn write_ply(
+pub(crate) fn write_ply(
     mesh: &Mesh,
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let surface = Surface::new(mesh, geometry)?;
     let colors = Colors::new(mesh.shape());
+    let alpha = has_alpha(mesh.shape().component_count);
     let mut out = BufWriter::new(out);
-    write_header(&surface, &colors, &mut out)?;
-    for (vertex, position) in surface.positions().enumerate() {
+    write_header(&surface, alpha, &mut out)?;
+    for (position, samples) in surface.positions().zip(surface.samples()) {
         out.write_all(position.map(|length| (length as f32).to_le_bytes()).as_flattened())?;
-        let color = colors.rgba(mesh.vertex_samples(surface.origin(vertex)));
-        let shown = if colors.has_alpha() { 4 } else { 3 };
-        out.write_all(color.get(..shown).unwrap_or_default())?;
+        out.write_all(&colors.rgba(samples)[..if alpha { 4 } else { 3 }])?;
     }
     for face in surface.faces() {
         out.write_all(&[3])?;
@@ -40,19 +36,16 @@ pub fn write_ply(
 
 fn write_header(
     surface: &Surface<'_>,
-    colors: &Colors,
+    alpha: bool,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
-    writeln!(out, "comment lengths in {}", surface.geometry().unit)?;
+    writeln!(out, "comment lengths in {}", surface.geometry.unit)?;
     writeln!(out, "element vertex {}", surface.vertex_count())?;
-    for axis in ["x", "y", "z"] {
-        writeln!(out, "property float {axis}")?;
+    for property in ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue"] {
+        writeln!(out, "property {property}")?;
     }
-    for name in ["red", "green", "blue"] {
-        writeln!(out, "property uchar {name}")?;
-    }
-    if colors.has_alpha() {
+    if alpha {
         writeln!(out, "property uchar alpha")?;
     }
     writeln!(out, "element face {}", surface.face_count())?;

@@ -8,4 +8,5 @@ mod read;
 mod write;
 
 pub(crate) use read::open;
-pub use write::{write_png, write_png_while, write_png_with};
+pub(crate) use write::{Samples, write_rows};
+pub use write::{write_png, write_png_while};

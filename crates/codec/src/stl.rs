@@ -5,7 +5,6 @@
 //!
 //! Literature: 3D Systems, "StereoLithography Interface Specification", 1989.
 
-use crate::choices::LengthUnit;
 use crate::error::EncodeError;
 use crate::surface::{Geometry, Surface, cross_product, unit};
 use pixmesh_meshing::Mesh;
@@ -18,11 +17,7 @@ const COMMENT_BYTES: usize = 80;
 ///
 /// A geometry without a relief gets one of the luma, a tenth of the longer side high, and one
 /// without a base gets that of [`Geometry::with_base`].
-///
-/// # Errors
-/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, [`EncodeError::TooLarge`] for more
-/// triangles than STL can count, and whatever `out` fails with.
-pub fn write_stl(
+pub(crate) fn write_stl(
     mesh: &Mesh,
     geometry: &Geometry,
     out: &mut impl Write,
@@ -37,13 +32,9 @@ pub fn write_stl(
         bytes,
         limit,
     })?;
-    let mut comment = match geometry.unit {
-        LengthUnit::Metre => b"binary STL, lengths in m".to_vec(),
-        LengthUnit::Millimetre => b"binary STL, lengths in mm".to_vec(),
-    };
-    comment.resize(COMMENT_BYTES, b' ');
     let mut out = BufWriter::new(out);
-    out.write_all(&comment)?;
+    let comment = format!("binary STL, lengths in {}", geometry.unit);
+    write!(out, "{comment:COMMENT_BYTES$}")?;
     out.write_all(&count.to_le_bytes())?;
     for face in surface.faces() {
         let corners = face.map(|vertex| surface.position(vertex as usize));

@@ -20,8 +20,8 @@ use pixmesh_meshing::{Face, Mesh};
 
 /// A mesh in space.
 pub(crate) struct Surface<'a> {
-    mesh: &'a Mesh,
-    geometry: Geometry,
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) geometry: Geometry,
     heights: Heights,
     /// The boundary's vertices, counter-clockwise; none without a base.
     rim: Vec<u32>,
@@ -34,10 +34,6 @@ impl<'a> Surface<'a> {
         let heights = geometry.heights(mesh.shape())?;
         let rim = if geometry.base > 0.0 { rim::boundary(mesh) } else { Vec::new() };
         Ok(Self { mesh, geometry: *geometry, heights, rim })
-    }
-
-    pub(crate) fn mesh(&self) -> &'a Mesh {
-        self.mesh
     }
 
     /// Vertices: those of the mesh, then with a base one beneath each of the boundary, and one in
@@ -76,6 +72,11 @@ impl<'a> Surface<'a> {
         [x * pixel_size, y * pixel_size, z]
     }
 
+    /// The sample vectors of all vertices.
+    pub(crate) fn samples(&self) -> impl Iterator<Item = &'a [u16]> {
+        (0..self.vertex_count()).map(|vertex| self.mesh.vertex_samples(self.origin(vertex)))
+    }
+
     /// All positions.
     pub(crate) fn positions(&self) -> impl Iterator<Item = [f64; 3]> {
         (0..self.vertex_count()).map(|vertex| self.position(vertex))
@@ -95,14 +96,9 @@ impl<'a> Surface<'a> {
         self.mesh.faces().iter().copied().chain(sides)
     }
 
-    /// Whether the surface has a shape of its own, not only a picture.
+    /// Whether all of the surface lies in one plane.
     pub(crate) fn is_flat(&self) -> bool {
         self.geometry.relief.is_none() && self.rim.is_empty()
-    }
-
-    /// The geometry it was made by.
-    pub(crate) fn geometry(&self) -> &Geometry {
-        &self.geometry
     }
 
     /// The least and the largest `z` that any sample could have.

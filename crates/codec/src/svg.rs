@@ -16,62 +16,55 @@
 mod fill;
 
 use crate::choices::Shading;
-use crate::color::Colors;
+use crate::color::{Colors, has_alpha};
 use crate::error::EncodeError;
 use crate::lines::Lines;
 use fill::{Layer, put_fill};
-use pixmesh_meshing::{Mesh, Point};
+use pixmesh_meshing::{Mesh, Point, Shape};
 use std::io::{self, Write};
 
-/// Writes a mesh as SVG.
-///
-/// # Errors
-/// Whatever `out` fails with.
-pub fn write_svg(mesh: &Mesh, shading: Shading, out: &mut impl Write) -> Result<(), EncodeError> {
+/// Writes a mesh as SVG: the size in pixels, and the pixels' middles at whole numbers.
+pub(crate) fn write_svg(
+    mesh: &Mesh,
+    shading: Shading,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    let Shape { width, height, component_count, .. } = mesh.shape();
     let colors = Colors::new(mesh.shape());
     let mut lines = Lines::new(out);
-    put_root(mesh, &mut lines)?;
-    if colors.has_alpha() {
-        let box_ = "x=\"-.5\" y=\"-.5\" width=\"100%\" height=\"100%\"";
-        lines.text("<mask id=\"alpha\" maskUnits=\"userSpaceOnUse\" ");
-        lines.text(box_);
-        lines.end(" style=\"mask-type:luminance\" color-interpolation=\"sRGB\">\n")?;
-        put_layer(mesh, &colors, shading, Layer::Alpha, &mut lines)?;
-        lines.end("</mask>\n<g mask=\"url(#alpha)\">\n")?;
+    writeln!(
+        lines,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"-.5 -.5 {width} {height}\">"
+    )?;
+    if has_alpha(component_count) {
+        writeln!(
+            lines,
+            "<mask id=\"alpha\" maskUnits=\"userSpaceOnUse\" x=\"-.5\" y=\"-.5\" width=\"100%\" \
+             height=\"100%\" style=\"mask-type:luminance\" color-interpolation=\"sRGB\">"
+        )?;
+        put_layer(mesh, &colors, shading, Layer::ALPHA, &mut lines)?;
+        writeln!(lines, "</mask>\n<g mask=\"url(#alpha)\">")?;
     }
-    match (shading, mesh.shape().component_count) {
-        (Shading::Flat, _) => put_layer(mesh, &colors, shading, Layer::Color, &mut lines)?,
+    match (shading, component_count) {
+        (Shading::Flat, _) => put_layer(mesh, &colors, shading, Layer::COLOR, &mut lines)?,
         (Shading::Gradient, 1 | 2) => {
-            put_layer(mesh, &colors, shading, Layer::Gray, &mut lines)?;
+            put_layer(mesh, &colors, shading, Layer::GRAY, &mut lines)?;
         }
         (Shading::Gradient, _) => {
-            lines.end("<g style=\"isolation:isolate\">\n")?;
-            for layer in [Layer::Red, Layer::Green, Layer::Blue] {
+            writeln!(lines, "<g style=\"isolation:isolate\">")?;
+            for layer in [Layer::RED, Layer::GREEN, Layer::BLUE] {
                 put_layer(mesh, &colors, shading, layer, &mut lines)?;
             }
-            lines.end("</g>\n")?;
+            writeln!(lines, "</g>")?;
         }
     }
-    if colors.has_alpha() {
-        lines.end("</g>\n")?;
+    if has_alpha(component_count) {
+        writeln!(lines, "</g>")?;
     }
-    lines.end("</svg>\n")?;
+    writeln!(lines, "</svg>")?;
     lines.flush()?;
     Ok(())
-}
-
-/// Appends the root's start: the size in pixels, and the pixels' middles at whole numbers.
-fn put_root<W: Write>(mesh: &Mesh, lines: &mut Lines<'_, W>) -> io::Result<()> {
-    let (width, height) = (mesh.shape().width, mesh.shape().height);
-    lines.text("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"");
-    lines.integer(width);
-    lines.text("\" height=\"");
-    lines.integer(height);
-    lines.text("\" viewBox=\"-.5 -.5 ");
-    lines.integer(width);
-    lines.text(" ");
-    lines.integer(height);
-    lines.end("\">\n")
 }
 
 /// Appends all triangles of a layer, and draws them with strokes and without.
@@ -82,25 +75,21 @@ fn put_layer<W: Write>(
     layer: Layer,
     lines: &mut Lines<'_, W>,
 ) -> io::Result<()> {
-    let name = layer.name();
-    lines.text("<g");
-    lines.text(layer.style());
-    lines.text("><defs><g id=\"");
-    lines.text(name);
-    lines.end("\">\n")?;
+    let Layer { name, style, .. } = layer;
+    writeln!(lines, "<g{style}><defs><g id=\"{name}\">")?;
     let top = mesh.shape().height as i32 - 1;
     for (index, &face) in mesh.faces().iter().enumerate() {
         let corners = mesh.corners(face).map(|point| Point::new(point.x, top - point.y));
         let colours = face.map(|vertex| colors.rgba(mesh.vertex_samples(vertex as usize)));
-        put_fill(layer, shading, index, corners, colours, lines);
+        put_fill(layer, shading, index, corners, colours, lines)?;
         put_triangle(corners, lines);
         lines.end("\"/>\n")?;
     }
-    lines.text("</g></defs><use href=\"#");
-    lines.text(name);
-    lines.text("\" stroke-width=\"2\" stroke-linejoin=\"round\"/><use href=\"#");
-    lines.text(name);
-    lines.end("\" stroke-width=\"0\"/></g>\n")
+    writeln!(
+        lines,
+        "</g></defs><use href=\"#{name}\" stroke-width=\"2\" stroke-linejoin=\"round\"/>\
+         <use href=\"#{name}\" stroke-width=\"0\"/></g>"
+    )
 }
 
 /// Appends the path's data: the first corner, then the steps to the others.

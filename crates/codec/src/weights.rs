@@ -8,6 +8,7 @@ use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::header::Header;
 use crate::limits::Limits;
+use crate::rounding::rounded_quotient;
 use crate::wanted::{Wanted, always};
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Cancelled, Image};
@@ -102,7 +103,7 @@ fn check(
 /// The luma of each point in thousandths of its samples' sum of weights, as 8 bits, to the nearest.
 fn lumas(picture: &Image, wanted: &Wanted<'_>) -> Result<Vec<u8>, Cancelled> {
     let most = 1000 * u64::from(picture.max_sample());
-    let scaled = |thousandths: u64| ((255 * thousandths + most / 2) / most) as u8;
+    let scaled = |thousandths: u64| rounded_quotient(255 * thousandths, most) as u8;
     let luma =
         |r: u16, g: u16, b: u16| 299 * u64::from(r) + 587 * u64::from(g) + 114 * u64::from(b);
     let mut weights = Vec::with_capacity(picture.pixel_count());

@@ -8,25 +8,23 @@ mod samples;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pixmesh_codec::{
-    Compression, Geometry, GltfOptions, LengthUnit, Relief, ReliefHeight, ReliefSource, Texture,
-    write_glb, write_gltf,
+    Compression, EncodeOptions, Format, Geometry, LengthUnit, Relief, ReliefHeight, ReliefSource,
+    Texture,
 };
 use pixmesh_meshing::Mesh;
 use proptest::strategy::{Strategy, ValueTree};
-use samples::{gradient, lattice, scattered, skip};
+use samples::{gradient, lattice, scattered, skip, written};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn glb(mesh: &Mesh) -> Vec<u8> {
-    glb_with(mesh, &GltfOptions::default())
+    glb_with(mesh, &EncodeOptions::default())
 }
 
-fn glb_with(mesh: &Mesh, options: &GltfOptions<'_>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    write_glb(mesh, options, &mut bytes).unwrap();
-    bytes
+fn glb_with(mesh: &Mesh, options: &EncodeOptions<'_>) -> Vec<u8> {
+    written(mesh, Format::Glb, options).unwrap()
 }
 
 /// A relief on a base, in millimetres.
@@ -41,16 +39,16 @@ fn solid() -> Geometry {
 }
 
 /// Options that every part of the writer is needed for.
-fn options(texture: &Texture) -> Vec<(&'static str, GltfOptions<'_>)> {
+fn options(texture: &Texture) -> Vec<(&'static str, EncodeOptions<'_>)> {
     let mut all = Vec::new();
     for compression in Compression::ALL {
-        let plain = GltfOptions { compression: *compression, ..GltfOptions::default() };
+        let plain = EncodeOptions { compression: *compression, ..EncodeOptions::default() };
         let relief = Geometry { relief: Some(Relief::default()), ..Geometry::default() };
         all.push((compression.name(), plain));
-        all.push(("relief", GltfOptions { geometry: relief, ..plain }));
-        all.push(("solid", GltfOptions { geometry: solid(), ..plain }));
-        all.push(("texture", GltfOptions { texture: Some(texture), ..plain }));
-        let both = GltfOptions { texture: Some(texture), geometry: solid(), ..plain };
+        all.push(("relief", EncodeOptions { geometry: relief, ..plain }));
+        all.push(("solid", EncodeOptions { geometry: solid(), ..plain }));
+        all.push(("texture", EncodeOptions { texture: Some(texture), ..plain }));
+        let both = EncodeOptions { texture: Some(texture), geometry: solid(), ..plain };
         all.push(("solid_texture", both));
     }
     all
@@ -111,8 +109,7 @@ fn the_khronos_validator_finds_neither_errors_nor_warnings() {
         }
     }
     for (name, options) in options(&textures[0]) {
-        let mut bytes = Vec::new();
-        write_gltf(&lattice(5, 4, 3, 8), &options, &mut bytes).unwrap();
+        let bytes = written(&lattice(5, 4, 3, 8), Format::Gltf, &options).unwrap();
         add(bytes, &format!("{name}.gltf"));
     }
     let output = command.output();
@@ -137,8 +134,10 @@ fn count_of(name: &str) -> usize {
 fn jpeg_texture() -> Texture {
     let image = gradient(16, 9, 3);
     let jpeg = samples::jpeg(&image, 80);
-    let texture = Texture::of_file(&jpeg, &image).unwrap();
-    assert_eq!(texture.media_type(), "image/jpeg");
+    let texture = Texture::of_file_while(&jpeg, &image, &|| Ok(())).unwrap();
+    let options = EncodeOptions { texture: Some(&texture), ..EncodeOptions::default() };
+    let glb = glb_with(&lattice(3, 3, 3, 8), &options);
+    assert!(String::from_utf8_lossy(&glb).contains("\"mimeType\":\"image/jpeg\""));
     texture
 }
 
@@ -214,7 +213,8 @@ fn compressed_files_hold_the_same_triangles_for_the_library_that_defines_them() 
         meshes.push(samples::meshes().new_tree(&mut runner).unwrap().current());
     }
     let write = |mesh: &Mesh, index: usize| {
-        let options = GltfOptions { compression: Compression::Meshopt, ..GltfOptions::default() };
+        let options =
+            EncodeOptions { compression: Compression::Meshopt, ..EncodeOptions::default() };
         let path = folder.join(format!("{index}.glb"));
         std::fs::write(&path, glb_with(mesh, &options)).unwrap();
         path
@@ -226,7 +226,8 @@ fn compressed_files_hold_the_same_triangles_for_the_library_that_defines_them() 
     let Some(files) = files else { return };
     assert_eq!(files.len(), meshes.len());
     for (mesh, (document, views)) in meshes.iter().zip(&files) {
-        let options = GltfOptions { compression: Compression::Quantized, ..GltfOptions::default() };
+        let options =
+            EncodeOptions { compression: Compression::Quantized, ..EncodeOptions::default() };
         let plain = glb_with(mesh, &options);
         let (plain_document, buffer) = parts(&plain);
         let plain_views: Vec<Vec<u8>> = plain_document["bufferViews"]
@@ -245,8 +246,9 @@ fn compressed_files_hold_the_same_triangles_for_the_library_that_defines_them() 
 #[test]
 fn compression_makes_large_meshes_several_times_smaller() {
     let mesh = lattice(200, 200, 3, 8);
-    let size =
-        |compression| glb_with(&mesh, &GltfOptions { compression, ..GltfOptions::default() }).len();
+    let size = |compression| {
+        glb_with(&mesh, &EncodeOptions { compression, ..EncodeOptions::default() }).len()
+    };
     let (plain, quantized) = (size(Compression::None), size(Compression::Quantized));
     let compressed = size(Compression::Meshopt);
     println!("40000 vertices: {plain} bytes, quantized {quantized}, compressed {compressed}");

@@ -6,13 +6,13 @@
 mod samples;
 
 use pixmesh_codec::{
-    Geometry, GltfOptions, LengthUnit, Relief, ReliefHeight, ReliefSource, write_glb, write_json,
-    write_obj, write_ply, write_stl,
+    Encodable, EncodeError, EncodeOptions, Format, Geometry, LengthUnit, Relief, ReliefHeight,
+    ReliefSource, encode,
 };
 use pixmesh_meshing::{Fidelity, Mesh};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
-use samples::{lattice, meshes, skip};
+use samples::{lattice, meshes, skip, written};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -54,17 +54,11 @@ fn elevation() -> Geometry {
     }
 }
 
-type Writer = fn(&Mesh, &Geometry, &mut Vec<u8>);
+const FORMATS: [Format; 4] = [Format::Ply, Format::Obj, Format::Stl, Format::Glb];
 
-const WRITERS: [(&str, Writer); 4] = [
-    ("ply", |mesh, geometry, bytes| write_ply(mesh, geometry, bytes).unwrap()),
-    ("obj", |mesh, geometry, bytes| write_obj(mesh, geometry, bytes).unwrap()),
-    ("stl", |mesh, geometry, bytes| write_stl(mesh, geometry, bytes).unwrap()),
-    ("glb", |mesh, geometry, bytes| {
-        let options = GltfOptions { geometry: *geometry, ..GltfOptions::default() };
-        write_glb(mesh, &options, bytes).unwrap();
-    }),
-];
+fn in_space(mesh: &Mesh, format: Format, geometry: Geometry) -> Result<Vec<u8>, EncodeError> {
+    written(mesh, format, &EncodeOptions { geometry, ..EncodeOptions::default() })
+}
 
 fn numbers(value: &Value) -> Vec<f64> {
     match value {
@@ -90,12 +84,10 @@ fn trimesh_and_meshio_read_what_was_written() {
     let mut cases = Vec::new();
     for (number, mesh) in meshes_.iter().enumerate() {
         for (name, geometry) in geometries {
-            for (extension, write) in WRITERS {
-                let path = folder.join(format!("{number}_{name}.{extension}"));
-                let mut bytes = Vec::new();
-                write(mesh, &geometry, &mut bytes);
-                std::fs::write(&path, bytes).unwrap();
-                cases.push((path, mesh, geometry, extension));
+            for format in FORMATS {
+                let path = folder.join(format!("{number}_{name}.{format}"));
+                std::fs::write(&path, in_space(mesh, format, geometry).unwrap()).unwrap();
+                cases.push((path, mesh, geometry, format.name()));
             }
         }
     }
@@ -171,10 +163,9 @@ fn check(path: &Path, mesh: &Mesh, geometry: Geometry, extension: &str, report: 
 #[test]
 fn a_solid_is_written_in_the_order_of_its_parts() {
     let mesh = samples::crossings(&[0, 2], &[0, 2], 1, 8, |i| [0, 255, 51, 102][i]);
-    let mut obj = Vec::new();
     let relief = Relief { height: ReliefHeight::Total(5.0), ..Relief::default() };
     let geometry = Geometry { relief: Some(relief), base: 0.5, ..Geometry::default() };
-    write_obj(&mesh, &geometry, &mut obj).unwrap();
+    let obj = in_space(&mesh, Format::Obj, geometry).unwrap();
     let expected = "\
         # lengths in m\no picture\n\
         v 0 0 0 0.0000 0.0000 0.0000\nv 2 0 5 1.0000 1.0000 1.0000\n\
@@ -194,7 +185,9 @@ proptest! {
         let shape = mesh.shape();
         let fidelity = Fidelity::new(squared_error, shape);
         let mut bytes = Vec::new();
-        write_json(&mesh, Some(&fidelity), &Geometry::default(), &mut bytes).unwrap();
+        let source = Encodable { fidelity: Some(&fidelity), ..Encodable::new(&mesh) };
+        let options = EncodeOptions::default();
+        encode(&source, Format::Json, &options, &mut bytes, &|| Ok(())).unwrap();
         let parsed: Value = serde_json::from_slice(&bytes).unwrap();
         for (name, value) in [
             ("width", shape.width), ("height", shape.height), ("components", shape.component_count),
@@ -219,13 +212,9 @@ proptest! {
     #[test]
     fn the_same_mesh_gives_the_same_bytes_in_every_format(mesh in meshes()) {
         for geometry in [Geometry::default(), elevation(), lithophane()] {
-            for (extension, write) in WRITERS {
-                let once = |mesh: &Mesh| {
-                    let mut bytes = Vec::new();
-                    write(mesh, &geometry, &mut bytes);
-                    bytes
-                };
-                prop_assert_eq!(once(&mesh), once(&mesh.clone()), "{}", extension);
+            for format in FORMATS {
+                let once = |mesh: &Mesh| in_space(mesh, format, geometry).unwrap();
+                prop_assert_eq!(once(&mesh), once(&mesh.clone()), "{}", format);
             }
         }
     }
@@ -238,8 +227,8 @@ fn a_relief_of_a_component_that_is_not_there_is_refused() {
     let mesh = lattice(3, 3, 2, 8);
     let message = "the relief is to follow component 2 (counted from 0) of 2";
     assert_eq!(geometry.check(2).unwrap_err().to_string(), message);
-    let mut bytes = Vec::new();
-    assert_eq!(write_ply(&mesh, &geometry, &mut bytes).unwrap_err().to_string(), message);
-    assert_eq!(write_stl(&mesh, &geometry, &mut bytes).unwrap_err().to_string(), message);
+    for format in FORMATS {
+        assert_eq!(in_space(&mesh, format, geometry).unwrap_err().to_string(), message);
+    }
     assert!(geometry.check(3).is_ok());
 }

@@ -6,11 +6,11 @@
 mod samples;
 
 use pixmesh_codec::{
-    Compression, Geometry, GltfOptions, Limits, Relief, Shading, Texture, decode, write_glb,
-    write_gltf, write_png, write_svg,
+    Compression, EncodeOptions, Format, Geometry, Limits, Relief, Shading, Texture, decode,
+    write_png,
 };
 use pixmesh_meshing::{Image, Mesh, Method, Target, mesh_image, rasterize};
-use samples::skip;
+use samples::{skip, written};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -63,6 +63,16 @@ impl Folder {
         let path = self.0.join(name);
         std::fs::write(&path, bytes).unwrap();
         path
+    }
+
+    fn write_mesh(
+        &self,
+        name: &str,
+        mesh: &Mesh,
+        format: Format,
+        options: &EncodeOptions<'_>,
+    ) -> PathBuf {
+        self.write(name, |bytes| *bytes = written(mesh, format, options).unwrap())
     }
 }
 
@@ -189,16 +199,15 @@ fn three_js_draws_what_our_rasteriser_makes_of_the_same_mesh() {
     let mut jobs = Vec::new();
     for (name, mesh) in [("gray", &gray), ("rgb", &rgb)] {
         for compression in Compression::ALL {
-            let options = GltfOptions { compression: *compression, ..GltfOptions::default() };
-            jobs.push(folder.write(&format!("{name}_{compression}.glb"), |bytes| {
-                write_glb(mesh, &options, bytes).unwrap();
-            }));
+            let options = EncodeOptions { compression: *compression, ..EncodeOptions::default() };
+            let path = format!("{name}_{compression}.glb");
+            jobs.push(folder.write_mesh(&path, mesh, Format::Glb, &options));
         }
     }
-    let textured = GltfOptions { texture: Some(&texture), ..GltfOptions::default() };
-    jobs.push(folder.write("texture.glb", |bytes| write_glb(&rgb, &textured, bytes).unwrap()));
-    let quantized = GltfOptions { compression: Compression::Quantized, ..textured };
-    jobs.push(folder.write("texture_q.gltf", |bytes| write_gltf(&rgb, &quantized, bytes).unwrap()));
+    let textured = EncodeOptions { texture: Some(&texture), ..EncodeOptions::default() };
+    jobs.push(folder.write_mesh("texture.glb", &rgb, Format::Glb, &textured));
+    let quantized = EncodeOptions { compression: Compression::Quantized, ..textured };
+    jobs.push(folder.write_mesh("texture_q.gltf", &rgb, Format::Gltf, &quantized));
     let jobs: Vec<_> = jobs.into_iter().map(|path| (path, "#f0f")).collect();
     let Some(drawn) = render(&jobs) else { return };
     let (gray, rgb) = (rasterized_in_linear_light(&gray), rasterized_in_linear_light(&rgb));
@@ -222,10 +231,9 @@ fn a_relief_is_lit_by_its_slopes() {
     let mut jobs = Vec::new();
     for (name, geometry) in [("flat", flat), ("relief", relief), ("solid", solid)] {
         for compression in [Compression::None, Compression::Meshopt] {
-            let options = GltfOptions { geometry, compression, ..GltfOptions::default() };
-            let path = folder.write(&format!("{name}_{compression}.glb"), |bytes| {
-                write_glb(&mesh, &options, bytes).unwrap();
-            });
+            let options = EncodeOptions { geometry, compression, ..EncodeOptions::default() };
+            let name = format!("{name}_{compression}.glb");
+            let path = folder.write_mesh(&name, &mesh, Format::Glb, &options);
             jobs.push((path, "#003", 0.9));
         }
     }
@@ -252,15 +260,14 @@ fn svg_has_no_seams_and_gradients_show_what_our_rasteriser_shows() {
     };
     let mut jobs = Vec::new();
     for shading in Shading::ALL {
+        let options = EncodeOptions { shading: *shading, ..EncodeOptions::default() };
         // Black on white: whatever is not black is a seam.
-        let path = folder.write(&format!("seams_{shading}.svg"), |bytes| {
-            write_svg(&one_colour, *shading, bytes).unwrap();
-        });
+        let name = format!("seams_{shading}.svg");
+        let path = folder.write_mesh(&name, &one_colour, Format::Svg, &options);
         jobs.push((path, "#fff"));
         for (count, mesh) in (1..).zip(&meshes) {
-            let path = folder.write(&format!("picture_{count}_{shading}.svg"), |bytes| {
-                write_svg(mesh, *shading, bytes).unwrap();
-            });
+            let name = format!("picture_{count}_{shading}.svg");
+            let path = folder.write_mesh(&name, mesh, Format::Svg, &options);
             jobs.push((path, "#f0f"));
         }
     }

@@ -141,7 +141,7 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
 
     let texture = |last| ask(last, |wanted| Texture::of_file_while(&png, &image, wanted));
     let (made, questions) = texture(usize::MAX);
-    assert_eq!(made.unwrap(), Texture::of_file(&png, &image).unwrap());
+    assert_eq!(made.unwrap(), Texture::of_file_while(&png, &image, &|| Ok(())).unwrap());
     for last in 0..questions {
         assert!(matches!(texture(last).0, Err(EncodeError::Cancelled(_))), "{last}");
     }

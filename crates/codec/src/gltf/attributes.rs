@@ -4,7 +4,10 @@
 //! own: `x` and `y` are columns and rows, and `z` is 0 to 65535 over the range of depths; the node
 //! scales them. Normals of integers are those of the unscaled surface, as its readers expect.
 
+use super::document::{FLOAT, SHORT, UNSIGNED_SHORT};
 use super::srgb::linear_table;
+use crate::color::rgba;
+use crate::rounding::rounded_quotient;
 use crate::surface::{Surface, unit};
 
 /// One attribute of all vertices.
@@ -32,11 +35,11 @@ pub(super) struct Lattice {
 impl Lattice {
     /// The lattice of a surface; `None` where 16 bits do not hold its columns and rows.
     pub(super) fn of(surface: &Surface<'_>) -> Option<Self> {
-        let shape = surface.mesh().shape();
+        let shape = surface.mesh.shape();
         if shape.width.max(shape.height) > 1 << 16 {
             return None;
         }
-        let pixel_size = surface.geometry().pixel_size;
+        let pixel_size = surface.geometry.pixel_size;
         let [bottom, top] = surface.depth_range();
         let step = if top > bottom { (top - bottom) / f64::from(u16::MAX) } else { 1.0 };
         Some(Self { scale: [pixel_size, pixel_size, step], bottom })
@@ -52,105 +55,80 @@ impl Lattice {
 
 /// Positions, as integers on a lattice or as floating-point numbers.
 pub(super) fn positions(surface: &Surface<'_>, lattice: Option<Lattice>) -> Attribute {
-    let mut bounds = Bounds::default();
+    let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     let mut bytes = Vec::with_capacity(surface.vertex_count() * 12);
     for position in surface.positions() {
-        match lattice {
+        let stored = match lattice {
             Some(lattice) => {
                 let [x, y, z] = lattice.place(position);
-                bounds.add([x, y, z].map(f32::from));
                 bytes.extend_from_slice([x, y, z, 0].map(u16::to_le_bytes).as_flattened());
+                [x, y, z].map(f32::from)
             }
             None => {
                 let position = position.map(|length| length as f32);
-                bounds.add(position);
                 bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+                position
             }
-        }
+        };
+        let [least, largest] = &mut bounds;
+        least.iter_mut().zip(stored).for_each(|(least, part)| *least = least.min(part));
+        largest.iter_mut().zip(stored).for_each(|(largest, part)| *largest = largest.max(part));
     }
-    let integers = lattice.is_some();
-    Attribute {
-        name: "POSITION",
-        kind: "VEC3",
-        component_type: number_type(integers, super::document::UNSIGNED_SHORT),
-        normalized: false,
-        stride: if integers { 8 } else { 12 },
-        bounds: Some([bounds.least, bounds.largest]),
-        bytes,
-    }
+    let (component_type, stride) =
+        if lattice.is_some() { (UNSIGNED_SHORT, 8) } else { (FLOAT, 12) };
+    let (name, kind, bounds) = ("POSITION", "VEC3", Some(bounds));
+    Attribute { name, kind, component_type, normalized: false, stride, bounds, bytes }
 }
 
 /// Unit normals.
 pub(super) fn normals(surface: &Surface<'_>, lattice: Option<Lattice>) -> Attribute {
     let mut bytes = Vec::with_capacity(surface.vertex_count() * 12);
-    for normal in surface.normals() {
+    for [x, y, z] in surface.normals() {
         match lattice {
             Some(Lattice { scale, .. }) => {
                 // Readers multiply with the inverse of the scale.
-                let [x, y, z] = normal;
-                let normal = unit([x * scale[0], y * scale[1], z * scale[2]]);
-                let [x, y, z] = normal.map(signed_16);
+                let [x, y, z] = unit([x * scale[0], y * scale[1], z * scale[2]]).map(signed_16);
                 bytes.extend_from_slice([x, y, z, 0].map(i16::to_le_bytes).as_flattened());
             }
             None => {
-                let normal = normal.map(|part| part as f32);
+                let normal = [x as f32, y as f32, z as f32];
                 bytes.extend_from_slice(normal.map(f32::to_le_bytes).as_flattened());
             }
         }
     }
-    let integers = lattice.is_some();
-    Attribute {
-        name: "NORMAL",
-        kind: "VEC3",
-        component_type: number_type(integers, super::document::SHORT),
-        normalized: integers,
-        stride: if integers { 8 } else { 12 },
-        bounds: None,
-        bytes,
-    }
+    let normalized = lattice.is_some();
+    let (component_type, stride) = if normalized { (SHORT, 8) } else { (FLOAT, 12) };
+    let (name, kind, bounds) = ("NORMAL", "VEC3", None);
+    Attribute { name, kind, component_type, normalized, stride, bounds, bytes }
 }
 
 /// Linear red, green, blue and alpha of 16 bits: with 8 bits dark gradients would show bands.
 pub(super) fn colors(surface: &Surface<'_>) -> Attribute {
-    let mesh = surface.mesh();
-    let table = linear_table(mesh.shape().precision);
-    let largest = u64::from(u16::MAX >> (16 - mesh.shape().precision));
+    let shape = surface.mesh.shape();
+    let table = linear_table(shape.precision);
+    let largest = u64::from(u16::MAX >> (16 - shape.precision));
     let linear = |sample: u16| table.get(usize::from(sample)).copied().unwrap_or(u16::MAX);
-    let alpha = |sample: u16| ((2 * u64::from(sample) * 65535 + largest) / (2 * largest)) as u16;
+    let alpha = |sample: u16| rounded_quotient(u64::from(sample) * 65535, largest) as u16;
     let mut bytes = Vec::with_capacity(surface.vertex_count() * 8);
-    for vertex in 0..surface.vertex_count() {
-        let color = match *mesh.vertex_samples(surface.origin(vertex)) {
-            [gray] => [linear(gray), linear(gray), linear(gray), u16::MAX],
-            [gray, opacity] => [linear(gray), linear(gray), linear(gray), alpha(opacity)],
-            [red, green, blue, opacity] => {
-                [linear(red), linear(green), linear(blue), alpha(opacity)]
-            }
-            [red, green, blue, ..] => [linear(red), linear(green), linear(blue), u16::MAX],
-            [] => [0; 4],
-        };
+    for samples in surface.samples() {
+        let color = rgba(samples, linear, alpha, u16::MAX);
         bytes.extend_from_slice(color.map(u16::to_le_bytes).as_flattened());
     }
-    Attribute {
-        name: "COLOR_0",
-        kind: "VEC4",
-        component_type: super::document::UNSIGNED_SHORT,
-        normalized: true,
-        stride: 8,
-        bounds: None,
-        bytes,
-    }
+    let (name, kind, bounds) = ("COLOR_0", "VEC4", None);
+    let component_type = UNSIGNED_SHORT;
+    Attribute { name, kind, component_type, normalized: true, stride: 8, bounds, bytes }
 }
 
 /// Places on the picture, `v` down: a lattice point is the middle of its pixel.
-pub(super) fn texture_places(surface: &Surface<'_>, integers: bool) -> Attribute {
-    let mesh = surface.mesh();
-    let (width, height) = (mesh.shape().width as f64, mesh.shape().height as f64);
+pub(super) fn texture_places(surface: &Surface<'_>, normalized: bool) -> Attribute {
+    let shape = surface.mesh.shape();
+    let (width, height) = (shape.width as f64, shape.height as f64);
     let mut bytes = Vec::with_capacity(surface.vertex_count() * 8);
     for vertex in 0..surface.vertex_count() {
-        let point = mesh.points().get(surface.origin(vertex));
+        let point = surface.mesh.points().get(surface.origin(vertex));
         let [x, y] = point.map_or([0.0; 2], |p| [f64::from(p.x), f64::from(p.y)]);
         let place = [(x + 0.5) / width, (height - 0.5 - y) / height];
-        if integers {
+        if normalized {
             let place = place.map(|part| (part * f64::from(u16::MAX) + 0.5) as u16);
             bytes.extend_from_slice(place.map(u16::to_le_bytes).as_flattened());
         } else {
@@ -158,47 +136,13 @@ pub(super) fn texture_places(surface: &Surface<'_>, integers: bool) -> Attribute
             bytes.extend_from_slice(place.map(f32::to_le_bytes).as_flattened());
         }
     }
-    Attribute {
-        name: "TEXCOORD_0",
-        kind: "VEC2",
-        component_type: number_type(integers, super::document::UNSIGNED_SHORT),
-        normalized: integers,
-        stride: if integers { 4 } else { 8 },
-        bounds: None,
-        bytes,
-    }
-}
-
-fn number_type(integers: bool, integer_type: u32) -> u32 {
-    if integers { integer_type } else { super::document::FLOAT }
+    let (component_type, stride) = if normalized { (UNSIGNED_SHORT, 4) } else { (FLOAT, 8) };
+    let (name, kind, bounds) = ("TEXCOORD_0", "VEC2", None);
+    Attribute { name, kind, component_type, normalized, stride, bounds, bytes }
 }
 
 /// A number of -1 to 1 as a normalised 16-bit integer, rounded to the nearest.
 fn signed_16(part: f64) -> i16 {
     let scaled = part * f64::from(i16::MAX);
     if scaled < 0.0 { (scaled - 0.5) as i16 } else { (scaled + 0.5) as i16 }
-}
-
-/// The bounds of positions.
-struct Bounds {
-    least: [f32; 3],
-    largest: [f32; 3],
-}
-
-impl Default for Bounds {
-    fn default() -> Self {
-        Self { least: [f32::INFINITY; 3], largest: [f32::NEG_INFINITY; 3] }
-    }
-}
-
-impl Bounds {
-    fn add(&mut self, position: [f32; 3]) {
-        for (axis, part) in position.into_iter().enumerate() {
-            if let (Some(least), Some(largest)) =
-                (self.least.get_mut(axis), self.largest.get_mut(axis))
-            {
-                (*least, *largest) = (least.min(part), largest.max(part));
-            }
-        }
-    }
 }

@@ -4,6 +4,7 @@ use super::attributes::Attribute;
 use super::document::*;
 use crate::meshopt;
 use pixmesh_meshing::Face;
+use serde_json::json;
 use std::collections::BTreeMap;
 
 /// The most vertices that 16-bit indices can name: 65535 is no index, it restarts primitives.
@@ -28,55 +29,38 @@ impl Buffers {
     }
 
     /// Adds an attribute of all vertices, and gives the index of its accessor.
-    pub(super) fn add_attribute(&mut self, attribute: &Attribute) -> usize {
-        let count = attribute.bytes.len() / attribute.stride;
+    pub(super) fn add_attribute(&mut self, attribute: Attribute) -> usize {
+        let Attribute { component_type, normalized, kind, stride, bounds, bytes, .. } = attribute;
+        let count = bytes.len() / stride;
         let buffer_view = if self.compressed {
-            let packed = meshopt::compress_vertices(&attribute.bytes, attribute.stride);
-            self.add_compressed(&packed, attribute.stride, count, "ATTRIBUTES", ARRAY_BUFFER)
+            let packed = meshopt::compress_vertices(&bytes, stride);
+            self.add_compressed(&packed, stride, count, "ATTRIBUTES", ARRAY_BUFFER)
         } else {
-            self.add_plain(&attribute.bytes, Some(attribute.stride), Some(ARRAY_BUFFER))
+            self.add_plain(&bytes, Some(stride), Some(ARRAY_BUFFER))
         };
-        let [min, max] = attribute.bounds.map_or([None; 2], |bounds| bounds.map(Some));
-        let Attribute { component_type, normalized, kind, .. } = *attribute;
-        self.add_accessor(Accessor {
-            buffer_view,
-            component_type,
-            normalized,
-            count,
-            kind,
-            min,
-            max,
-        })
+        let [min, max] = bounds.map_or([None; 2], |bounds| bounds.map(Some));
+        let accessor = Accessor { buffer_view, component_type, normalized, count, kind, min, max };
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
     }
 
     /// Adds the faces, with indices in the smallest type, and gives the index of their accessor.
     pub(super) fn add_faces(&mut self, faces: &[Face], vertex_count: usize) -> usize {
         let short = vertex_count <= MAX_SHORT_VERTICES;
+        let (component_type, stride) = if short { (UNSIGNED_SHORT, 2) } else { (UNSIGNED_INT, 4) };
         let count = 3 * faces.len();
         let buffer_view = if self.compressed {
             let packed = meshopt::compress_faces(faces);
-            let stride = if short { 2 } else { 4 };
             self.add_compressed(&packed, stride, count, "TRIANGLES", ELEMENT_ARRAY_BUFFER)
         } else {
-            let indices = faces.iter().flatten();
-            let bytes: Vec<u8> = if short {
-                indices.flat_map(|&index| (index as u16).to_le_bytes()).collect()
-            } else {
-                indices.flat_map(|&index| index.to_le_bytes()).collect()
-            };
-            self.add_plain(&bytes, None, Some(ELEMENT_ARRAY_BUFFER))
+            let bytes =
+                faces.iter().flatten().flat_map(|i| i.to_le_bytes().into_iter().take(stride));
+            self.add_plain(&bytes.collect::<Vec<u8>>(), None, Some(ELEMENT_ARRAY_BUFFER))
         };
-        let component_type = if short { UNSIGNED_SHORT } else { UNSIGNED_INT };
         let (normalized, kind, min, max) = (false, "SCALAR", None, None);
-        self.add_accessor(Accessor {
-            buffer_view,
-            component_type,
-            normalized,
-            count,
-            kind,
-            min,
-            max,
-        })
+        let accessor = Accessor { buffer_view, component_type, normalized, count, kind, min, max };
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
     }
 
     /// Adds a view of bytes as they are, and gives its index.
@@ -86,15 +70,10 @@ impl Buffers {
         byte_stride: Option<usize>,
         target: Option<u32>,
     ) -> usize {
-        let byte_offset = self.append(bytes);
-        self.views.push(BufferView {
-            buffer: 0,
-            byte_offset,
-            byte_length: bytes.len(),
-            byte_stride,
-            target,
-            extensions: BTreeMap::new(),
-        });
+        let (byte_offset, byte_length) = (self.append(bytes), bytes.len());
+        let view =
+            BufferView { byte_offset, byte_length, byte_stride, target, ..BufferView::default() };
+        self.views.push(view);
         self.views.len() - 1
     }
 
@@ -107,13 +86,13 @@ impl Buffers {
         mode: &'static str,
         target: u32,
     ) -> usize {
-        let compressed = CompressedView {
-            buffer: 0,
+        let compressed = BufferView {
             byte_offset: self.append(packed),
             byte_length: packed.len(),
-            byte_stride: stride,
-            count,
-            mode,
+            byte_stride: Some(stride),
+            count: Some(count),
+            mode: Some(mode),
+            ..BufferView::default()
         };
         let byte_length = stride * count;
         self.views.push(BufferView {
@@ -122,7 +101,8 @@ impl Buffers {
             byte_length,
             byte_stride: (target == ARRAY_BUFFER).then_some(stride),
             target: Some(target),
-            extensions: BTreeMap::from([(MESHOPT, compressed)]),
+            extensions: Some(BTreeMap::from([(MESHOPT, Box::new(compressed))])),
+            ..BufferView::default()
         });
         self.decompressed += byte_length.next_multiple_of(4);
         self.views.len() - 1
@@ -136,17 +116,12 @@ impl Buffers {
         offset
     }
 
-    fn add_accessor(&mut self, accessor: Accessor) -> usize {
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-
     /// The buffers as the document describes them.
     pub(super) fn descriptions(&self, uri: Option<String>) -> Vec<Buffer> {
         let byte_length = self.bytes.len();
-        let mut buffers = vec![Buffer { byte_length, uri, extensions: BTreeMap::new() }];
+        let mut buffers = vec![Buffer { byte_length, uri, extensions: None }];
         if self.compressed {
-            let extensions = BTreeMap::from([(MESHOPT, Fallback { fallback: true })]);
+            let extensions = Some(json!({ MESHOPT: { "fallback": true } }));
             buffers.push(Buffer { byte_length: self.decompressed, uri: None, extensions });
         }
         buffers

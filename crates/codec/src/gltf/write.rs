@@ -10,14 +10,16 @@
 use super::attributes::{self, Lattice};
 use super::buffer::Buffers;
 use super::document::*;
-use super::texture::Texture;
 use crate::choices::{Compression, LengthUnit};
+use crate::color::has_alpha;
+use crate::encode::EncodeOptions;
 use crate::error::EncodeError;
 use crate::face_order;
-use crate::surface::{Geometry, Surface};
+use crate::surface::Surface;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use pixmesh_meshing::{Face, Mesh as TriangleMesh, Shape};
+use pixmesh_meshing::{Face, Mesh};
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
@@ -32,26 +34,11 @@ const BIN_CHUNK: u32 = 0x004E_4942;
 /// Bytes of the file's header, and of the headers of two chunks.
 const HEADERS_BYTES: u64 = 12 + 2 * 8;
 
-/// How a mesh becomes glTF.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct GltfOptions<'a> {
-    /// How the mesh lies in space.
-    pub geometry: Geometry,
-    /// How vertices and indices are stored.
-    pub compression: Compression,
-    /// The picture to show instead of the vertices' colours.
-    pub texture: Option<&'a Texture>,
-}
-
 /// Writes a mesh as binary glTF: one primitive of triangles, double-sided, with positions, colours
 /// or a texture, normals where there is a relief, and indices in the smallest type that fits.
-///
-/// # Errors
-/// [`EncodeError::NoSuchComponent`] for a relief that cannot be, [`EncodeError::TooLarge`] when the
-/// file would take 4 GiB or more, and whatever `out` fails with.
-pub fn write_glb(
-    mesh: &TriangleMesh,
-    options: &GltfOptions<'_>,
+pub(crate) fn write_glb(
+    mesh: &Mesh,
+    options: &EncodeOptions<'_>,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let (document, mut buffer) = assemble(mesh, options, |_| None)?;
@@ -74,12 +61,9 @@ pub fn write_glb(
 
 /// Writes a mesh as glTF in JSON, with its buffer within as base64: a file of its own for readers
 /// of text. What it says is the same as [`write_glb`]'s.
-///
-/// # Errors
-/// As [`write_glb`], but of any length.
-pub fn write_gltf(
-    mesh: &TriangleMesh,
-    options: &GltfOptions<'_>,
+pub(crate) fn write_gltf(
+    mesh: &Mesh,
+    options: &EncodeOptions<'_>,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let uri = |bytes: &[u8]| {
@@ -95,8 +79,8 @@ pub fn write_gltf(
 
 /// The document and the bytes of its buffer, to which `uri` may give an address.
 fn assemble(
-    mesh: &TriangleMesh,
-    options: &GltfOptions<'_>,
+    mesh: &Mesh,
+    options: &EncodeOptions<'_>,
     uri: impl FnOnce(&[u8]) -> Option<String>,
 ) -> Result<(Document, Vec<u8>), EncodeError> {
     let compressed = options.compression == Compression::Meshopt;
@@ -112,23 +96,35 @@ fn assemble(
     let faces: Vec<Face> = surface.faces().collect();
     let indices = buffers.add_faces(&faces, surface.vertex_count());
     drop(faces);
-    let image = options.texture.map(|texture| ImageReference {
-        buffer_view: buffers.add_plain(texture.bytes(), None, None),
-        mime_type: texture.media_type(),
+    let image = options.texture.map(|texture| {
+        let view = buffers.add_plain(&texture.bytes, None, None);
+        json!([{ "bufferView": view, "mimeType": texture.media_type }])
     });
-    let extensions = extensions(&surface, lattice.is_some(), compressed);
+    let mut used = Vec::new();
+    used.extend(surface.is_flat().then_some(UNLIT));
+    used.extend(lattice.is_some().then_some(QUANTIZATION));
+    used.extend(compressed.then_some(MESHOPT));
+    let primitive = json!({
+        "attributes": attributes, "indices": indices, "material": 0, "mode": TRIANGLES,
+    });
+    let sampler = json!({
+        "magFilter": LINEAR,
+        "minFilter": LINEAR_MIPMAP_LINEAR,
+        "wrapS": CLAMP_TO_EDGE,
+        "wrapT": CLAMP_TO_EDGE,
+    });
     let document = Document {
         asset: Asset { version: "2.0", generator: concat!("pixmesh ", env!("CARGO_PKG_VERSION")) },
-        extensions_required: extensions.iter().copied().filter(|&name| name != UNLIT).collect(),
-        extensions_used: extensions,
+        extensions_required: used.iter().copied().filter(|&name| name != UNLIT).collect(),
+        extensions_used: used,
         scene: 0,
-        scenes: [Scene { nodes: [0] }],
+        scenes: json!([{ "nodes": [0] }]),
         nodes: [node(&surface, lattice)],
-        meshes: [Mesh { primitives: [Primitive::triangles(attributes, indices)] }],
+        meshes: json!([{ "primitives": [primitive] }]),
         materials: [material(&surface, image.is_some())],
-        textures: image.iter().map(|_| TextureReference { sampler: 0, source: 0 }).collect(),
-        samplers: image.iter().map(|_| Sampler::smooth()).collect(),
-        images: image.into_iter().collect(),
+        textures: image.is_some().then(|| json!([{ "sampler": 0, "source": 0 }])),
+        samplers: image.is_some().then(|| json!([sampler])),
+        images: image,
         buffers: buffers.descriptions(uri(&buffers.bytes)),
         accessors: buffers.accessors,
         buffer_views: buffers.views,
@@ -145,7 +141,7 @@ fn add_attributes(
 ) -> BTreeMap<&'static str, usize> {
     let mut accessors = BTreeMap::new();
     let mut add = |attribute: attributes::Attribute| {
-        accessors.insert(attribute.name, buffers.add_attribute(&attribute));
+        accessors.insert(attribute.name, buffers.add_attribute(attribute));
     };
     add(attributes::positions(surface, lattice));
     if !surface.is_flat() {
@@ -159,15 +155,9 @@ fn add_attributes(
     accessors
 }
 
-/// The extensions that the file uses.
-fn extensions(surface: &Surface<'_>, quantized: bool, compressed: bool) -> Vec<&'static str> {
-    let used = [(surface.is_flat(), UNLIT), (quantized, QUANTIZATION), (compressed, MESHOPT)];
-    used.into_iter().filter_map(|(is_used, name)| is_used.then_some(name)).collect()
-}
-
 /// The node, which scales what the file stores to metres.
 fn node(surface: &Surface<'_>, lattice: Option<Lattice>) -> Node {
-    let metres = match surface.geometry().unit {
+    let metres = match surface.geometry.unit {
         LengthUnit::Metre => 1.0,
         LengthUnit::Millimetre => 0.001,
     };
@@ -183,19 +173,16 @@ fn node(surface: &Surface<'_>, lattice: Option<Lattice>) -> Node {
 /// A material that shows the vertices' colours or the texture from both sides: as they are where
 /// the mesh is flat, else lit.
 fn material(surface: &Surface<'_>, textured: bool) -> Material {
+    let matt = match textured {
+        true => json!({
+            "baseColorTexture": { "index": 0 }, "metallicFactor": 0.0, "roughnessFactor": 1.0,
+        }),
+        false => json!({ "metallicFactor": 0.0, "roughnessFactor": 1.0 }),
+    };
     Material {
-        pbr_metallic_roughness: Appearance {
-            base_color_texture: textured.then_some(TextureUse { index: 0 }),
-            metallic_factor: 0.0,
-            roughness_factor: 1.0,
-        },
-        alpha_mode: has_alpha(surface.mesh().shape()).then_some("BLEND"),
+        pbr_metallic_roughness: matt,
+        alpha_mode: has_alpha(surface.mesh.shape().component_count).then_some("BLEND"),
         double_sided: true,
-        extensions: surface.is_flat().then_some((UNLIT, Empty {})).into_iter().collect(),
+        extensions: surface.is_flat().then(|| json!({ UNLIT: {} })),
     }
-}
-
-/// Tells whether the last component is alpha.
-fn has_alpha(shape: Shape) -> bool {
-    matches!(shape.component_count, 2 | 4)
 }

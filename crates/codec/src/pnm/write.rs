@@ -25,7 +25,14 @@ pub fn write_pnm(image: &Image, out: &mut impl Write) -> Result<(), EncodeError>
     let bytes_per_sample = if maxval > 255 { 2 } else { 1 };
     let mut bytes = Vec::new();
     for y in (0..height).rev() {
-        interleave_row(image, y, bytes_per_sample, |sample| sample, &mut bytes);
+        interleave_row(
+            image,
+            y,
+            image.component_count(),
+            bytes_per_sample,
+            |sample| sample,
+            &mut bytes,
+        );
         out.write_all(&bytes)?;
     }
     Ok(())

@@ -2,61 +2,41 @@
 
 use crate::choices::Shading;
 use crate::lines::Lines;
+use crate::rounding::rounded_quotient;
 use pixmesh_meshing::Point;
-use std::io::Write;
+use std::io::{self, Write};
 
-/// What of the colours a layer shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Layer {
-    /// All of them.
-    Color,
-    /// The first component, as gray.
-    Gray,
-    Red,
-    Green,
-    Blue,
-    /// Alpha, as gray.
-    Alpha,
+/// What of the colours a layer of triangles shows, and how it is drawn.
+#[derive(Clone, Copy)]
+pub(super) struct Layer {
+    /// The layer's name in the document.
+    pub(super) name: &'static str,
+    /// An attribute that says how the layer is drawn over the others.
+    pub(super) style: &'static str,
+    /// Which of red, green, blue and alpha the layer shows; `None` for the colour itself.
+    component: Option<usize>,
+    /// Red, green and blue of the least value over 0 of the component.
+    hue: [u8; 3],
 }
 
+const SCREEN: &str = " style=\"mix-blend-mode:screen\"";
+
 impl Layer {
-    /// The layer's name in the document.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Color | Self::Gray => "t",
-            Self::Red => "r",
-            Self::Green => "g",
-            Self::Blue => "b",
-            Self::Alpha => "a",
-        }
-    }
+    pub(super) const COLOR: Self = Self { name: "t", style: "", component: None, hue: [1; 3] };
+    /// The first component, as gray.
+    pub(super) const GRAY: Self = Self { component: Some(0), ..Self::COLOR };
+    pub(super) const RED: Self =
+        Self { name: "r", style: SCREEN, component: Some(0), hue: [1, 0, 0] };
+    pub(super) const GREEN: Self =
+        Self { name: "g", style: SCREEN, component: Some(1), hue: [0, 1, 0] };
+    pub(super) const BLUE: Self =
+        Self { name: "b", style: SCREEN, component: Some(2), hue: [0, 0, 1] };
+    /// Alpha, as gray.
+    pub(super) const ALPHA: Self = Self { name: "a", component: Some(3), ..Self::COLOR };
 
-    /// How the layer is drawn over the others.
-    pub(super) fn style(self) -> &'static str {
-        match self {
-            Self::Red | Self::Green | Self::Blue => " style=\"mix-blend-mode:screen\"",
-            _ => "",
-        }
-    }
-
-    /// The component of a colour that the layer shows.
-    fn component(self, [red, green, blue, alpha]: [u8; 4]) -> u8 {
-        match self {
-            Self::Color | Self::Gray | Self::Red => red,
-            Self::Green => green,
-            Self::Blue => blue,
-            Self::Alpha => alpha,
-        }
-    }
-
-    /// The colour in which the layer shows a value.
+    /// The colour in which the layer shows a value of its component.
     fn shown(self, value: u8) -> [u8; 3] {
-        match self {
-            Self::Red => [value, 0, 0],
-            Self::Green => [0, value, 0],
-            Self::Blue => [0, 0, value],
-            Self::Color | Self::Gray | Self::Alpha => [value; 3],
-        }
+        self.hue.map(|part| part * value)
     }
 }
 
@@ -68,36 +48,23 @@ pub(super) fn put_fill<W: Write>(
     corners: [Point; 3],
     colours: [[u8; 4]; 3],
     lines: &mut Lines<'_, W>,
-) {
-    let values = colours.map(|colour| layer.component(colour));
-    if layer == Layer::Color {
-        put_flat(mean_colour(colours), lines);
-    } else if shading == Shading::Flat {
-        let sum: u32 = values.iter().map(|&value| u32::from(value)).sum();
-        put_flat(layer.shown(mean(sum)), lines);
-    } else if values == [values[0]; 3] {
-        put_flat(layer.shown(values[0]), lines);
-    } else {
-        let name = layer.name();
-        put_gradient(layer, index, corners, values, lines);
-        for paint in ["<path fill=\"url(#", ")\" stroke=\"url(#"] {
-            lines.text(paint);
-            lines.text(name);
-            lines.integer(index);
-        }
-        lines.text(")\"");
+) -> io::Result<()> {
+    let mean = |component: usize| {
+        let sum = colours.iter().map(|colour| u64::from(colour[component])).sum();
+        rounded_quotient(sum, 3) as u8
+    };
+    let Some(component) = layer.component else {
+        put_flat([0, 1, 2].map(mean), lines);
+        return Ok(());
+    };
+    let values = colours.map(|colour| colour[component]);
+    if shading == Shading::Flat || values == [values[0]; 3] {
+        put_flat(layer.shown(mean(component)), lines);
+        return Ok(());
     }
-}
-
-/// A third of a sum, rounded to the nearest.
-fn mean(sum: u32) -> u8 {
-    ((2 * sum + 3) / 6) as u8
-}
-
-/// The mean of three colours.
-fn mean_colour(colours: [[u8; 4]; 3]) -> [u8; 3] {
-    let [[r0, g0, b0, _], [r1, g1, b1, _], [r2, g2, b2, _]] = colours;
-    [[r0, r1, r2], [g0, g1, g2], [b0, b1, b2]].map(|part| mean(part.map(u32::from).iter().sum()))
+    put_gradient(layer, index, corners, values, lines)?;
+    let name = layer.name;
+    write!(lines, "<path fill=\"url(#{name}{index})\" stroke=\"url(#{name}{index})\"")
 }
 
 /// Appends a path's start with one colour.
@@ -111,16 +78,14 @@ fn put_flat<W: Write>(colour: [u8; 3], lines: &mut Lines<'_, W>) {
 
 /// Appends a colour in the fewest digits.
 fn put_colour<W: Write>(colour: [u8; 3], lines: &mut Lines<'_, W>) {
-    const DIGITS: [&str; 16] =
-        ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9", "a", "b", "c", "d", "e", "f"];
-    let digit = |value: u8| DIGITS.get(usize::from(value)).copied().unwrap_or("0");
-    lines.text("#");
+    let digit = |value: u8| usize::from(value)..usize::from(value) + 1;
     let short = colour.iter().all(|part| part >> 4 == part & 15);
+    lines.text("#");
     for part in colour {
         if !short {
-            lines.text(digit(part >> 4));
+            lines.text(&"0123456789abcdef"[digit(part >> 4)]);
         }
-        lines.text(digit(part & 15));
+        lines.text(&"0123456789abcdef"[digit(part & 15)]);
     }
 }
 
@@ -135,7 +100,7 @@ fn put_gradient<W: Write>(
     [a, b, c]: [Point; 3],
     values: [u8; 3],
     lines: &mut Lines<'_, W>,
-) {
+) -> io::Result<()> {
     let [va, vb, vc] = values.map(f64::from);
     let difference = |from: Point, to: Point| [f64::from(to.x - from.x), f64::from(to.y - from.y)];
     let ([bx, by], [cx, cy]) = (difference(a, b), difference(a, c));
@@ -147,21 +112,17 @@ fn put_gradient<W: Write>(
     let largest = values.into_iter().max().unwrap_or(least);
     let reach = f64::from(largest - least) / (gx * gx + gy * gy);
     let (x1, y1) = (f64::from(start.x), f64::from(start.y));
-    lines.text("<linearGradient id=\"");
-    lines.text(layer.name());
-    lines.integer(index);
-    lines.text("\" gradientUnits=\"userSpaceOnUse\"");
-    let ends = [("x1", x1), ("y1", y1), ("x2", x1 + gx * reach), ("y2", y1 + gy * reach)];
-    for (name, place) in ends {
-        lines.text(" ");
-        lines.text(name);
-        lines.text("=\"");
+    let name = layer.name;
+    write!(lines, "<linearGradient id=\"{name}{index}\" gradientUnits=\"userSpaceOnUse\" x1=\"")?;
+    let ends = [x1, y1, x1 + gx * reach, y1 + gy * reach];
+    for (place, next) in ends.into_iter().zip(["\" y1=\"", "\" x2=\"", "\" y2=\"", ""]) {
         lines.decimal((place * 1e5).round() / 1e5);
-        lines.text("\"");
+        lines.text(next);
     }
-    lines.text("><stop stop-color=\"");
+    lines.text("\"><stop stop-color=\"");
     put_colour(layer.shown(least), lines);
     lines.text("\"/><stop offset=\"1\" stop-color=\"");
     put_colour(layer.shown(largest), lines);
     lines.text("\"/></linearGradient>");
+    Ok(())
 }

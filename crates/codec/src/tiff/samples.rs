@@ -3,6 +3,7 @@
 use super::page::{Meaning, Page};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
+use crate::rounding::rounded_quotient;
 use tiff::decoder::DecodingResult;
 
 /// The rows of a decoded page.
@@ -117,7 +118,7 @@ impl<'a> Samples<'a> {
             let &[cyan, magenta, yellow, black] = pixel else { continue };
             let through = |ink: u16| {
                 let product = (largest - u64::from(ink)) * (largest - u64::from(black));
-                ((2 * product + largest) / (2 * largest)) as u16
+                rounded_quotient(product, largest) as u16
             };
             self.row.extend([cyan, magenta, yellow].map(through));
         }

@@ -7,9 +7,21 @@ pub(crate) mod bombs;
 pub(crate) mod encoders;
 pub(crate) mod memory;
 
+use pixmesh_codec::{Encodable, EncodeError, EncodeOptions, Format, encode};
 use pixmesh_meshing::{Image, Mesh, Point, Shape};
 use proptest::prelude::*;
 use std::path::PathBuf;
+
+/// A mesh in a format.
+pub(crate) fn written(
+    mesh: &Mesh,
+    format: Format,
+    options: &EncodeOptions<'_>,
+) -> Result<Vec<u8>, EncodeError> {
+    let mut bytes = Vec::new();
+    encode(&Encodable::new(mesh), format, options, &mut bytes, &|| Ok(()))?;
+    Ok(bytes)
+}
 
 /// An image whose samples are scattered over the whole range by a fixed rule.
 pub(crate) fn scattered(
