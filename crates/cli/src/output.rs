@@ -118,7 +118,6 @@ impl OutputOptions {
             texture,
             shading: self.shading,
             png_compression: self.png_compression,
-            max_bytes: None,
         };
         let mut bytes = Vec::new();
         encode(&source, self.format(path), &options, &mut bytes, &|| Ok(()))?;

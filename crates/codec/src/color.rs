@@ -27,6 +27,23 @@ pub(crate) fn rgba<T: Copy>(
     [color(red), color(green), color(blue), alpha]
 }
 
+/// The luma's weights of red, green and blue, in thousandths.
+const LUMA_WEIGHTS: [u32; 3] = [299, 587, 114];
+
+/// The sum of the luma's weights: a luma of 1000 is one step of a sample.
+pub(crate) const LUMA_SUM: u32 = 1000;
+
+/// The luma of three or more components, else the first, in thousandths of a step.
+pub(crate) fn luma(samples: &[u16]) -> u32 {
+    match *samples {
+        [red, green, blue, ..] => {
+            let weighted = [red, green, blue].into_iter().zip(LUMA_WEIGHTS);
+            weighted.map(|(sample, weight)| u32::from(sample) * weight).sum()
+        }
+        _ => samples.first().map_or(0, |&gray| u32::from(gray) * LUMA_SUM),
+    }
+}
+
 /// What each sample of a precision becomes in sRGB of 8 bits, rounded to the nearest, halves up.
 pub(crate) struct Colors(Vec<u8>);
 

@@ -66,9 +66,6 @@ pub struct EncodeOptions<'a> {
     pub shading: Shading,
     /// How much time a PNG may take.
     pub png_compression: PngCompression,
-    /// The most bytes that writing may hold at once, the mesh not counted; `None` for no limit. See
-    /// [`Format::bytes_per_vertex`].
-    pub max_bytes: Option<u64>,
 }
 
 /// Writes a mesh in a format, for as long as the file is wanted.
@@ -77,8 +74,7 @@ pub struct EncodeOptions<'a> {
 /// faces poll `wanted`; the other formats stop when `out` fails.
 ///
 /// # Errors
-/// When the format cannot hold the mesh, it would take more memory than is allowed, writing fails,
-/// or the file is no longer wanted.
+/// When the format cannot hold the mesh, writing fails, or the file is no longer wanted.
 pub fn encode(
     source: &Encodable<'_>,
     format: Format,
@@ -88,10 +84,6 @@ pub fn encode(
 ) -> Result<(), EncodeError> {
     let Encodable { mesh, comments, fidelity, progression, .. } = *source;
     let EncodeOptions { geometry, shading, .. } = *options;
-    let needed = held_bytes(source, format, options);
-    if let Some(allowed) = options.max_bytes.filter(|&allowed| needed > allowed) {
-        return Err(EncodeError::TooMuchMemory { format: format.name(), needed, allowed });
-    }
     match format {
         Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
         Format::Glb => write_glb(mesh, options, out),
@@ -139,19 +131,9 @@ pub fn estimated_bytes(mesh: &Mesh, format: Format, options: &EncodeOptions<'_>)
     vertices * vertex + faces * face + beside + FRAME
 }
 
-/// The most bytes that [`encode`] holds at once: the file, and what it is made from.
-fn held_bytes(source: &Encodable<'_>, format: Format, options: &EncodeOptions<'_>) -> u64 {
-    let Shape { width, height, component_count, .. } = source.mesh.shape();
-    let [.., work] = bytes_of(format, options.shading, component_count);
-    let samples = width * height * component_count;
-    let rebuilt = if format.is_picture() && source.picture.is_none() { 2 * samples } else { 0 };
-    let work = source.mesh.points().len() * work + rebuilt;
-    (estimated_bytes(source.mesh, format, options) + work) as u64
-}
-
 impl Format {
-    /// About the most bytes that writing a mesh of so many components holds for each vertex with its
-    /// two faces: the file, and what it is made from. None for the pictures.
+    /// The most bytes that writing a mesh of so many components allocates for each vertex with its two
+    /// faces: the file, and what it is made from. 0 for pictures, whose size decides.
     #[must_use]
     pub fn bytes_per_vertex(self, component_count: usize) -> u64 {
         let [vertex, face, work] = bytes_of(self, Shading::Gradient, component_count);

@@ -113,16 +113,6 @@ pub enum EncodeError {
         /// Components of the image.
         count: usize,
     },
-    /// Writing would hold more bytes than [`EncodeOptions::max_bytes`](crate::EncodeOptions).
-    #[error("writing {format} takes {needed} bytes of memory, more than the {allowed} allowed")]
-    TooMuchMemory {
-        /// Name of the format.
-        format: &'static str,
-        /// Bytes that would be held.
-        needed: u64,
-        /// The most bytes allowed.
-        allowed: u64,
-    },
     /// The file would be longer than its format can say.
     #[error("the {format} file would take {bytes} bytes, more than the {limit} that it can have")]
     TooLarge {

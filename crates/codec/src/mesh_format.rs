@@ -63,20 +63,10 @@ impl Format {
 
     /// The name of a file in this format.
     #[must_use]
-    pub fn file_name(self) -> &'static str {
+    pub fn file_name(self) -> String {
         match self {
-            Self::Model => "mesh.model",
-            Self::Glb => "mesh.glb",
-            Self::Png => "mesh.png",
-            Self::Pnm => "mesh.pnm",
-            Self::Gltf => "mesh.gltf",
-            Self::Svg => "mesh.svg",
-            Self::Ply => "mesh.ply",
-            Self::Obj => "mesh.obj",
-            Self::Stl => "mesh.stl",
-            Self::Json => "mesh.json",
-            Self::Pmesh => "mesh.pmesh",
-            Self::Progression => "progression.pmesh",
+            Self::Progression => "progression.pmesh".into(),
+            _ => format!("mesh.{self}"),
         }
     }
 

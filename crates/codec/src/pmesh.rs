@@ -28,7 +28,6 @@
 //! A sample is predicted by the nearest vertex before it among the last one of each strip of
 //! columns around; components after the first by that and by how the first one differs there.
 
-mod number;
 mod read;
 mod write;
 

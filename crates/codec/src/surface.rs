@@ -15,14 +15,12 @@ pub use geometry::{Geometry, Relief, ReliefHeight};
 use crate::error::EncodeError;
 pub(crate) use normals::{cross_product, unit};
 
-use geometry::Heights;
 use pixmesh_meshing::{Face, Mesh};
 
 /// A mesh in space.
 pub(crate) struct Surface<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) geometry: Geometry,
-    heights: Heights,
     /// The boundary's vertices, counter-clockwise; none without a base.
     rim: Vec<u32>,
 }
@@ -31,9 +29,9 @@ impl<'a> Surface<'a> {
     /// # Errors
     /// When the relief is to follow a component that the mesh does not have.
     pub(crate) fn new(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
-        let heights = geometry.heights(mesh.shape())?;
+        geometry.check(mesh.shape().component_count)?;
         let rim = if geometry.base > 0.0 { rim::boundary(mesh) } else { Vec::new() };
-        Ok(Self { mesh, geometry: *geometry, heights, rim })
+        Ok(Self { mesh, geometry: *geometry, rim })
     }
 
     /// Vertices: those of the mesh, then with a base one beneath each of the boundary, and one in
@@ -68,7 +66,8 @@ impl<'a> Surface<'a> {
         let origin = self.origin(vertex);
         let place = self.mesh.points().get(origin);
         let [x, y] = place.map_or([0.0; 2], |p| [f64::from(p.x), f64::from(p.y)]);
-        let z = if vertex < top { self.height(origin) } else { -base };
+        let height = || self.geometry.height(self.mesh.vertex_samples(origin), self.mesh.shape());
+        let z = if vertex < top { height() } else { -base };
         [x * pixel_size, y * pixel_size, z]
     }
 
@@ -104,17 +103,12 @@ impl<'a> Surface<'a> {
     /// The least and the largest `z` that any sample could have.
     pub(crate) fn depth_range(&self) -> [f64; 2] {
         let bottom = if self.rim.is_empty() { 0.0 } else { -self.geometry.base };
-        [bottom, self.heights.largest()]
+        [bottom, self.geometry.total_height(self.mesh.shape())]
     }
 
     /// The unit normal of every vertex.
     pub(crate) fn normals(&self) -> Vec<[f64; 3]> {
         normals::vertex_normals(self)
-    }
-
-    /// The relief's height at a vertex of the mesh.
-    fn height(&self, vertex: usize) -> f64 {
-        self.heights.of(self.mesh.vertex_samples(vertex))
     }
 }
 

@@ -4,6 +4,7 @@
 //! pictures that painting programs and browsers write of a gray drawing, and alpha is left out.
 
 use crate::alpha::Alpha;
+use crate::color::{LUMA_SUM, luma};
 use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::header::Header;
@@ -100,21 +101,19 @@ fn check(
     }
 }
 
-/// The luma of each point in thousandths of its samples' sum of weights, as 8 bits, to the nearest.
+/// The luma of each point as 8 bits, rounded to the nearest.
 fn lumas(picture: &Image, wanted: &Wanted<'_>) -> Result<Vec<u8>, Cancelled> {
-    let most = 1000 * u64::from(picture.max_sample());
-    let scaled = |thousandths: u64| rounded_quotient(255 * thousandths, most) as u8;
-    let luma =
-        |r: u16, g: u16, b: u16| 299 * u64::from(r) + 587 * u64::from(g) + 114 * u64::from(b);
+    let most = u64::from(LUMA_SUM) * u64::from(picture.max_sample());
+    let scaled = |samples: &[u16]| rounded_quotient(255 * u64::from(luma(samples)), most) as u8;
     let mut weights = Vec::with_capacity(picture.pixel_count());
     for y in 0..picture.height() {
         wanted()?;
         let first = picture.row(0, y);
         if picture.component_count() == 3 {
             let colours = first.iter().zip(picture.row(1, y)).zip(picture.row(2, y));
-            weights.extend(colours.map(|((&r, &g), &b)| scaled(luma(r, g, b))));
+            weights.extend(colours.map(|((&r, &g), &b)| scaled(&[r, g, b])));
         } else {
-            weights.extend(first.iter().map(|&gray| scaled(1000 * u64::from(gray))));
+            weights.extend(first.iter().map(|&gray| scaled(&[gray])));
         }
     }
     Ok(weights)

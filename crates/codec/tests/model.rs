@@ -199,7 +199,7 @@ fn the_limits_apply_to_the_image_that_the_mesh_models() {
 
 #[test]
 fn floods_of_comments_and_garbage_are_refused_at_once() {
-    assert!(matches!(read("").unwrap_err().defect, ModelDefect::Missing { .. }));
+    assert!(matches!(read("").unwrap_err().defect, ModelDefect::Malformed(_)));
     assert_eq!(read("#".repeat(1 << 20)).unwrap_err().line, 1);
     assert_eq!(read("#\n".repeat(1 << 20)).unwrap_err().line, (1 << 20) + 1);
     let flood = [vec![b'x'; 1 << 24], b" 1".to_vec()].concat();

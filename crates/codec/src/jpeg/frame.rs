@@ -1,7 +1,6 @@
 //! What a JPEG says of its picture, and whether its scans can hold it.
 
 use super::segments::{Segment, Segments};
-use crate::decode::DecodeOptions;
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::limits::Limits;
@@ -23,7 +22,7 @@ const SCAN: u8 = 0xDA;
 const APP1: u8 = 0xE1;
 
 /// The frame header, and the orientation.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Frame {
     /// Columns as stored.
     pub(super) width: usize,
@@ -39,70 +38,6 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Reads everything up to the first scan, and checks the size against the limits.
-    pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<Self, DecodeError> {
-        Ok(read_to_scan(&mut Segments::new(bytes), limits, &mut Vec::new())?.0)
-    }
-
-    /// Reads the whole file, and gives back what a decoder needs of it: no metadata, nothing
-    /// between the segments, nothing after the end of the image. When the options are lenient, the
-    /// file may end within any scan.
-    pub(super) fn read_all(
-        bytes: &[u8],
-        options: &DecodeOptions,
-    ) -> Result<(Self, Vec<u8>), DecodeError> {
-        let mut stripped = Vec::with_capacity(bytes.len());
-        stripped.extend(START);
-        let mut segments = Segments::new(bytes);
-        let (frame, first) = read_to_scan(&mut segments, &options.limits, &mut stripped)?;
-        frame.read_scans(&mut segments, first, options.lenient, &mut stripped)?;
-        stripped.extend([0xFF, END]);
-        Ok((frame, stripped))
-    }
-
-    /// Reads the scans up to the end-of-image marker, and checks that they hold the picture; when
-    /// lenient, up to the end of the file at the latest, and takes what there is.
-    fn read_scans(
-        &self,
-        segments: &mut Segments<'_>,
-        first: Segment<'_>,
-        lenient: bool,
-        stripped: &mut Vec<u8>,
-    ) -> Result<(), DecodeError> {
-        let (mut segment, mut scan_count) = (first, 0);
-        // What the scans of first coefficients have.
-        let (mut component_count, mut length) = (0, 0);
-        loop {
-            match segment.marker {
-                SCAN => {
-                    scan_count += 1;
-                    if scan_count > MAX_SCANS {
-                        return Err(malformed(format!("it has more than {MAX_SCANS} scans")));
-                    }
-                    let components = self.scanned_components(segment)?;
-                    let entropy_coded = segments.entropy_coded(lenient)?;
-                    if components > 0 {
-                        component_count += components;
-                        length += entropy_coded.len();
-                    }
-                    stripped.extend_from_slice(segment.bytes);
-                    stripped.extend_from_slice(entropy_coded);
-                }
-                END => break,
-                0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCF | 0xDC => {
-                    let reason = format!("a second frame starts at byte {}", segment.at);
-                    return Err(malformed(reason));
-                }
-                _ => keep(segment, stripped),
-            }
-            segment = match segments.next() {
-                Err(_) if lenient => return Ok(()),
-                next => next?,
-            };
-        }
-        if lenient { Ok(()) } else { self.check_scans(component_count, length) }
-    }
-
     /// Components whose first coefficients a scan holds. Refuses a sequential picture in several
     /// scans where the decoder would put the blocks of sampled components into wrong places.
     fn scanned_components(&self, scan: Segment<'_>) -> Result<usize, DecodeError> {
@@ -167,36 +102,88 @@ impl Frame {
     }
 }
 
-/// Reads up to the first scan header, which is given back too.
-fn read_to_scan<'a>(
-    segments: &mut Segments<'a>,
-    limits: &Limits,
-    stripped: &mut Vec<u8>,
-) -> Result<(Frame, Segment<'a>), DecodeError> {
-    let mut frame = None;
-    let mut orientation = None;
-    loop {
-        let segment = segments.next()?;
-        match segment.marker {
-            0xC0..=0xC2 if frame.is_none() => frame = Some(read_frame(segment, limits)?),
-            0xC0..=0xC2 => {
-                return Err(malformed(format!("a second frame starts at byte {}", segment.at)));
+/// A file that is read up to its first scan.
+pub(super) struct Jpeg<'a> {
+    pub(super) frame: Frame,
+    segments: Segments<'a>,
+    first_scan: Segment<'a>,
+    /// What decoding needs of the part that is read.
+    stripped: Vec<u8>,
+}
+
+impl<'a> Jpeg<'a> {
+    /// Reads up to the first scan header, and checks the size against the limits.
+    pub(super) fn open(bytes: &'a [u8], limits: &Limits) -> Result<Self, DecodeError> {
+        let mut segments = Segments::new(bytes);
+        let mut stripped = START.to_vec();
+        let (mut frame, mut orientation) = (None, None);
+        loop {
+            let segment = segments.next()?;
+            match segment.marker {
+                0xC0..=0xC2 if frame.is_none() => frame = Some(read_frame(segment, limits)?),
+                0xC0..=0xC2 => return Err(second_frame(segment)),
+                0xC3 | 0xC5..=0xC7 | 0xC9..=0xCB | 0xCD..=0xCF => {
+                    return Err(unsupported_coding(segment));
+                }
+                END => {
+                    let reason = format!("it ends at byte {} without a scan", segment.at);
+                    return Err(malformed(reason));
+                }
+                APP1 if segment.payload().starts_with(b"Exif\0\0") => {
+                    orientation.get_or_insert(from_exif(segment.payload()));
+                }
+                SCAN => {
+                    let mut frame =
+                        frame.ok_or_else(|| malformed("a scan comes before its frame"))?;
+                    frame.orientation = orientation.unwrap_or(Orientation::NoTransforms);
+                    return Ok(Self { frame, segments, first_scan: segment, stripped });
+                }
+                _ => {}
             }
-            0xC3 | 0xC5..=0xC7 | 0xC9..=0xCB | 0xCD..=0xCF => {
-                return Err(unsupported_coding(segment));
-            }
-            END => return Err(malformed(format!("it ends at byte {} without a scan", segment.at))),
-            APP1 if segment.payload().starts_with(b"Exif\0\0") => {
-                orientation.get_or_insert(from_exif(segment.payload()));
-            }
-            SCAN => {
-                let mut frame = frame.ok_or_else(|| malformed("a scan comes before its frame"))?;
-                frame.orientation = orientation.unwrap_or(Orientation::NoTransforms);
-                return Ok((frame, segment));
-            }
-            _ => {}
+            keep(segment, &mut stripped);
         }
-        keep(segment, stripped);
+    }
+
+    /// Reads the scans up to the end-of-image marker, checks that they hold the picture, and gives
+    /// what a decoder needs of the file: no metadata, nothing between the segments, nothing after
+    /// the end of the image. A lenient reader takes what there is of a file that ends in a scan.
+    pub(super) fn strip(self, lenient: bool) -> Result<Vec<u8>, DecodeError> {
+        let Self { frame, mut segments, first_scan: mut segment, mut stripped } = self;
+        stripped.reserve_exact(segment.bytes.len() + segments.remaining() + 2);
+        // What the scans of first coefficients have.
+        let (mut scan_count, mut component_count, mut length) = (0, 0, 0);
+        loop {
+            match segment.marker {
+                SCAN => {
+                    scan_count += 1;
+                    if scan_count > MAX_SCANS {
+                        return Err(malformed(format!("it has more than {MAX_SCANS} scans")));
+                    }
+                    let components = frame.scanned_components(segment)?;
+                    let entropy_coded = segments.entropy_coded(lenient)?;
+                    if components > 0 {
+                        component_count += components;
+                        length += entropy_coded.len();
+                    }
+                    stripped.extend_from_slice(segment.bytes);
+                    stripped.extend_from_slice(entropy_coded);
+                }
+                END => break,
+                0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCF | 0xDC => {
+                    return Err(second_frame(segment));
+                }
+                _ => keep(segment, &mut stripped),
+            }
+            segment = match segments.next() {
+                Err(_) if lenient => break,
+                next => next?,
+            };
+        }
+        if !lenient {
+            frame.check_scans(component_count, length)?;
+        }
+        stripped.extend([0xFF, END]);
+        Ok(stripped)
     }
 }
 
@@ -248,6 +235,10 @@ fn read_sampling(&[id, sampling, _]: &[u8; 3]) -> Result<[usize; 2], DecodeError
         return Ok([horizontal, vertical]);
     }
     Err(malformed(format!("component {id} has the sampling {horizontal}x{vertical}")))
+}
+
+fn second_frame(segment: Segment<'_>) -> DecodeError {
+    malformed(format!("a second frame starts at byte {}", segment.at))
 }
 
 /// The error for a frame that is neither baseline, extended sequential nor progressive Huffman.

@@ -1,6 +1,6 @@
 //! The JPEG reader: gray stays gray, all else becomes RGB, the EXIF orientation is applied.
 
-use super::frame::Frame;
+use super::frame::{Frame, Jpeg};
 use crate::canvas::Canvas;
 use crate::decode::{DecodeOptions, Opened};
 use crate::error::DecodeError;
@@ -20,13 +20,14 @@ pub(crate) fn open<'a>(
     options: &'a DecodeOptions,
     wanted: &'a Wanted<'a>,
 ) -> Result<Opened<'a>, DecodeError> {
-    let frame = Frame::read(bytes, &options.limits)?;
+    let jpeg = Jpeg::open(bytes, &options.limits)?;
+    let frame = jpeg.frame.clone();
     let (width, height) = upright(frame.orientation, frame.width, frame.height);
     let component_count = if frame.samplings.len() == 1 { 1 } else { 3 };
     let format = PictureFormat::Jpeg;
     let header = Header { format, width, height, component_count, precision: 8 };
     Ok(Opened::new(header, move || {
-        let (frame, stripped) = Frame::read_all(bytes, options)?;
+        let stripped = jpeg.strip(options.lenient)?;
         let pixels = decode_stripped(&frame, component_count, WantedBytes::new(&stripped, wanted))?;
         drop(stripped);
         let mut canvas = Canvas::new(header, frame.orientation, wanted)?;
@@ -42,10 +43,10 @@ pub(crate) fn plain_copy(bytes: &[u8]) -> Option<Vec<u8>> {
         return None;
     }
     let any_size = Limits { max_pixels: u64::MAX, max_side: usize::MAX };
-    let options = DecodeOptions { limits: any_size, ..DecodeOptions::default() };
-    let (frame, stripped) = Frame::read_all(bytes, &options).ok()?;
-    let plain = frame.orientation == Orientation::NoTransforms && frame.samplings.len() < 4;
-    plain.then_some(stripped)
+    let jpeg = Jpeg::open(bytes, &any_size).ok()?;
+    let Frame { orientation, samplings, .. } = &jpeg.frame;
+    let plain = *orientation == Orientation::NoTransforms && samplings.len() < 4;
+    if plain { jpeg.strip(false).ok() } else { None }
 }
 
 /// Decodes what the walk through the segments has left of the file.

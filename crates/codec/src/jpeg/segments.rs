@@ -34,6 +34,11 @@ impl<'a> Segments<'a> {
         Self { bytes, position: 2 }
     }
 
+    /// Bytes that are not read yet.
+    pub(super) fn remaining(&self) -> usize {
+        self.bytes.len() - self.position
+    }
+
     /// The next segment; bytes between segments, which do not belong there, are skipped.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! Triangles: each by the edge that it shares with one of the last fifteen, where it does.
 
+use crate::leb128::{append, folded};
 use pixmesh_meshing::Face;
 
 /// First byte of the stream: its kind and version 1.
@@ -143,12 +144,7 @@ impl Encoder {
     /// Appends the difference of an index to the last, seven bits a byte, the least first.
     fn put_index(&mut self, index: u32) {
         let delta = index.wrapping_sub(self.last);
-        let mut rest = (delta << 1) ^ ((delta as i32) >> 31) as u32;
-        while rest > 127 {
-            self.data.push(rest as u8 | 128);
-            rest >>= 7;
-        }
-        self.data.push(rest as u8);
+        append(folded((delta as i32).into()), &mut self.data);
         self.last = index;
     }
 }

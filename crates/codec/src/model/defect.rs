@@ -18,20 +18,9 @@ pub struct ModelError {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ModelDefect {
-    /// The file ends too early.
-    #[error("the file ends where {field} is expected")]
-    Missing {
-        /// What is expected.
-        field: &'static str,
-    },
-    /// Something else stands where a number or word is expected.
-    #[error("{field} is expected, not '{found}'")]
-    Unexpected {
-        /// What is expected.
-        field: &'static str,
-        /// What stands there, cut after a few characters.
-        found: String,
-    },
+    /// The text does not follow the format's rules, or ends early.
+    #[error("{0}")]
+    Malformed(String),
     /// A number is not finite.
     #[error("{field} must be a whole number, and '{found}' is not finite")]
     NotFinite {
@@ -39,26 +28,6 @@ pub enum ModelDefect {
         field: &'static str,
         /// The number as it stands there.
         found: String,
-    },
-    /// A number has a fraction or an exponent.
-    #[error("{field} must be a whole number, not '{found}'")]
-    NotInteger {
-        /// What the number means.
-        field: &'static str,
-        /// The number as it stands there.
-        found: String,
-    },
-    /// A number lies outside its bounds.
-    #[error("{field} is {found}, outside of {minimum} to {maximum}")]
-    OutOfRange {
-        /// What the number means.
-        field: &'static str,
-        /// The number as it stands there.
-        found: String,
-        /// The least that it may be.
-        minimum: u64,
-        /// The most that it may be.
-        maximum: u64,
     },
     /// The image is larger or smaller than allowed.
     #[error(transparent)]
@@ -83,26 +52,6 @@ pub enum ModelDefect {
         /// How many of the least length would fit.
         maximum: u64,
     },
-    /// The number of edges contradicts those of vertices and faces.
-    #[error(
-        "{edges} edges are announced, but {vertices} vertices and {faces} faces have {expected}"
-    )]
-    EdgeCount {
-        /// Edges announced.
-        edges: u64,
-        /// Vertices announced.
-        vertices: u64,
-        /// Faces announced.
-        faces: u64,
-        /// Edges by Euler's formula.
-        expected: u64,
-    },
-    /// A face has other than three corners.
-    #[error("the face has {found} corners where only triangles are allowed")]
-    NotTriangle {
-        /// The number as it stands there.
-        found: String,
-    },
     /// A face names a vertex that does not exist.
     #[error("the face names vertex {found}, but the {count} vertices count from 0")]
     IndexOutOfRange {
@@ -111,16 +60,10 @@ pub enum ModelDefect {
         /// Number of vertices.
         count: usize,
     },
-    /// Something follows the last face.
-    #[error("'{found}' follows the last face")]
-    Trailing {
-        /// What stands there, cut after a few characters.
-        found: String,
-    },
     /// The parts make no mesh; vertices and faces count from 0.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// Nobody wants the mesh any more.
+    /// The mesh is no longer wanted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

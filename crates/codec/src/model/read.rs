@@ -71,7 +71,7 @@ pub fn read_model_while(
     let (points, samples) = read_vertices(&mut tokens, shape, vertex_count)?;
     let faces = read_faces(&mut tokens, vertex_count, face_count)?;
     if let Some(token) = tokens.next() {
-        return Err(token.error(ModelDefect::Trailing { found: token.quote() }));
+        return Err(token.malformed(&format!("'{}' follows the last face", token.quote())));
     }
     Mesh::new(shape, points, samples, faces, &While(wanted)).map_err(|defect| match defect {
         MeshError::Cancelled(cancelled) => tokens.error(cancelled.into()),
@@ -124,13 +124,8 @@ fn read_shape(tokens: &mut Tokens<'_>, limits: &Limits) -> Result<Shape, ModelEr
 
 /// Reads the word `OFF`.
 fn read_keyword(tokens: &mut Tokens<'_>) -> Result<(), ModelError> {
-    let field = "the word OFF";
-    let token = tokens.expect(field)?;
-    if token.text == b"OFF" {
-        Ok(())
-    } else {
-        Err(token.error(ModelDefect::Unexpected { field, found: token.quote() }))
-    }
+    let token = tokens.expect("the word OFF")?;
+    if token.text == b"OFF" { Ok(()) } else { Err(token.unexpected("the word OFF")) }
 }
 
 /// Reads the numbers of vertices, faces and edges; gives back the first two, which the rest of the
@@ -153,7 +148,9 @@ fn read_counts(tokens: &mut Tokens<'_>, shape: Shape) -> Result<(usize, usize), 
     }
     let expected = (vertices + faces).saturating_sub(1);
     if edges != 0 && edges != expected {
-        return Err(third.error(ModelDefect::EdgeCount { edges, vertices, faces, expected }));
+        return Err(third.malformed(&format!(
+            "{edges} edges are announced, but {vertices} vertices and {faces} faces have {expected}"
+        )));
     }
     Ok((vertices as usize, faces as usize))
 }
@@ -196,7 +193,9 @@ fn read_faces(
         let field = "the face's number of corners";
         let corners = tokens.expect(field)?;
         if corners.integer(field)? != Some(3) {
-            return Err(corners.error(ModelDefect::NotTriangle { found: corners.quote() }));
+            let found = corners.quote();
+            let defect = format!("the face has {found} corners where only triangles are allowed");
+            return Err(corners.malformed(&defect));
         }
         let mut face = [0; 3];
         for index in &mut face {

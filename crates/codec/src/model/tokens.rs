@@ -45,13 +45,16 @@ impl<'a> Tokens<'a> {
     /// The next token, which must be there.
     ///
     /// # Errors
-    /// [`ModelDefect::Missing`] at the end of the file, in its last line, and
+    /// [`ModelDefect::Malformed`] at the end of the file, in its last line, and
     /// [`ModelDefect::Cancelled`] where the file is no longer wanted.
     pub(super) fn expect(&mut self, field: &'static str) -> Result<Token<'a>, ModelError> {
         if self.position >= self.ask_from {
             self.ask()?;
         }
-        self.next().ok_or(ModelError { line: self.line, defect: ModelDefect::Missing { field } })
+        self.next().ok_or_else(|| {
+            let defect = format!("the file ends where {field} is expected");
+            self.error(ModelDefect::Malformed(defect))
+        })
     }
 
     /// An error in the present line.
@@ -80,7 +83,8 @@ impl<'a> Tokens<'a> {
             Some(value) if (minimum..=maximum).contains(&value) => Ok(value),
             _ => {
                 let found = token.quote();
-                Err(token.error(ModelDefect::OutOfRange { field, found, minimum, maximum }))
+                let bounds = format!("outside of {minimum} to {maximum}");
+                Err(token.malformed(&format!("{field} is {found}, {bounds}")))
             }
         }
     }
@@ -124,6 +128,16 @@ impl Token<'_> {
         ModelError { line: self.line, defect }
     }
 
+    /// The error for what breaks the format's rules at this token.
+    pub(super) fn malformed(&self, defect: &str) -> ModelError {
+        self.error(ModelDefect::Malformed(defect.to_owned()))
+    }
+
+    /// The error for a token that stands where `field` is expected.
+    pub(super) fn unexpected(&self, field: &str) -> ModelError {
+        self.malformed(&format!("{field} is expected, not '{}'", self.quote()))
+    }
+
     /// The token's first characters, printable.
     pub(super) fn quote(&self) -> String {
         let start = self.text.get(..QUOTED).unwrap_or(self.text).escape_ascii().to_string();
@@ -141,21 +155,23 @@ impl Token<'_> {
         let digits = self.text.strip_prefix(b"-").or_else(|| self.text.strip_prefix(b"+"));
         let digits = digits.unwrap_or(self.text);
         if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
-            return Err(self.error(self.no_integer(field)));
+            return Err(self.no_integer(field));
         }
         let text = std::str::from_utf8(self.text).unwrap_or_default();
         let is_zero = digits.iter().all(|&digit| digit == b'0');
         Ok(if is_zero { Some(0) } else { text.parse().ok() })
     }
 
-    /// What the token is instead of a whole number.
-    fn no_integer(&self, field: &'static str) -> ModelDefect {
+    /// The error for a token that is not a whole number.
+    fn no_integer(&self, field: &'static str) -> ModelError {
         let found = self.quote();
         let number = std::str::from_utf8(self.text).ok().and_then(|text| text.parse::<f64>().ok());
         match number {
-            Some(number) if number.is_finite() => ModelDefect::NotInteger { field, found },
-            Some(_) => ModelDefect::NotFinite { field, found },
-            None => ModelDefect::Unexpected { field, found },
+            Some(number) if number.is_finite() => {
+                self.malformed(&format!("{field} must be a whole number, not '{found}'"))
+            }
+            Some(_) => self.error(ModelDefect::NotFinite { field, found }),
+            None => self.unexpected(field),
         }
     }
 }
@@ -198,13 +214,13 @@ mod tests {
         assert_eq!(integer(b"-1"), Ok(None));
         let defect = |text| integer(text).unwrap_err().defect;
         for text in [&b"1.0"[..], b"1e3", b".5", b"-2.5"] {
-            assert!(matches!(defect(text), ModelDefect::NotInteger { .. }));
+            assert!(defect(text).to_string().contains("n must be a whole number, not"));
         }
         for text in [&b"nan"[..], b"inf", b"-infinity", b"1e999"] {
             assert!(matches!(defect(text), ModelDefect::NotFinite { .. }));
         }
         for text in [&b"x"[..], b"-", b"+-1", b"0x10", b"1,2", b"\xFF"] {
-            assert!(matches!(defect(text), ModelDefect::Unexpected { .. }));
+            assert!(defect(text).to_string().contains("n is expected, not"));
         }
     }
 

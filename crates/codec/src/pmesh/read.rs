@@ -1,8 +1,8 @@
 //! The pmesh reader.
 
-use super::number::{take, unfolded};
 use super::{HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::DecodeError;
+use crate::leb128::{take, unfolded};
 use crate::limits::Limits;
 use crate::wanted::{Wanted, While, always};
 use flate2::read::DeflateDecoder;
@@ -251,9 +251,8 @@ fn read_samples(
             let nearest = nearest.map_or(&[][..], |n| &samples[n * count..][..count]);
             let first = if c == 0 { 0 } else { samples[v * count] };
             let expected = predicted(c, nearest, first, modulus);
-            let half = folded.div_ceil(2) % modulus;
-            let difference = if folded % 2 == 0 { half } else { modulus - half };
-            samples.push(((expected + difference) % modulus) as u16);
+            let sum = i64::from(expected) + unfolded(folded.into());
+            samples.push(sum.rem_euclid(modulus.into()) as u16);
         }
     }
     Ok(samples)

@@ -1,8 +1,8 @@
 //! The pmesh writer.
 
-use super::number::{append, folded};
 use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::EncodeError;
+use crate::leb128::{append, folded};
 use crate::wanted::{Wanted, While, always};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
@@ -126,12 +126,8 @@ fn append_samples(
         for (c, differences) in differences.iter_mut().enumerate() {
             let expected = predicted(c, nearest, of(v)[0], modulus);
             let difference = (u32::from(of(v)[c]) + modulus - expected) % modulus;
-            let folded = if difference < modulus / 2 {
-                2 * difference
-            } else {
-                2 * (modulus - difference) - 1
-            };
-            differences.push(folded);
+            let wrapped = if difference < modulus / 2 { 0 } else { i64::from(modulus) };
+            differences.push(folded(i64::from(difference) - wrapped));
         }
     }
     for differences in &differences {

@@ -13,6 +13,7 @@ use crate::format::PictureFormat;
 use crate::header::Header;
 use crate::limits::Limits;
 use crate::orientation::Orientation;
+use crate::packed::unpack;
 use crate::wanted::Wanted;
 
 /// The largest maxval.
@@ -190,17 +191,13 @@ impl<'a> Anymap<'a> {
         let rows = self.raster.rest().chunks_exact(self.row_bytes());
         for (y, bytes) in rows.take(self.header.height).enumerate() {
             wanted()?;
-            row.clear();
             match self.coding {
                 Coding::RawBits => {
-                    let bits =
-                        |&byte: &u8| (0..8).rev().map(move |i| 1 - (u16::from(byte) >> i & 1));
-                    row.extend(bytes.iter().flat_map(bits).take(self.header.width));
+                    unpack(bytes, 1, &mut row);
+                    row.truncate(self.header.width);
+                    row.iter_mut().for_each(|bit| *bit = 1 - *bit);
                 }
-                _ if self.maxval > 255 => {
-                    row.extend(bytes.as_chunks().0.iter().map(|&pair| u16::from_be_bytes(pair)));
-                }
-                _ => row.extend(bytes.iter().map(|&byte| u16::from(byte))),
+                _ => unpack(bytes, if self.maxval > 255 { 16 } else { 8 }, &mut row),
             }
             if let Some(&sample) = row.iter().find(|&&sample| sample > self.maxval) {
                 return Err(self.too_large(sample.into(), y));

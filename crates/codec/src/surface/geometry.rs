@@ -1,6 +1,7 @@
 //! How a mesh is to lie in space, and the height of each sample vector.
 
 use crate::choices::{LengthUnit, ReliefSource};
+use crate::color::{LUMA_SUM, luma};
 use crate::error::EncodeError;
 use pixmesh_meshing::Shape;
 
@@ -77,12 +78,8 @@ impl Geometry {
     /// # Errors
     /// [`EncodeError::NoSuchComponent`] when an image of `component_count` has not got it.
     pub fn check(&self, component_count: usize) -> Result<(), EncodeError> {
-        let component = match self.relief.map(|relief| relief.source) {
-            None | Some(ReliefSource::Luma) => return Ok(()),
-            Some(ReliefSource::First) => 0,
-            Some(ReliefSource::Second) => 1,
-            Some(ReliefSource::Third) => 2,
-            Some(ReliefSource::Fourth) => 3,
+        let Some(component) = self.relief.and_then(|relief| component(relief.source)) else {
+            return Ok(());
         };
         if component < component_count {
             return Ok(());
@@ -119,59 +116,26 @@ impl Geometry {
         (shape.width.max(shape.height)) as f64 * self.pixel_size / SIDE_PER_HEIGHT
     }
 
-    /// The heights of an image's samples.
-    pub(super) fn heights(&self, shape: Shape) -> Result<Heights, EncodeError> {
-        self.check(shape.component_count)?;
+    /// The height of a sample vector of an image of this shape.
+    pub(super) fn height(&self, samples: &[u16], shape: Shape) -> f64 {
+        let Some(Relief { source, invert, .. }) = self.relief else { return 0.0 };
         let largest = u32::from(u16::MAX >> (16 - shape.precision)) * LUMA_SUM;
-        let total = self.total_height(shape);
-        Ok(Heights { relief: self.relief, largest, total })
-    }
-}
-
-/// The luma's weights of red, green and blue, in thousandths.
-const LUMA_WEIGHTS: [u32; 3] = [299, 587, 114];
-/// Their sum, in which heights are counted: 1000 is one step of a sample.
-const LUMA_SUM: u32 = 1000;
-
-/// The heights of sample vectors.
-pub(super) struct Heights {
-    relief: Option<Relief>,
-    /// The largest height, in thousandths of a step.
-    largest: u32,
-    /// What it stands for.
-    total: f64,
-}
-
-impl Heights {
-    /// The height of a sample vector.
-    pub(super) fn of(&self, samples: &[u16]) -> f64 {
-        let Some(relief) = self.relief else { return 0.0 };
-        let component = |i: usize| samples.get(i).map_or(0, |&sample| u32::from(sample) * LUMA_SUM);
-        let steps = match relief.source {
-            ReliefSource::Luma => luma(samples),
-            ReliefSource::First => component(0),
-            ReliefSource::Second => component(1),
-            ReliefSource::Third => component(2),
-            ReliefSource::Fourth => component(3),
+        let steps = match component(source) {
+            None => luma(samples),
+            Some(component) => samples.get(component).map_or(0, |&sample| luma(&[sample])),
         };
-        let steps = if relief.invert { self.largest - steps.min(self.largest) } else { steps };
-        f64::from(steps) * self.total / f64::from(self.largest)
-    }
-
-    /// The largest height that any sample vector could have.
-    pub(super) fn largest(&self) -> f64 {
-        self.total
+        let steps = if invert { largest - steps.min(largest) } else { steps };
+        f64::from(steps) * self.total_height(shape) / f64::from(largest)
     }
 }
 
-/// The luma in thousandths of a step.
-fn luma(samples: &[u16]) -> u32 {
-    match *samples {
-        [red, green, blue, ..] => {
-            let colour = [red, green, blue].map(u32::from);
-            colour.iter().zip(LUMA_WEIGHTS).map(|(sample, weight)| sample * weight).sum()
-        }
-        [gray, ..] => u32::from(gray) * LUMA_SUM,
-        [] => 0,
+/// The component that a relief follows, counted from 0; `None` for the luma.
+fn component(source: ReliefSource) -> Option<usize> {
+    match source {
+        ReliefSource::Luma => None,
+        ReliefSource::First => Some(0),
+        ReliefSource::Second => Some(1),
+        ReliefSource::Third => Some(2),
+        ReliefSource::Fourth => Some(3),
     }
 }

@@ -3,6 +3,7 @@
 use super::page::{Meaning, Page};
 use crate::error::DecodeError;
 use crate::format::PictureFormat;
+use crate::packed::unpack;
 use crate::rounding::rounded_quotient;
 use tiff::decoder::DecodingResult;
 
@@ -14,6 +15,8 @@ pub(super) struct Samples<'a> {
     stored_count: usize,
     /// Components lie one after the other.
     planar: bool,
+    /// The samples of a row of bytes.
+    unpacked: Vec<u16>,
     row: Vec<u16>,
 }
 
@@ -38,7 +41,7 @@ impl<'a> Samples<'a> {
         if actual < needed {
             return Err(PictureFormat::Tiff.malformed("samples are missing"));
         }
-        Ok(Self { page, stored, stored_count, planar, row: Vec::new() })
+        Ok(Self { page, stored, stored_count, planar, unpacked: Vec::new(), row: Vec::new() })
     }
 
     /// The samples of row `y` from the top, the components side by side.
@@ -63,18 +66,11 @@ impl<'a> Samples<'a> {
             DecodingResult::U16(words) => {
                 self.row.extend(words.iter().skip(y * count).take(count));
             }
-            DecodingResult::U8(bytes) if self.page.depth == 8 => {
-                self.row.extend(bytes.iter().skip(y * count).take(count).map(|&b| u16::from(b)));
-            }
             DecodingResult::U8(bytes) => {
-                let depth = self.page.depth;
-                let mask = u16::MAX >> (16 - depth);
-                let length = packed(count, depth);
-                let shifts = move || (0..8).step_by(depth.into()).rev();
-                let row = bytes.iter().skip(y * length).take(length);
-                let samples =
-                    row.flat_map(|&byte| shifts().map(move |s| u16::from(byte) >> s & mask));
-                self.row.extend(samples.take(count));
+                let length = packed(count, self.page.depth);
+                let row = bytes.chunks_exact(length).nth(y).unwrap_or_default();
+                unpack(row, self.page.depth, &mut self.unpacked);
+                self.row.extend(self.unpacked.iter().take(count));
             }
             _ => {}
         }

@@ -46,8 +46,7 @@ impl Output {
     #[must_use]
     pub fn writing<'a>(&self, texture: Option<&'a Texture>) -> EncodeOptions<'a> {
         let Self { geometry, compression, shading, png_compression, .. } = *self;
-        let max_bytes = None;
-        EncodeOptions { geometry, compression, texture, shading, png_compression, max_bytes }
+        EncodeOptions { geometry, compression, texture, shading, png_compression }
     }
 
     /// Checks what is asked for against the image.

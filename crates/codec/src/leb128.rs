@@ -2,7 +2,7 @@
 //! WebAssembly.
 
 /// Appends a number.
-pub(super) fn append(mut number: u64, bytes: &mut Vec<u8>) {
+pub(crate) fn append(mut number: u64, bytes: &mut Vec<u8>) {
     while number >= 0x80 {
         bytes.push(number as u8 | 0x80);
         number >>= 7;
@@ -12,7 +12,7 @@ pub(super) fn append(mut number: u64, bytes: &mut Vec<u8>) {
 
 /// Reads a number of `groups` groups at most, and leaves what follows it; `None` when it ends early,
 /// has more groups, or more than 64 bits.
-pub(super) fn take(stream: &mut &[u8], groups: usize) -> Option<u64> {
+pub(crate) fn take(stream: &mut &[u8], groups: usize) -> Option<u64> {
     let mut number = 0;
     for group in 0..groups {
         let (&byte, rest) = stream.split_first()?;
@@ -31,12 +31,12 @@ pub(super) fn take(stream: &mut &[u8], groups: usize) -> Option<u64> {
 }
 
 /// A number with a sign as one without: 2d for d >= 0 and -2d - 1 for d < 0.
-pub(super) fn folded(number: i64) -> u64 {
+pub(crate) fn folded(number: i64) -> u64 {
     ((number << 1) ^ (number >> 63)) as u64
 }
 
 /// The number of which that was made.
-pub(super) fn unfolded(folded: u64) -> i64 {
+pub(crate) fn unfolded(folded: u64) -> i64 {
     (folded >> 1) as i64 ^ -((folded & 1) as i64)
 }
 
