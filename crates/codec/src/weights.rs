@@ -41,50 +41,54 @@ pub enum WeightsError {
 /// Reads the header of the weights of a picture of so many columns and rows.
 ///
 /// # Errors
-/// As [`read_weights`], but for broken pixels.
+/// As [`read_weights_while`], but for broken pixels.
 pub fn probe_weights(
     bytes: &[u8],
     expected: (usize, usize),
     limits: &Limits,
 ) -> Result<Header, WeightsError> {
-    let header = weights_reading(limits).probe(bytes)?;
+    let options = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
+    let header = without_alpha(&options).probe(bytes)?;
     check((header.width, header.height), header.component_count, expected)?;
     Ok(header)
 }
 
 /// Reads the weights of a picture of so many columns and rows, from 0 to 255, as
-/// [`Parameters::weights`](pixmesh_meshing::Parameters::weights) takes them.
+/// [`Parameters::weights`](pixmesh_meshing::Parameters::weights) takes them, for as long as they are
+/// wanted. Of the options, the limits and the memory count: a file that ends early is refused.
 ///
 /// # Errors
-/// When the bytes are no picture, or one of another size or of neither 1 nor 3 components.
-pub fn read_weights(
-    bytes: &[u8],
-    expected: (usize, usize),
-    limits: &Limits,
-) -> Result<Weights, WeightsError> {
-    read_weights_while(bytes, expected, limits, &always)
-}
-
-/// Reads weights as [`read_weights`] does, for as long as they are wanted.
-///
-/// # Errors
-/// As [`read_weights`], and [`DecodeError::Cancelled`] when they are no longer wanted.
+/// When the bytes are no picture, or one of another size or of neither 1 nor 3 components;
+/// [`DecodeError::Cancelled`] when the weights are no longer wanted.
 pub fn read_weights_while(
     bytes: &[u8],
     expected: (usize, usize),
-    limits: &Limits,
+    options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Weights, WeightsError> {
-    let picture = weights_reading(limits).decode_while(bytes, wanted)?;
+    let picture = without_alpha(options).decode_while(bytes, wanted)?;
     let size = (picture.width(), picture.height());
     check(size, picture.component_count(), expected)?;
     let weights = lumas(&picture, wanted).map_err(DecodeError::from)?;
     Ok(Weights::from_bottom_up(size.0, size.1, weights).map_err(DecodeError::from)?)
 }
 
-/// How the picture of weights is decoded: without alpha, incomplete files refused.
-fn weights_reading(limits: &Limits) -> DecodeOptions {
-    DecodeOptions { limits: *limits, alpha: Alpha::Drop, ..DecodeOptions::default() }
+/// Reads weights as [`read_weights_while`] does, to the end.
+///
+/// # Errors
+/// As [`read_weights_while`].
+pub fn read_weights(
+    bytes: &[u8],
+    expected: (usize, usize),
+    limits: &Limits,
+) -> Result<Weights, WeightsError> {
+    let options = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
+    read_weights_while(bytes, expected, &options, &always)
+}
+
+/// The options for a picture of weights.
+fn without_alpha(options: &DecodeOptions) -> DecodeOptions {
+    DecodeOptions { alpha: Alpha::Drop, lenient: false, ..*options }
 }
 
 fn check(

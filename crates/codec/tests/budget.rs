@@ -5,7 +5,7 @@
 
 mod samples;
 
-use pixmesh_codec::{Alpha, DecodeError, DecodeOptions};
+use pixmesh_codec::{Alpha, DecodeError, DecodeOptions, write_png, write_pnm};
 use pixmesh_meshing::Image;
 use samples::encoders::{bmp, gray_gif, tiff, webp};
 use samples::memory::rise_kib;

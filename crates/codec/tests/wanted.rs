@@ -130,8 +130,9 @@ fn weights_textures_and_pictures_are_made_as_long_as_they_are_wanted() {
     let mut png = Vec::new();
     write_png(&image, &mut png).unwrap();
 
-    let weights =
-        |last| ask(last, |wanted| read_weights_while(&png, (40, 30), &Limits::default(), wanted));
+    let weights = |last| {
+        ask(last, |wanted| read_weights_while(&png, (40, 30), &DecodeOptions::default(), wanted))
+    };
     let (made, questions) = weights(usize::MAX);
     assert_eq!(made.unwrap().values().len(), 40 * 30);
     for last in 0..questions {

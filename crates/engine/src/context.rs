@@ -1,7 +1,7 @@
-//! The context of one task: cancellation, deadline, progress, time of each stage, and its share of
-//! the threads.
+//! The context of one task: cancellation, deadline, progress, time of each stage, its share of the
+//! threads and its memory.
 
-use crate::scheduler::Share;
+use crate::scheduler::{Share, Ticket};
 use crate::telemetry;
 use pixmesh_meshing::{Cancelled, Control, Stage};
 use std::num::NonZeroUsize;
@@ -12,18 +12,25 @@ use tracing::Span;
 
 /// The context of one task.
 ///
-/// [`Context::default`] has no deadline and one thread.
+/// [`Context::default`] has no deadline, one thread and any amount of memory.
 #[derive(Debug, Default)]
 pub struct Context {
     cancelled: AtomicBool,
     /// `None` for a task that may take any time.
     deadline: Option<Instant>,
-    /// Unset where the task has one thread.
-    share: OnceLock<Share>,
+    /// What the task's ticket grants; unset for a task without one.
+    granted: OnceLock<Granted>,
     /// Steps of the present stage, behind and in all; 0 in all where they are not counted.
     done: AtomicUsize,
     total: AtomicUsize,
     stages: Mutex<Stages>,
+}
+
+/// What a ticket grants.
+#[derive(Debug)]
+struct Granted {
+    share: Share,
+    memory_bytes: u64,
 }
 
 /// The time that each stage took, in the order in which they began, and the one that runs, with its
@@ -41,10 +48,18 @@ impl Context {
         Self { deadline: Some(deadline), ..Self::default() }
     }
 
-    /// Lets the task use its share of the threads from now on.
-    pub fn share_threads(&self, share: Share) {
-        // It has one ticket, and this is called once.
-        let _ = self.share.set(share);
+    /// Lets the task use the threads and the memory that its ticket grants.
+    pub(crate) fn grant(&self, ticket: &Ticket) {
+        let granted = Granted { share: ticket.share(), memory_bytes: ticket.memory_bytes() };
+        // A task has one ticket, and this is called once.
+        let _ = self.granted.set(granted);
+    }
+
+    /// The memory that the scheduler reserved for the task, in bytes; `None` for a task without a
+    /// ticket, which may take any amount.
+    #[must_use]
+    pub fn memory_bytes(&self) -> Option<u64> {
+        self.granted.get().map(|granted| granted.memory_bytes)
     }
 
     /// Asks the task to stop.
@@ -132,7 +147,7 @@ impl Control for Context {
     }
 
     fn threads(&self) -> NonZeroUsize {
-        self.share.get().map_or(NonZeroUsize::MIN, Share::threads)
+        self.granted.get().map_or(NonZeroUsize::MIN, |granted| granted.share.threads())
     }
 }
 

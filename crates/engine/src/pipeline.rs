@@ -20,7 +20,8 @@ use crate::task::Weighed;
 use crate::telemetry;
 use encode::{encode, encoded};
 use pixmesh_codec::{
-    Encodable, Format, Limits, Texture, model_comments, read_weights_while, write_progression,
+    DecodeOptions, Encodable, Format, Limits, Texture, model_comments, read_weights_while,
+    write_progression,
 };
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Image, Progression, mesh_image};
@@ -91,8 +92,7 @@ fn make(
     context.check()?;
     context.begin("decode");
     let Weighed { image: file, weights } = source;
-    let reading = options.output.reading(limits);
-    let image = reading.decode_while(file.as_ref(), &|| context.check())?;
+    let image = decode(file.as_ref(), options.output.reading(limits), 0, context)?;
     let shown = options.output.shows_image(format);
     let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| context.check()));
     let texture = texture.transpose()?;
@@ -134,7 +134,30 @@ fn read_weights(
 ) -> Result<Option<Weights>, EngineError> {
     let Some(file) = weights else { return Ok(None) };
     let size = (image.width(), image.height());
-    Ok(Some(read_weights_while(file.as_ref(), size, limits, &|| context.check())?))
+    let max_bytes = memory_beside(held_bytes(image), context);
+    let options = DecodeOptions { limits: *limits, max_bytes, ..DecodeOptions::default() };
+    Ok(Some(read_weights_while(file.as_ref(), size, &options, &|| context.check())?))
+}
+
+/// Decodes an image in the memory that the task has beside the bytes that it holds already.
+fn decode(
+    file: &[u8],
+    options: DecodeOptions,
+    held_bytes: u64,
+    context: &Context,
+) -> Result<Image, EngineError> {
+    let options = DecodeOptions { max_bytes: memory_beside(held_bytes, context), ..options };
+    Ok(options.decode_while(file, &|| context.check())?)
+}
+
+/// The memory that the task has beside the bytes that it holds already; `None` for any amount.
+fn memory_beside(held_bytes: u64, context: &Context) -> Option<u64> {
+    context.memory_bytes().map(|bytes| bytes.saturating_sub(held_bytes))
+}
+
+/// Bytes of an image's samples.
+fn held_bytes(image: &Image) -> u64 {
+    2 * image.pixel_count() as u64 * image.component_count() as u64
 }
 
 impl Answer {

@@ -190,6 +190,12 @@ impl Ticket {
         Share(self.slot.gate())
     }
 
+    /// The memory reserved for the task, in bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> u64 {
+        u64::from(self.cost.mib()) << 20
+    }
+
     /// Counts the time of a task that completed in the average.
     pub fn completed(&self) {
         self.backlog.learn(self.cost, self.started.elapsed());

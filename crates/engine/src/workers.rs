@@ -3,7 +3,7 @@
 //! A task takes its ticket along and gives it back when it ends, so there is always a free thread for
 //! a task with a ticket. The threads have a lower priority than those that serve requests and write
 //! jobs, which have little to do and must not wait. While fewer tasks run than there are cores, the
-//! meshing kernels start further threads, see [`Context::share_threads`].
+//! meshing kernels start as many further threads as the ticket grants.
 //!
 //! When the deadline passes or the client goes away, the waiting future is dropped and the task's
 //! [`Context`] is cancelled. Kernels, decoders and encoders poll it and stop within milliseconds; three
@@ -81,7 +81,7 @@ impl Workers {
         task: impl FnOnce(&Context, &mut Ticket) -> Result<T, EngineError> + Send + 'static,
     ) -> Result<T, EngineError> {
         let _guard = CancelOnDrop(Arc::clone(&context));
-        context.share_threads(ticket.share());
+        context.grant(&ticket);
         let span = Span::current();
         let (sender, receiver) = oneshot::channel();
         let task = move || {
@@ -137,10 +137,11 @@ fn too_slow() -> EngineError {
 mod tests {
     use super::*;
     use crate::owner::Owner;
+    use crate::params::ParameterSet;
+    use crate::pipeline::mesh;
     use crate::scheduler::{Limits, Scheduler};
-    use crate::task::Cost;
-    use pixmesh_codec::Format;
-    use pixmesh_codec::probe;
+    use crate::task::{Cost, Weighed};
+    use pixmesh_codec::{DecodeError, Format, WeightsError, probe};
     use pixmesh_meshing::{Control, Method, Target};
     use std::sync::atomic::{AtomicBool, Ordering};
     use std::time::Duration;
@@ -175,6 +176,37 @@ mod tests {
                 workers.run(ticket, deadline, |_, _| panic!("on purpose")).await;
             assert!(matches!(result, Err(EngineError::Panicked)));
         }
+    }
+
+    #[tokio::test]
+    async fn decoding_takes_no_more_memory_than_the_ticket_reserved() {
+        let (gate, workers) = (gate(), Workers::start(1).unwrap());
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let gray = [&b"P5 1000 1000 255\n"[..], &[7; 1_000_000]].concat();
+        let tiny = [&b"P5 100 100 255\n"[..], &[7; 10_000]].concat();
+        let decode = async |image: Vec<u8>, weights: Option<Vec<u8>>| {
+            let ticket = gate.admit(&Owner::Anonymous, cost(), deadline).await.unwrap();
+            assert_eq!(ticket.memory_bytes(), 1 << 20);
+            let options = ParameterSet::of_query(Some("size=4")).unwrap().finish().unwrap();
+            let task = move |context: &Context, _: &mut Ticket| {
+                let limits = pixmesh_codec::Limits::default();
+                mesh(Weighed { image, weights }, &options, Format::Model, &limits, context)
+            };
+            workers.run(ticket, deadline, task).await
+        };
+        let refused = |error| match error {
+            EngineError::Decode(DecodeError::TooMuchMemory { needed, allowed })
+            | EngineError::Weights(WeightsError::Picture(DecodeError::TooMuchMemory {
+                needed,
+                allowed,
+            })) => (needed, allowed),
+            other => panic!("{other}"),
+        };
+        let (needed, allowed) = refused(decode(gray.clone(), None).await.unwrap_err());
+        assert!(needed > 2_000_000 && allowed == 1 << 20, "{needed} of {allowed}");
+        let (needed, allowed) = refused(decode(tiny.clone(), Some(gray)).await.unwrap_err());
+        assert!(needed > 2_000_000 && allowed == (1 << 20) - 20_000, "{needed} of {allowed}");
+        assert_eq!(decode(tiny.clone(), Some(tiny)).await.unwrap().vertices, 4);
     }
 
     #[tokio::test]

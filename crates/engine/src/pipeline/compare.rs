@@ -1,5 +1,6 @@
 //! How close two pictures are, one of which may be a mesh.
 
+use super::{decode, held_bytes};
 use crate::context::Context;
 use crate::error::EngineError;
 use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
@@ -41,14 +42,14 @@ pub fn compare<B: AsRef<[u8]>>(
     context.check()?;
     context.begin("decode");
     let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
-    let first = reading.decode_while(picture.as_ref(), &|| context.check())?;
+    let first = decode(picture.as_ref(), reading, 0, context)?;
     drop(picture);
     let second = if is_model {
         let mesh = read_model_while(approximation.as_ref(), limits, &|| context.check())?;
         drop(approximation);
         rasterize(&mesh, context)?
     } else {
-        reading.decode_while(approximation.as_ref(), &|| context.check())?
+        decode(approximation.as_ref(), reading, held_bytes(&first), context)?
     };
     measure(&first, &second, context)
 }
