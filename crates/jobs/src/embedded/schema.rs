@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// The version of the tables, which the database stores.
-const VERSION: i64 = 1;
+const VERSION: i64 = 2;
 
 /// States are the numbers of `State::ALL`: 0 queued, 1 running, 2 and more have ended. Times are in
 /// milliseconds since 1970, except those of leases, which are those of the process's own clock.
