@@ -40,13 +40,14 @@ impl Node {
         let mut transaction = self.database.begin().await?;
         let mut results = self.submitted_before(&mut transaction, jobs).await?;
         self.refuse_beyond_caps(&mut transaction, jobs, &mut results).await?;
-        let (mut new, mut orphans) = (Vec::new(), Vec::new());
+        let (mut new, mut orphans, mut first_of_key) = (Vec::new(), Vec::new(), HashMap::new());
         for (job, result) in jobs.iter().zip(&results) {
-            match result {
-                None => new.push(job),
-                Some(Submitted::Created(_)) => {}
-                // The picture of a job that is not created was stored in vain.
-                Some(_) => orphans.push(job.picture.digest),
+            let is_first = |key| first_of_key.entry(key).or_insert(job).id == job.id;
+            if result.is_none() && key_of(job).is_none_or(is_first) {
+                new.push(job);
+            } else {
+                // The picture of a job that is not created may have been stored in vain.
+                orphans.push(job.picture.digest);
             }
         }
         let created = insert(&mut transaction, &new).await?;
@@ -54,7 +55,10 @@ impl Node {
         count_changes(&mut transaction, new.len() as i64, 0).await?;
         transaction.commit().await?;
         let result = |(job, result): (&NewJob, Option<Submitted>)| {
-            result.unwrap_or_else(|| Submitted::Created(Record::queued(job, created)))
+            // Jobs with a new idempotency key get the result of the first one in the batch.
+            let first = *key_of(job).and_then(|key| first_of_key.get(&key)).unwrap_or(&job);
+            let stored = || Record::queued(first, created);
+            result.unwrap_or_else(|| Submitted::again(job, stored(), Some(first.fingerprint())))
         };
         Ok(jobs.iter().zip(results).map(result).collect())
     }
@@ -65,10 +69,8 @@ impl Node {
         transaction: &mut Transaction,
         jobs: &[NewJob],
     ) -> sqlx::Result<Vec<Option<Submitted>>> {
-        let (owners, keys): (Vec<&str>, Vec<&str>) = jobs
-            .iter()
-            .filter_map(|job| Some((job.owner.as_str(), job.idempotency_key.as_deref()?)))
-            .unzip();
+        let (owners, keys): (Vec<&str>, Vec<&str>) =
+            jobs.iter().filter_map(key_of).map(|(owner, key)| (owner.as_str(), key)).unzip();
         if keys.is_empty() {
             return Ok(vec![None; jobs.len()]);
         }
@@ -134,6 +136,11 @@ impl Node {
         }
         Ok(())
     }
+}
+
+/// The owner and the idempotency key of a job that has one.
+fn key_of(job: &NewJob) -> Option<(&Owner, &str)> {
+    Some((&job.owner, job.idempotency_key.as_deref()?))
 }
 
 /// The numbers of queued jobs of owners, each up to a limit. The owner locks are held until the end of

@@ -99,6 +99,24 @@ async fn idempotency_key_on_two_nodes_is_one_job() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn idempotency_key_repeated_in_a_batch_is_one_job() {
+    let Some(engine) = engine("batch", false) else { return };
+    let queue = engine.opened(terms()).await;
+    let with_key =
+        |image| NewJob { idempotency_key: Some("key".into()), ..job(&Owner::Anonymous, image) };
+    let batch = [with_key("image"), with_key("image"), with_key("other")];
+    let submitted = queue.node.submit(&batch).await.unwrap();
+    let [Submitted::Created(first), Submitted::Existing(again), Submitted::KeyReused] =
+        &submitted[..]
+    else {
+        panic!("{submitted:?}")
+    };
+    assert_eq!((first.id, first), (batch[0].id, again));
+    assert_eq!(queue.stats().await.unwrap().queued, 1);
+    assert!(queue.sweep().await.unwrap().orphans.contains(&batch[2].picture.digest));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn expired_lease_is_fenced() {
     let Some(engine) = engine("fence", false) else { return };
     let terms = Terms { lease: Duration::from_millis(200), ..terms() };
