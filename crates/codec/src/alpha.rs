@@ -7,7 +7,7 @@ use pixmesh_meshing::{Cancelled, ParameterError};
 use std::fmt;
 use std::str::FromStr;
 
-/// Samples composed from one question to the next whether they are wanted.
+/// Samples between two polls of `wanted`.
 const POLL_SAMPLES: usize = 1 << 16;
 
 /// What becomes of alpha, the last component of a picture of two or four.

@@ -1,8 +1,8 @@
 //! Windows bitmaps, in.
 //!
 //! Samples of 1, 4, 8, 16, 24 and 32 bits a pixel become RGB of 8 bits, or RGBA where the header
-//! has a mask for alpha; runs and palettes are expanded, files stored from the top are told from
-//! those stored from the bottom.
+//! has a mask for alpha; runs and palettes are expanded; rows may be stored from the top or
+//! from the bottom.
 //!
 //! Literature: Microsoft, "Bitmap Storage" and "BITMAPV5HEADER structure", Windows GDI reference.
 
@@ -43,7 +43,7 @@ fn claimed_size(bytes: &[u8]) -> Option<(u64, u64)> {
     if number(HEADER_LENGTH_AT)? == CORE_HEADER_BYTES {
         return Some((short(SIZE_AT)?.into(), short(SIZE_AT + 2)?.into()));
     }
-    // Rows from the top are told by a height below zero; no width is.
+    // A negative height means rows from the top; a negative width is an error.
     let width = u64::try_from(number(SIZE_AT)?).ok()?;
     Some((width, number(SIZE_AT + 4)?.unsigned_abs().into()))
 }

@@ -1,7 +1,7 @@
 //! The planes into which decoders put their rows, upright and one component after the other.
 //!
 //! The only buffer of the size of the picture that PNG and PNM need: two bytes a sample. A file's
-//! pixels go straight to where its orientation wants them.
+//! pixels go directly to their upright places.
 
 use crate::alpha::Alpha;
 use crate::error::DecodeError;
@@ -126,7 +126,7 @@ impl Canvas {
         Ok(())
     }
 
-    /// The finished image, without what is left out of its alpha.
+    /// The finished image, with the choice for its alpha applied.
     ///
     /// # Errors
     /// When a sample is out of range, or the picture is no longer wanted.

@@ -3,7 +3,7 @@
 use crate::rounding::rounded_quotient;
 use pixmesh_meshing::Shape;
 
-/// Whether the last component of a picture of so many is alpha.
+/// Whether the last of `component_count` components is alpha.
 pub(crate) fn has_alpha(component_count: usize) -> bool {
     matches!(component_count, 2 | 4)
 }

@@ -42,16 +42,15 @@ impl<'a> Opened<'a> {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecodeOptions {
-    /// The sizes that pictures may have.
+    /// The most pixels, columns and rows.
     pub limits: Limits,
     /// What becomes of alpha.
     pub alpha: Alpha,
-    /// Whether a JPEG, PNG, GIF or PNM that ends early is taken as far as it goes: what is missing
-    /// is black or, in a JPEG, what its decoder makes of it, usually gray. Without it every file
-    /// that ends early is refused.
+    /// Whether a JPEG, PNG, GIF or PNM that ends early is decoded up to its end: missing pixels are
+    /// black or, in a JPEG, what the decoder fills in, usually gray. Otherwise such files are refused.
     pub lenient: bool,
-    /// The most bytes that decoding may hold at once, copies of the file itself not counted; `None`
-    /// for as many as a picture within the limits takes. See [`Header::decode_bytes`].
+    /// The most bytes that decoding may allocate, copies of the file itself not counted; `None` for no
+    /// limit but those on the size. See [`Header::decode_bytes`].
     pub max_bytes: Option<u64>,
 }
 

@@ -53,7 +53,7 @@ impl<'a> From<&'a Approximation> for Encodable<'a> {
     }
 }
 
-/// How the formats write what leaves a choice.
+/// Choices that formats leave open.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EncodeOptions<'a> {
     /// How the mesh lies in space, in the formats of three dimensions.
@@ -132,8 +132,8 @@ pub fn estimated_bytes(mesh: &Mesh, format: Format, options: &EncodeOptions<'_>)
 }
 
 impl Format {
-    /// The most bytes that writing a mesh of so many components allocates for each vertex with its two
-    /// faces: the file, and what it is made from. 0 for pictures, whose size decides.
+    /// The most bytes that writing a mesh of `component_count` components allocates per vertex with its
+    /// two faces: the file and working memory. 0 for pictures, whose memory depends on their size.
     #[must_use]
     pub fn bytes_per_vertex(self, component_count: usize) -> u64 {
         let [vertex, face, work] = bytes_of(self, Shading::Gradient, component_count);
@@ -141,7 +141,7 @@ impl Format {
     }
 }
 
-/// Bytes of a file for each vertex and for each face, and for each vertex of what it is made from.
+/// Bytes of the file per vertex, of the file per face, and of working memory per vertex.
 fn bytes_of(format: Format, shading: Shading, component_count: usize) -> [usize; 3] {
     match format {
         Format::Model => [12 + 6 * component_count, 27, 0],

@@ -1,11 +1,11 @@
-//! Why bytes do not make a picture, and why a picture or mesh does not make bytes.
+//! Errors of decoding and of writing.
 
 use crate::format::PictureFormat;
 use pixmesh_meshing::{Cancelled, ImageError};
 use std::io;
 use thiserror::Error;
 
-/// Why bytes do not make a picture.
+/// Why a picture is not decoded.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -48,7 +48,7 @@ pub enum DecodeError {
     /// Decoding would hold more bytes than [`DecodeOptions::max_bytes`](crate::DecodeOptions).
     #[error("decoding takes {needed} bytes of memory, more than the {allowed} allowed")]
     TooMuchMemory {
-        /// Bytes that would be held, as far as is known.
+        /// Bytes that decoding needs.
         needed: u64,
         /// The most bytes allowed.
         allowed: u64,
@@ -69,10 +69,10 @@ pub enum DecodeError {
         /// What is not supported.
         reason: String,
     },
-    /// The picture is none that can be meshed.
+    /// The picture cannot be meshed.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// Nobody wants the picture any more.
+    /// The picture is no longer wanted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
@@ -123,7 +123,7 @@ pub enum EncodeError {
         /// The most bytes of such a file.
         limit: u64,
     },
-    /// Nobody wants the file any more.
+    /// The file is no longer wanted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// Writing failed.

@@ -16,20 +16,16 @@ pub(crate) fn by_neighbours(mesh: &Mesh) -> Mesh {
     drop(neighbours);
     let mut place = vec![NONE; mesh.points().len()];
     let mut order = Vec::with_capacity(mesh.points().len());
-    let renumbered = faces.iter().map(|face| {
-        face.map(|vertex| match place.get_mut(vertex as usize) {
-            Some(place) => {
-                if *place == NONE {
-                    *place = order.len() as u32;
-                    order.push(vertex as usize);
-                }
-                *place
-            }
-            None => vertex,
-        })
-    });
-    let faces: Vec<Face> = renumbered.collect();
-    let points = order.iter().filter_map(|&vertex| mesh.points().get(vertex).copied()).collect();
+    let mut renumbered = |vertex: u32| {
+        let place = &mut place[vertex as usize];
+        if *place == NONE {
+            *place = order.len() as u32;
+            order.push(vertex as usize);
+        }
+        *place
+    };
+    let faces = faces.into_iter().map(|face| face.map(&mut renumbered)).collect();
+    let points = order.iter().map(|&vertex| mesh.points()[vertex]).collect();
     let samples = order.iter().flat_map(|&vertex| mesh.vertex_samples(vertex).to_vec()).collect();
     // A valid mesh in another order is valid.
     Mesh::new(mesh.shape(), points, samples, faces, &()).unwrap_or_else(|_| mesh.clone())
@@ -45,18 +41,11 @@ fn neighbours(faces: &[Face]) -> Vec<Face> {
     }
     edges.sort_unstable();
     let mut neighbours = vec![[NONE; 3]; faces.len()];
-    let mut set = |face: u32, side: u8, other: u32| {
-        let sides = neighbours.get_mut(face as usize);
-        if let Some(place) = sides.and_then(|sides| sides.get_mut(usize::from(side))) {
-            *place = other;
-        }
-    };
     for pair in edges.windows(2) {
-        if let &[(a, b, first, first_side), (c, d, second, second_side)] = pair
-            && (a, b) == (c, d)
-        {
-            set(first, first_side, second);
-            set(second, second_side, first);
+        let [(a, b, first, first_side), (c, d, second, second_side)] = [pair[0], pair[1]];
+        if (a, b) == (c, d) {
+            neighbours[first as usize][usize::from(first_side)] = second;
+            neighbours[second as usize][usize::from(second_side)] = first;
         }
     }
     neighbours
@@ -70,33 +59,19 @@ fn walk(faces: &[Face], neighbours: &[Face]) -> Vec<Face> {
     for first in 0..faces.len() as u32 {
         waiting.push((first, NONE));
         while let Some((index, from)) = waiting.pop() {
-            let Some(seen) = seen.get_mut(index as usize).filter(|seen| !**seen) else { continue };
-            *seen = true;
-            let (Some(&face), Some(&beyond)) =
-                (faces.get(index as usize), neighbours.get(index as usize))
-            else {
+            if std::mem::replace(&mut seen[index as usize], true) {
                 continue;
-            };
+            }
+            let (mut face, mut beyond) = (faces[index as usize], neighbours[index as usize]);
             let entered = beyond.iter().position(|&other| other == from && from != NONE);
-            let turn = entered.unwrap_or(0);
-            let turned = |sides: Face| {
-                let mut sides = sides;
-                sides.rotate_left(turn);
-                sides
-            };
-            ordered.push(turned(face));
-            let [_, second, third] = turned(beyond);
-            for other in [second, third] {
-                if other != NONE {
-                    waiting.push((other, index));
-                }
-            }
-            if entered.is_none() {
-                let [over_first, ..] = turned(beyond);
-                if over_first != NONE {
-                    waiting.push((over_first, index));
-                }
-            }
+            face.rotate_left(entered.unwrap_or(0));
+            beyond.rotate_left(entered.unwrap_or(0));
+            ordered.push(face);
+            let [first, second, third] = beyond;
+            // Only the first face of a walk has a face left beyond its first edge.
+            let first = if entered.is_none() { first } else { NONE };
+            let others = [second, third, first].into_iter().filter(|&other| other != NONE);
+            waiting.extend(others.map(|other| (other, index)));
         }
     }
     ordered

@@ -1,4 +1,4 @@
-//! The picture formats that are read, told apart by their first bytes.
+//! The picture formats that are read, detected by their first bytes.
 
 use crate::error::DecodeError;
 use pixmesh_meshing::named_values;
@@ -25,7 +25,7 @@ named_values! {
 }
 
 impl PictureFormat {
-    /// Tells the format of a file by its first bytes.
+    /// Detects the format of a file by its first bytes.
     ///
     /// # Errors
     /// [`DecodeError::Empty`] without any byte, [`DecodeError::UnknownFormat`] for bytes that no

@@ -4,18 +4,18 @@ use crate::format::PictureFormat;
 use crate::webp::CODE_BYTES;
 use pixmesh_meshing::Shape;
 
-/// Bytes that a decoder holds for each column and each row, and for so many more: buffers of single
-/// rows, tables of codes and of colours.
+/// Bytes that a decoder holds per column and per row, and for [`MORE_ROWS`] more of them: buffers of
+/// single rows, tables of codes and of colours.
 const ROW_BYTES: u64 = 256;
 const MORE_ROWS: u64 = 1024;
 
 /// Bytes of a sample of an image.
 const SAMPLE_BYTES: u64 = 2;
 
-/// What a picture's header tells of the image that decoding will give.
+/// What a picture's header says of the decoded image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// The file's format, told by its content.
+    /// The file's format, detected from its content.
     pub format: PictureFormat,
     /// Columns of the upright picture, that is after the orientation in its EXIF data; at least 2.
     pub width: usize,

@@ -3,11 +3,11 @@
 //! Literature: ITU-T T.81, "Digital compression and coding of continuous-tone still images", 1992;
 //! ITU-T T.871, "JPEG File Interchange Format", 2011.
 //!
-//! The decoder fills what is missing with gray and does not report it, in its strict mode neither: a
-//! file of 4 KB may claim 12000x12000 pixels and pass. Hence the file is first walked here, segment
-//! by segment: it must run up to its end-of-image marker, each component must have a scan, and the
-//! scans must be long enough to hold the blocks that the size asks for. What the decoder then gets is that walk's result, without the metadata: the
-//! orientation is all that is taken from it.
+//! The decoder fills what is missing with gray and does not report it, not even in its strict mode: a
+//! file of 4 KB may claim 12000x12000 pixels and pass. Hence the file is first read here, segment by
+//! segment: it must have an end-of-image marker, each component must have a scan, and the scans must
+//! be long enough for the blocks of the picture. The decoder gets the file without its metadata, of
+//! which only the orientation is used.
 //!
 //! The decoder is `zune-jpeg`, which `image` uses, too, but there it reads the whole file first and
 //! cannot be stopped.

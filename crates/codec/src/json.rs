@@ -1,6 +1,6 @@
-//! JSON, out: the figures and the arrays, for clients on the web.
+//! JSON, out: counts, errors and arrays, for clients on the web.
 //!
-//! Arrays are flat, so that they become typed arrays as they are: `positions` holds `x, y, z` of
+//! Arrays are flat, so that clients copy them into typed arrays: `positions` holds `x, y, z` of
 //! each vertex, `samples` the components of each vertex at the image's precision, `colors` red,
 //! green, blue and alpha of each vertex as sRGB of 0 to 255, `triangles` three indices of each face.
 
@@ -12,7 +12,7 @@ use pixmesh_meshing::{Fidelity, Mesh, Shape};
 use std::io::{self, Write};
 
 /// Writes a mesh as one JSON object. The PSNR of a perfect copy, which is infinite, is `null`, as
-/// are both figures of a mesh whose fidelity is not known.
+/// are both errors of a mesh whose fidelity is not known.
 pub(crate) fn write_json(
     mesh: &Mesh,
     fidelity: Option<&Fidelity>,

@@ -1,8 +1,8 @@
-//! Pictures and triangle meshes in and out of bytes.
+//! Decodes pictures, and reads and writes triangle meshes.
 //!
-//! This is the room that meets hostile bytes: the format is told from the content, never from a
-//! name; every limit is checked on the header, before any pixel buffer; metadata is never inflated;
-//! and no input makes it panic.
+//! The input may be hostile. The format is detected from the content, never from a name; every limit
+//! is checked on the header, before any pixel buffer is allocated; metadata is never inflated; no
+//! input makes a function panic.
 //!
 //! | format | in | out |
 //! |---|---|---|
@@ -13,15 +13,14 @@
 //! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_pmesh_while`], [`write_progression`] |
 //! | every [`Format`] of meshes | | [`encode`] |
 //!
-//! [`DecodeOptions`] say what becomes of alpha and of files that end early, and how much memory may
-//! be taken; [`EncodeOptions`] say the same of writing. [`Geometry`] says how a mesh lies in space:
+//! [`DecodeOptions`] choose what becomes of alpha and of files that end early, and limit the memory
+//! of decoding. [`EncodeOptions`] choose how a mesh is stored. [`Geometry`] places a mesh in space:
 //! flat, as a relief of its luma or of a component, or as a solid on a base.
-//! [`DecodeOptions::decode_while`] and the other functions of that ending stop when their result is
-//! no longer [`Wanted`].
-//! [`read_weights`] reads how much each point of a picture matters, which is a picture itself.
+//! [`DecodeOptions::decode_while`] and the other functions ending in `_while` stop when their result
+//! is no longer [`Wanted`]. [`read_weights`] reads a picture that weighs the points of another.
 //!
-//! Rows of a file come from the top, those of an [`Image`](pixmesh_meshing::Image) from the bottom:
-//! decoders and encoders flip once, at this border.
+//! Files store rows from the top, an [`Image`](pixmesh_meshing::Image) from the bottom: decoders and
+//! encoders reverse the rows.
 //!
 //! # Example
 //! ```

@@ -1,7 +1,7 @@
 //! Wavefront OBJ, out: positions with colours, and faces.
 //!
 //! A vertex line has `x y z`, then red, green and blue of 0 to 1, which most readers understand as
-//! its colour; alpha cannot be told. Indices count from 1.
+//! its colour; the format has no alpha. Indices count from 1.
 //!
 //! Literature: Wavefront Technologies, "Object Files (.obj)", Advanced Visualizer manual, 1992; the
 //! colours are an extension by use.
@@ -33,7 +33,7 @@ pub(crate) fn write_obj(
         let [red, green, blue, _] = colors.rgba(samples);
         for part in [red, green, blue] {
             lines.text(" ");
-            // Four digits, from which the 8 bits can be had back.
+            // Four digits, from which readers recover the 8 bits.
             let fraction = rounded_quotient(10_000 * u64::from(part), 255);
             write!(lines, "{}.{:04}", fraction / 10_000, fraction % 10_000)?;
         }

@@ -1,4 +1,4 @@
-//! pmesh: meshes in few bytes, with every smaller size if wanted.
+//! pmesh: meshes in few bytes, optionally with the order of vertices that gives every smaller size.
 //!
 //! The connectivity is that of the preferred-directions Delaunay triangulation, which the points
 //! alone determine, so only points and samples are kept. A header of 24 bytes, numbers little-endian:
@@ -15,15 +15,16 @@
 //! | 4 | number of vertices |
 //! | 4 | bytes of what follows once inflated |
 //!
-//! Then a deflate stream (RFC 1951). In it, for the vertices by row, then column: the number of lattice
-//! points skipped before each, in groups of 7 bits from the lowest, the high bit set in all but the
+//! Then a deflate stream (RFC 1951). In it, for the vertices by row, then column: the number of
+//! lattice points skipped before each, in groups of 7 bits from the lowest, the high bit set in all but the
 //! last; then for each component, and where samples have more than 8 bits for their low and high
 //! bytes, how each sample differs from the one predicted, as 2d for d >= 0 and -2d - 1 for d < 0, d
-//! taken modulo the number of samples; then, where the order is kept, the rank of each vertex in it, from 0, as
-//! the four bytes of 32 bits from the lowest, those of one kind together. After the ranks, in groups of 7 bits as
-//! above: the squared error of the mesh of the 4 first vertices, the image's corners, summed over pixels and
-//! components; then for each vertex of a higher rank by how much it lowers that sum, as 2d or -2d - 1
-//! as above. From these and the number of pixels, components and bits follows the PSNR of every size.
+//! taken modulo the number of sample values; then, where the order is kept, the rank of each vertex in
+//! it, from 0, as 32 bits: first the lowest bytes of all ranks, then the next. After the ranks, in
+//! groups of 7 bits as above: the squared error of the mesh of the first 4 vertices, the image's
+//! corners, summed over pixels and components; then for each vertex of a higher rank by how much it
+//! lowers that sum, as 2d or -2d - 1 as above. From these and the number of pixels, components and bits
+//! follows the PSNR of every size.
 //!
 //! A sample is predicted by the nearest vertex before it among the last one of each strip of
 //! columns around; components after the first by that and by how the first one differs there.
@@ -36,7 +37,7 @@ pub use write::{write_pmesh, write_pmesh_while, write_progression};
 
 use pixmesh_meshing::{Point, Shape};
 
-/// Tells whether bytes begin as a pmesh does.
+/// Whether bytes begin as a pmesh does.
 #[must_use]
 pub fn is_pmesh(bytes: &[u8]) -> bool {
     bytes.starts_with(&MAGIC)

@@ -64,11 +64,10 @@ impl<'a> Surface<'a> {
             return [middle(shape.width), middle(shape.height), -base];
         }
         let origin = self.origin(vertex);
-        let place = self.mesh.points().get(origin);
-        let [x, y] = place.map_or([0.0; 2], |p| [f64::from(p.x), f64::from(p.y)]);
+        let point = self.mesh.points()[origin];
         let height = || self.geometry.height(self.mesh.vertex_samples(origin), self.mesh.shape());
         let z = if vertex < top { height() } else { -base };
-        [x * pixel_size, y * pixel_size, z]
+        [f64::from(point.x) * pixel_size, f64::from(point.y) * pixel_size, z]
     }
 
     /// The sample vectors of all vertices.
@@ -88,8 +87,7 @@ impl<'a> Surface<'a> {
         let sides = (0..self.rim.len()).flat_map(move |i| {
             let next = (i + 1) % self.rim.len();
             let below = |i: usize| top + i as u32;
-            let corner = |i: usize| self.rim.get(i).copied().unwrap_or_default();
-            let (a, b) = (corner(i), corner(next));
+            let (a, b) = (self.rim[i], self.rim[next]);
             [[b, a, below(i)], [b, below(i), below(next)], [below(next), below(i), middle]]
         });
         self.mesh.faces().iter().copied().chain(sides)

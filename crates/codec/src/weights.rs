@@ -1,7 +1,7 @@
-//! Weights: how much each point of a picture matters, as another picture says.
+//! Weights: a picture that says how much each point of another picture matters.
 //!
-//! White matters most, black not at all; of a picture in colour the luma counts, as it does of the
-//! pictures that painting programs and browsers write of a gray drawing, and alpha is left out.
+//! White is the largest weight, black is 0. A picture in colour gives its luma, because painting
+//! programs and browsers write gray drawings as RGB. Alpha is ignored.
 
 use crate::alpha::Alpha;
 use crate::color::{LUMA_SUM, luma};
@@ -33,12 +33,12 @@ pub enum WeightsError {
         /// Those of the other.
         expected: (usize, usize),
     },
-    /// It is neither gray nor in colour.
+    /// Its components are neither gray nor RGB.
     #[error("the weights are a picture of {0} components, but must have 1 (gray) or 3 (colour)")]
     ComponentCount(usize),
 }
 
-/// Reads the header of the weights of a picture of so many columns and rows.
+/// Reads the header of the weights of a picture whose columns and rows are `expected`.
 ///
 /// # Errors
 /// As [`read_weights_while`], but for broken pixels.
@@ -53,12 +53,12 @@ pub fn probe_weights(
     Ok(header)
 }
 
-/// Reads the weights of a picture of so many columns and rows, from 0 to 255, as
+/// Reads the weights, 0 to 255, of a picture whose columns and rows are `expected`, as
 /// [`Parameters::weights`](pixmesh_meshing::Parameters::weights) takes them, for as long as they are
 /// wanted. Of the options, the limits and the memory count: a file that ends early is refused.
 ///
 /// # Errors
-/// When the bytes are no picture, or one of another size or of neither 1 nor 3 components;
+/// When the bytes are not a picture, or one of another size or of neither 1 nor 3 components;
 /// [`DecodeError::Cancelled`] when the weights are no longer wanted.
 pub fn read_weights_while(
     bytes: &[u8],

@@ -18,7 +18,7 @@ pub(super) struct Attribute {
     pub(super) normalized: bool,
     /// Bytes from one vertex to the next, a multiple of four.
     pub(super) stride: usize,
-    /// The least and largest of each component, where the format wants them.
+    /// The least and largest of each component, where the format requires them.
     pub(super) bounds: Option<[[f32; 3]; 2]>,
     pub(super) bytes: Vec<u8>,
 }
@@ -125,8 +125,8 @@ pub(super) fn texture_places(surface: &Surface<'_>, normalized: bool) -> Attribu
     let (width, height) = (shape.width as f64, shape.height as f64);
     let mut bytes = Vec::with_capacity(surface.vertex_count() * 8);
     for vertex in 0..surface.vertex_count() {
-        let point = surface.mesh.points().get(surface.origin(vertex));
-        let [x, y] = point.map_or([0.0; 2], |p| [f64::from(p.x), f64::from(p.y)]);
+        let point = surface.mesh.points()[surface.origin(vertex)];
+        let (x, y) = (f64::from(point.x), f64::from(point.y));
         let place = [(x + 0.5) / width, (height - 0.5 - y) / height];
         if normalized {
             let place = place.map(|part| (part * f64::from(u16::MAX) + 0.5) as u16);

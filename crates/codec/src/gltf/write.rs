@@ -1,4 +1,4 @@
-//! The writers: what the options choose is put together here.
+//! The writers, which assemble the document that the options choose.
 //!
 //! `x` is to the right, `y` up and `z` towards the viewer. Without a geometry one pixel is one
 //! metre, and positions are the lattice points themselves. Colours are linear, as glTF asks, and

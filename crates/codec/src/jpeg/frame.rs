@@ -187,7 +187,7 @@ impl<'a> Jpeg<'a> {
     }
 }
 
-/// Keeps segments that decoding needs: tables, the frame, and what tells the colours (APP0 and
+/// Keeps segments that decoding needs: tables, the frame, and the kind of colours (APP0 and
 /// APP14); no other application data, no comments, and no marker that stands alone.
 fn keep(segment: Segment<'_>, stripped: &mut Vec<u8>) {
     if !matches!(segment.marker, 0x01..=0xBF | 0xD0..=SCAN | APP1..=0xED | 0xEF | 0xFE) {

@@ -150,32 +150,22 @@ impl Encoder {
 }
 
 /// The last sixteen of something.
+#[derive(Default)]
 struct Recent<T> {
     entries: [Option<T>; 16],
     /// Where the next goes.
     end: usize,
 }
 
-impl<T: Copy> Default for Recent<T> {
-    fn default() -> Self {
-        Self { entries: [None; 16], end: 0 }
-    }
-}
-
 impl<T: Copy + PartialEq> Recent<T> {
     fn push(&mut self, entry: T) {
-        if let Some(place) = self.entries.get_mut(self.end) {
-            *place = Some(entry);
-        }
+        self.entries[self.end] = Some(entry);
         self.end = (self.end + 1) % 16;
     }
 
     /// The entries from the latest on, with their ages.
     fn latest(&self) -> impl Iterator<Item = (u32, T)> {
-        (0..16).filter_map(move |age| {
-            let entry = self.entries.get((self.end + 15 - age) % 16)?;
-            entry.map(|entry| (age as u32, entry))
-        })
+        (0..16).filter_map(|age| Some((age as u32, self.entries[(self.end + 15 - age) % 16]?)))
     }
 
     /// How many were pushed after the entry.

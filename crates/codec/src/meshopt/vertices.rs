@@ -53,9 +53,7 @@ fn compress_bytes(mut bytes: Vec<u8>, stream: &mut Vec<u8>) {
     stream.resize(header + group_count.div_ceil(4), 0);
     for (index, group) in bytes.chunks_exact(GROUP).enumerate() {
         let (code, bits) = cheapest(group);
-        if let Some(byte) = stream.get_mut(header + index / 4) {
-            *byte |= code << (index % 4 * 2);
-        }
+        stream[header + index / 4] |= code << (index % 4 * 2);
         compress_group(group, bits, stream);
     }
 }
@@ -72,7 +70,7 @@ fn cheapest(group: &[u8]) -> (u8, u32) {
     choices.into_iter().min_by_key(|&(_, bits)| cost(bits)).unwrap_or((3, 8))
 }
 
-/// The largest value of so many bits: it says that a whole byte follows the group.
+/// The largest value of `bits` bits, which means that a whole byte follows the group.
 fn sentinel(bits: u32) -> u8 {
     ((1_u32 << bits) - 1) as u8
 }

@@ -1,9 +1,8 @@
 //! The MODEL reader.
 //!
-//! Only tokens structure the file, lines serve the errors alone. Numbers of vertices and faces are
-//! believed as far as the rest of the file can hold them, so that memory stays within a small
-//! multiple of the file's size. Which line a vertex or face stands on is found by walking through
-//! the tokens again, and only when there is an error to report.
+//! Tokens structure the file; lines appear in errors only. Numbers of vertices and faces that the rest
+//! of the file cannot hold are refused, so that memory stays within a small multiple of the file's
+//! size. After an error in a vertex or face the tokens are read again to find its line.
 
 use super::defect::{ModelDefect, ModelError};
 use super::tokens::Tokens;
@@ -128,8 +127,8 @@ fn read_keyword(tokens: &mut Tokens<'_>) -> Result<(), ModelError> {
     if token.text == b"OFF" { Ok(()) } else { Err(token.unexpected("the word OFF")) }
 }
 
-/// Reads the numbers of vertices, faces and edges; gives back the first two, which the rest of the
-/// file is long enough to hold.
+/// Reads the numbers of vertices, faces and edges. Returns the first two, which the rest of the file
+/// is long enough to hold.
 fn read_counts(tokens: &mut Tokens<'_>, shape: Shape) -> Result<(usize, usize), ModelError> {
     let first = tokens.clone().expect("the number of vertices")?;
     let vertices = tokens.number("the number of vertices", 0, u64::MAX)?;
@@ -155,7 +154,7 @@ fn read_counts(tokens: &mut Tokens<'_>, shape: Shape) -> Result<(usize, usize), 
     Ok((vertices as usize, faces as usize))
 }
 
-/// The most records of so many tokens that the rest of the file can hold: each token takes a
+/// The most records of `record_tokens` tokens that the rest of the file can hold: each token takes a
 /// character and white space before it.
 fn most_records(tokens: &Tokens<'_>, record_tokens: u64) -> u64 {
     tokens.remaining() as u64 / record_tokens.saturating_mul(2)

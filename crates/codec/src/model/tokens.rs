@@ -6,8 +6,8 @@
 use super::defect::{ModelDefect, ModelError};
 use crate::wanted::Wanted;
 
-/// Bytes that are read from one question to the next whether the file is still wanted.
-const ASKED_EVERY_BYTES: usize = 1 << 15;
+/// Bytes between two polls of `wanted`.
+const POLL_BYTES: usize = 1 << 15;
 
 /// Characters of a token that an error quotes.
 const QUOTED: usize = 24;
@@ -27,14 +27,14 @@ pub(super) struct Tokens<'a> {
     position: usize,
     line: usize,
     wanted: &'a Wanted<'a>,
-    /// The position from which on it is asked again whether the file is wanted.
-    ask_from: usize,
+    /// The position of the next poll of `wanted`.
+    poll_at: usize,
 }
 
 impl<'a> Tokens<'a> {
     /// The tokens of a file, for as long as it is wanted.
     pub(super) fn new(bytes: &'a [u8], wanted: &'a Wanted<'a>) -> Self {
-        Self { bytes, position: 0, line: 1, wanted, ask_from: 0 }
+        Self { bytes, position: 0, line: 1, wanted, poll_at: 0 }
     }
 
     /// Bytes that are not read yet.
@@ -46,10 +46,10 @@ impl<'a> Tokens<'a> {
     ///
     /// # Errors
     /// [`ModelDefect::Malformed`] at the end of the file, in its last line, and
-    /// [`ModelDefect::Cancelled`] where the file is no longer wanted.
+    /// [`ModelDefect::Cancelled`] when the file is no longer wanted.
     pub(super) fn expect(&mut self, field: &'static str) -> Result<Token<'a>, ModelError> {
-        if self.position >= self.ask_from {
-            self.ask()?;
+        if self.position >= self.poll_at {
+            self.poll()?;
         }
         self.next().ok_or_else(|| {
             let defect = format!("the file ends where {field} is expected");
@@ -63,8 +63,8 @@ impl<'a> Tokens<'a> {
     }
 
     #[cold]
-    fn ask(&mut self) -> Result<(), ModelError> {
-        self.ask_from = self.position + ASKED_EVERY_BYTES;
+    fn poll(&mut self) -> Result<(), ModelError> {
+        self.poll_at = self.position + POLL_BYTES;
         (self.wanted)().map_err(|cancelled| self.error(cancelled.into()))
     }
 

@@ -12,8 +12,8 @@ use pixmesh_meshing::{
 use std::io::{self, Read};
 use thiserror::Error;
 
-/// Vertices whose samples are read from one question to the next.
-const READ_AT_A_TIME: usize = 1 << 12;
+/// Vertices between two polls of `wanted`.
+const POLL_VERTICES: usize = 1 << 12;
 
 /// Bytes of a gap at most.
 const GAP_BYTES: usize = 6;
@@ -42,7 +42,7 @@ pub enum PmeshError {
     /// The stream ends early, goes on too long, or is no deflate stream.
     #[error("the stream of the pmesh is damaged")]
     Stream,
-    /// The order of importance is not kept.
+    /// The file does not hold the order of importance.
     #[error("this pmesh keeps no order of importance")]
     NoOrder,
     /// The points and samples make no mesh.
@@ -51,7 +51,7 @@ pub enum PmeshError {
     /// The points make no progression.
     #[error(transparent)]
     Progression(#[from] ProgressionError),
-    /// Nobody wants what it holds any more.
+    /// The result is no longer wanted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
@@ -170,10 +170,10 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
 /// The stream, which must have this length.
 fn inflated(deflated: &[u8], length: usize, wanted: &Wanted<'_>) -> Result<Vec<u8>, PmeshError> {
     let mut stream = Vec::new();
-    let bytes = AskingBytes { rest: deflated, wanted };
+    let bytes = PolledBytes { rest: deflated, wanted };
     let mut inflate = DeflateDecoder::new(bytes).take(length as u64 + 1);
     let read = inflate.read_to_end(&mut stream);
-    // Where the reader was told that nobody wants it, the same is told here.
+    // A cancellation that the reader saw is reported as such.
     wanted()?;
     if read.is_err() || stream.len() != length {
         return Err(PmeshError::Stream);
@@ -181,13 +181,13 @@ fn inflated(deflated: &[u8], length: usize, wanted: &Wanted<'_>) -> Result<Vec<u
     Ok(stream)
 }
 
-/// Bytes that end in a failure where they are no longer wanted.
-struct AskingBytes<'a> {
+/// A reader that fails once its bytes are no longer wanted.
+struct PolledBytes<'a> {
     rest: &'a [u8],
     wanted: &'a Wanted<'a>,
 }
 
-impl Read for AskingBytes<'_> {
+impl Read for PolledBytes<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         (self.wanted)().map_err(io::Error::other)?;
         self.rest.read(buffer)
@@ -240,7 +240,7 @@ fn read_samples(
     let mut predictor = Predictor::new(shape, points.len());
     let mut samples: Vec<u16> = Vec::with_capacity(points.len() * count);
     for (v, &point) in points.iter().enumerate() {
-        if v.is_multiple_of(READ_AT_A_TIME) {
+        if v.is_multiple_of(POLL_VERTICES) {
             wanted()?;
         }
         let nearest = predictor.predict(point, v);

@@ -11,7 +11,7 @@ pub(super) struct Pixels {
     depth: u8,
     /// What the stored samples mean.
     meaning: Meaning,
-    /// The stored samples of the row at hand.
+    /// The stored samples of the current row.
     stored: Vec<u16>,
 }
 

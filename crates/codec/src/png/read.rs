@@ -1,12 +1,12 @@
-//! The PNG reader, on the decoder of `png`: `image` makes 8 bits of fewer and has no rows to stop at.
+//! The PNG reader. It uses the decoder of `png`, because that of `image` raises samples of fewer bits to
+//! 8 and gives no rows between which decoding can be cancelled.
 //!
-//! Samples are taken raw: 1, 2, 4, 8 or 16 bits of gray stay such, gAMA, sRGB and cICP change
-//! nothing. A palette becomes RGB of 8 bits; transparency, be it of the palette or of one colour,
-//! becomes a component. The orientation in an eXIf chunk is applied when the chunk stands before
-//! the pixels. Text and iCCP chunks are skipped and never inflated; all other chunks together may
-//! take 8 MiB. Checksums of critical chunks are verified up to the last IDAT; what follows must run
-//! up to the end of IEND and is not looked at. Of an animated PNG the default image is decoded, which
-//! nearly always is the first frame.
+//! Samples are taken raw: gray of 1, 2, 4, 8 or 16 bits keeps them, and gAMA, sRGB and cICP change
+//! nothing. A palette becomes RGB of 8 bits; transparency, of the palette or of one colour, becomes a
+//! component. The orientation in an eXIf chunk is applied when the chunk stands before the pixels.
+//! Text and iCCP chunks are skipped and never inflated; all other chunks before the pixels may take
+//! 8 MiB together. Checksums of critical chunks are verified, and the file must have its IEND chunk. Of
+//! an animated PNG the default image is decoded, which nearly always is the first frame.
 
 use super::interlace::stored_rows;
 use super::pixels::Pixels;
@@ -19,12 +19,6 @@ use crate::orientation::{Orientation, from_exif, upright};
 use crate::wanted::{Wanted, WantedBytes};
 use png::{Decoder, DecodingError, Reader};
 use std::io::ErrorKind;
-
-/// Bytes before the first chunk.
-const SIGNATURE_BYTES: usize = 8;
-
-/// Bytes of a chunk beside its data: length, kind and checksum.
-const CHUNK_FRAME_BYTES: usize = 12;
 
 /// The most bytes of a stored pixel: four samples of 16 bits.
 const MAX_PIXEL_BYTES: usize = 8;
@@ -54,9 +48,6 @@ pub(crate) fn open<'a>(
     let format = PictureFormat::Png;
     let header = Header { format, width, height, component_count, precision };
     Ok(Opened::new(header, move || {
-        if !options.lenient {
-            check_chunks(bytes)?;
-        }
         let canvas = Canvas::new(header, orientation, wanted)?;
         read_rows(reader, pixels, canvas, options.lenient, wanted)
     }))
@@ -84,28 +75,10 @@ fn read_rows(
         pixels.unpack(stored.data(), count, &mut samples)?;
         canvas.put_row(row, &samples);
     }
-    // Reading on verifies the checksums of the remaining pixel data.
-    match reader.next_row().map_err(refusal) {
-        Ok(None) => Ok(canvas),
-        _ if lenient => Ok(canvas),
-        Ok(Some(_)) => Err(PictureFormat::Png.malformed("it has more rows than its header says")),
-        Err(error) => Err(error),
-    }
-}
-
-/// Checks that the chunks run up to the last, whatever they hold.
-fn check_chunks(bytes: &[u8]) -> Result<(), DecodeError> {
-    let early = || PictureFormat::Png.malformed("it ends early");
-    let mut rest = bytes.get(SIGNATURE_BYTES..).unwrap_or_default();
-    loop {
-        let (length, kind) = match rest {
-            [a, b, c, d, kind @ ..] => (u32::from_be_bytes([*a, *b, *c, *d]), kind),
-            _ => return Err(early()),
-        };
-        rest = rest.get(CHUNK_FRAME_BYTES + length as usize..).ok_or_else(early)?;
-        if kind.starts_with(b"IEND") {
-            return Ok(());
-        }
+    // The rest must be there up to IEND, and the checksums of the pixel data must be right.
+    match reader.finish() {
+        Err(error) if !lenient => Err(refusal(error)),
+        _ => Ok(canvas),
     }
 }
 

@@ -3,7 +3,7 @@
 //! One to four components make gray, gray with alpha, RGB and RGBA. Gray keeps a precision of 1, 2,
 //! 4, 8 or 16 bits, the others one of 8 or 16. A precision that PNG lacks is raised to the next that
 //! it has: `v` becomes `v (2^to - 1) / (2^from - 1)`, rounded to the nearest integer, so that black
-//! and white stay what they are, and an sBIT chunk tells the true precision.
+//! and white stay what they are, and an sBIT chunk states the true precision.
 
 use crate::choices::PngCompression;
 use crate::error::EncodeError;

@@ -87,24 +87,26 @@ impl<'a> Anymap<'a> {
 
     /// Reads the header of a PAM: lines of a name and a value, the last of them ENDHDR.
     fn read_pam_header(mut scanner: Scanner<'a>, limits: &Limits) -> Result<Self, DecodeError> {
-        const FIELDS: [&str; 4] = ["WIDTH", "HEIGHT", "DEPTH", "MAXVAL"];
         let mut values = [None; 4];
         loop {
             let word = scanner.word("ENDHDR")?;
-            match FIELDS.iter().position(|field| field.as_bytes() == word) {
-                Some(i) => {
-                    if let (Some(value), Some(field)) = (values.get_mut(i), FIELDS.get(i)) {
-                        *value = Some(scanner.number(field)?);
-                    }
+            let field = match word {
+                b"WIDTH" => 0,
+                b"HEIGHT" => 1,
+                b"DEPTH" => 2,
+                b"MAXVAL" => 3,
+                b"ENDHDR" => break,
+                b"TUPLTYPE" => {
+                    scanner.skip_line();
+                    continue;
                 }
-                None if word == b"ENDHDR" => break,
-                None if word == b"TUPLTYPE" => scanner.skip_line(),
-                None => {
-                    let name: Vec<u8> = word.iter().copied().take(16).collect();
-                    let reason = format!("the header has an unknown '{}'", name.escape_ascii());
+                _ => {
+                    let name = word[..word.len().min(16)].escape_ascii();
+                    let reason = format!("the header has an unknown '{name}'");
                     return Err(PictureFormat::Pnm.malformed(reason));
                 }
-            }
+            };
+            values[field] = Some(scanner.number(&word.escape_ascii().to_string())?);
         }
         scanner.skip_line();
         let [Some(width), Some(height), Some(depth), Some(maxval)] = values else {

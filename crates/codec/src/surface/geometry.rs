@@ -73,7 +73,7 @@ pub enum ReliefHeight {
 }
 
 impl Geometry {
-    /// Checks that the relief can follow what it is to follow.
+    /// Checks that the image has the component that the relief follows.
     ///
     /// # Errors
     /// [`EncodeError::NoSuchComponent`] when an image of `component_count` has not got it.

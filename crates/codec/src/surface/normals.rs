@@ -18,9 +18,8 @@ pub(super) fn vertex_normals(surface: &Surface<'_>) -> Vec<[f64; 3]> {
             if index >= top_faces && (vertex as usize) < top_vertices {
                 continue;
             }
-            if let Some(sum) = normals.get_mut(vertex as usize) {
-                sum.iter_mut().zip(normal).for_each(|(sum, part)| *sum += part);
-            }
+            let sum = &mut normals[vertex as usize];
+            sum.iter_mut().zip(normal).for_each(|(sum, part)| *sum += part);
         }
     }
     normals.iter_mut().for_each(|normal| *normal = unit(*normal));

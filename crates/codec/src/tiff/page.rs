@@ -19,7 +19,7 @@ const FIELD_BYTES: usize = 12;
 
 /// What the stored samples of a pixel mean.
 pub(super) enum Meaning {
-    /// They are the image's, so many.
+    /// They are the image's; their number.
     Plain(usize),
     /// They are indices of a palette: all reds, then all greens, then all blues.
     Indexed(Vec<u16>),
@@ -144,8 +144,8 @@ fn palette(decoder: &mut Decoder<WantedBytes<'_>>, depth: u8) -> Result<Vec<u16>
     Err(malformed("its palette has a wrong number of colours"))
 }
 
-/// Checks that tiles are not much larger than the picture: whatever lies beyond it would be
-/// decompressed in vain.
+/// Checks that tiles are not much larger than the picture: what lies beyond it would be decompressed
+/// for nothing.
 fn check_tiles(
     decoder: &Decoder<WantedBytes<'_>>,
     [width, height]: [u32; 2],

@@ -121,7 +121,7 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Bytes of so many samples.
+/// Bytes of a row of `count` packed samples.
 fn packed(count: usize, depth: u8) -> usize {
     (count * usize::from(depth)).div_ceil(8)
 }

@@ -1,4 +1,5 @@
-//! What the decoder takes memory for before it compares it with the file: chunks and pictures.
+//! Checks of the sizes that the decoder allocates before it compares them with the file: those of
+//! chunks and pictures.
 
 use super::ends_early;
 use super::lossless::Stream;
@@ -27,7 +28,7 @@ pub(super) struct Guard<'a> {
 
 impl<'a> Guard<'a> {
     /// Checks that the chunks run up to the end of the file and that no picture in them is larger
-    /// than the limits and the canvas. Gives back the file up to its end, and its lossless streams.
+    /// than the limits and the canvas. Returns the file up to its end, and its lossless streams.
     pub(super) fn check(
         bytes: &'a [u8],
         limits: &'a Limits,
@@ -47,7 +48,7 @@ impl<'a> Guard<'a> {
         Ok((file, guard.streams))
     }
 
-    /// Checks the chunks of the file, or of a frame of this size; gives back the first frame.
+    /// Checks the chunks of the file, or of a frame of this size; returns the first frame.
     fn check_chunks(
         &mut self,
         mut rest: &'a [u8],

@@ -235,8 +235,8 @@ impl Bits<'_> {
         Ok(lengths)
     }
 
-    /// Reads past an image of one group of codes, and gives back the largest number in the red and
-    /// green of its pixels. Copies and the cache only repeat pixels, so that it is that of a literal.
+    /// Skips an image of one group of codes, and returns the largest number in the red and green of its
+    /// pixels. Copies and the cache only repeat pixels, so the largest number is that of a literal.
     fn skip_image(&mut self, pixels: usize) -> Result<usize, DecodeError> {
         let cached = self.read_cache_symbols()?;
         let [green, red, blue, alpha, distance] =
