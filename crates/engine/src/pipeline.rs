@@ -16,7 +16,7 @@ use crate::context::Context;
 use crate::digest::Digest;
 use crate::error::EngineError;
 use crate::params::MeshOptions;
-use crate::task::Weighed;
+use crate::task::{Weighed, image_bytes};
 use crate::telemetry;
 use encode::{encode, encoded};
 use pixmesh_codec::{
@@ -134,7 +134,7 @@ fn read_weights(
 ) -> Result<Option<Weights>, EngineError> {
     let Some(file) = weights else { return Ok(None) };
     let size = (image.width(), image.height());
-    let max_bytes = memory_beside(held_bytes(image), context);
+    let max_bytes = memory_beside(image_bytes(image.shape()), context);
     let options = DecodeOptions { limits: *limits, max_bytes, ..DecodeOptions::default() };
     Ok(Some(read_weights_while(file.as_ref(), size, &options, &|| context.check())?))
 }
@@ -153,11 +153,6 @@ fn decode(
 /// The memory that the task has beside the bytes that it holds already; `None` for any amount.
 fn memory_beside(held_bytes: u64, context: &Context) -> Option<u64> {
     context.memory_bytes().map(|bytes| bytes.saturating_sub(held_bytes))
-}
-
-/// Bytes of an image's samples.
-fn held_bytes(image: &Image) -> u64 {
-    2 * image.pixel_count() as u64 * image.component_count() as u64
 }
 
 impl Answer {

@@ -6,6 +6,7 @@ mod footprint;
 
 pub use cost::Cost;
 pub(crate) use effort::{Effort, WorkKind};
+pub(crate) use footprint::image_bytes;
 pub use footprint::{Compared, Kept};
 
 use crate::error::EngineError;

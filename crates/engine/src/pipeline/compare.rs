@@ -1,8 +1,9 @@
 //! How close two pictures are, one of which may be a mesh.
 
-use super::{decode, held_bytes};
+use super::decode;
 use crate::context::Context;
 use crate::error::EngineError;
+use crate::task::image_bytes;
 use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
 use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
 
@@ -49,7 +50,7 @@ pub fn compare<B: AsRef<[u8]>>(
         drop(approximation);
         rasterize(&mesh, context)?
     } else {
-        decode(approximation.as_ref(), reading, held_bytes(&first), context)?
+        decode(approximation.as_ref(), reading, image_bytes(first.shape()), context)?
     };
     measure(&first, &second, context)
 }

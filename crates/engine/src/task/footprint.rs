@@ -48,6 +48,8 @@ const REMOVAL: u64 = 16;
 const VERTEX: u64 = 40;
 /// Bytes per vertex of an order of vertices while it is made.
 const ORDERED_VERTEX: u64 = 150;
+/// Bytes per column of the rows that structural similarity keeps.
+const COMPARED_ROWS: u64 = 13 * 5 * 8;
 /// What the allocator keeps back, that of threads that have ended too: so much per pixel, and at most.
 const SLACK_PER_PIXEL: u64 = 32;
 const MAX_SLACK: u64 = 40 << 20;
@@ -112,7 +114,7 @@ impl<'a> Footprint<'a> {
     /// Bytes at the dearest stage.
     pub(super) fn peak(&self) -> u64 {
         let stages = [
-            self.decoding(),
+            self.header.decode_bytes(),
             self.choosing(),
             // The triangulation is gone before the mesh is written, but its memory is not yet given
             // back: both were measured to count.
@@ -126,12 +128,7 @@ impl<'a> Footprint<'a> {
 
     /// The image's samples.
     fn image(&self) -> u64 {
-        samples(self.header.shape())
-    }
-
-    /// What the decoder takes, the image's samples included.
-    fn decoding(&self) -> u64 {
-        self.header.decode_bytes()
+        image_bytes(self.header.shape())
     }
 
     /// The image, and per pixel what the choice of the initial points takes.
@@ -245,13 +242,13 @@ fn written(format: Format, shape: Shape, vertices: u64) -> u64 {
 }
 
 /// Bytes of an image's samples.
-fn samples(shape: Shape) -> u64 {
+pub(crate) fn image_bytes(shape: Shape) -> u64 {
     shape.width as u64 * shape.height as u64 * shape.component_count as u64 * SAMPLE
 }
 
 /// Bytes that writing a mesh takes, the picture that it is rebuilt to with its file too.
 fn written_or_rebuilt(format: Format, shape: Shape, vertices: u64) -> u64 {
-    if format.is_picture() { 2 * samples(shape) } else { written(format, shape, vertices) }
+    if format.is_picture() { 2 * image_bytes(shape) } else { written(format, shape, vertices) }
 }
 
 /// Bytes that writing a mesh in a format takes, where the mesh is read from so much MODEL.
@@ -274,17 +271,15 @@ pub(super) fn of_resizing(kept: Kept, size: u64, format: Format) -> u64 {
 
 /// Bytes that comparing a picture takes: both decoded, one after the other, and rows of sums.
 pub(super) fn of_comparison(first: &Header, second: Compared<'_>) -> u64 {
-    let decoded = |header: &Header| header.decode_bytes().max(samples(header.shape()));
     let second = match second {
-        Compared::Picture(header) => decoded(header),
-        Compared::Model(bytes) => read_model_bytes(bytes).saturating_add(samples(first.shape())),
+        Compared::Picture(header) => header.decode_bytes(),
+        Compared::Model(bytes) => {
+            read_model_bytes(bytes).saturating_add(image_bytes(first.shape()))
+        }
     };
     let rows = first.width as u64 * COMPARED_ROWS;
-    decoded(first).saturating_add(second).saturating_add(rows)
+    first.decode_bytes().saturating_add(second).saturating_add(rows)
 }
-
-/// Bytes per column of the rows that structural similarity keeps.
-const COMPARED_ROWS: u64 = 13 * 5 * 8;
 
 #[cfg(test)]
 mod tests {
