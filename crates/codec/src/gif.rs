@@ -27,7 +27,7 @@ pub(crate) fn open<'a>(
     wanted: &'a Wanted<'a>,
 ) -> Result<Opened<'a>, DecodeError> {
     let Some(&[.., w0, w1, h0, h1]) = bytes.get(..SIZE_END) else {
-        return Err(malformed("it ends early"));
+        return Err(PictureFormat::Gif.malformed("it ends early"));
     };
     let side = |low, high| u16::from_le_bytes([low, high]).into();
     let (width, height) = options.limits.check(side(w0, w1), side(h0, h1))?;
@@ -40,7 +40,7 @@ pub(crate) fn open<'a>(
     reading.set_memory_limit(MemoryLimit::Bytes(most));
     let mut decoder = reading.read_info(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
     let frame = decoder.next_frame_info().map_err(refusal)?;
-    let frame = frame.ok_or_else(|| malformed("it has no frame"))?.clone();
+    let frame = frame.ok_or_else(|| PictureFormat::Gif.malformed("it has no frame"))?.clone();
     let covers = usize::from(frame.width) == width && usize::from(frame.height) == height;
     let opaque = covers && frame.transparent.is_none();
     let component_count = if opaque { 3 } else { 4 };
@@ -74,7 +74,8 @@ fn paint(
             let first = 3 * usize::from(index);
             let colour = palette.get(first..first + 3).ok_or_else(|| {
                 let count = palette.len() / 3;
-                malformed(&format!("a pixel has colour {index} of a palette of {count}"))
+                PictureFormat::Gif
+                    .malformed(format!("a pixel has colour {index} of a palette of {count}"))
             })?;
             samples.extend_from_slice(colour);
             if header.component_count == 4 {
@@ -85,10 +86,6 @@ fn paint(
         canvas.put_row(Row { y, first: frame.left.into(), step: 1 }, &samples);
     }
     Ok(canvas)
-}
-
-fn malformed(reason: &str) -> DecodeError {
-    PictureFormat::Gif.malformed(reason)
 }
 
 /// The decoder's error in the terms of this crate.

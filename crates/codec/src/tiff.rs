@@ -42,7 +42,7 @@ pub(crate) fn open<'a>(
         let mut samples = Samples::new(&page, &stored)?;
         for y in 0..page.height {
             wanted()?;
-            canvas.put_row(Row::whole(y), samples.row(y)?);
+            canvas.put_row(Row::whole(y), samples.row(y));
         }
         Ok(canvas)
     }))

@@ -55,14 +55,15 @@ impl Page {
         };
         let sample_count = value(Tag::SamplesPerPixel)?.unwrap_or(1);
         if value(Tag::SampleFormat)?.unwrap_or(1) != 1 {
-            return Err(unsupported("only samples that are integers without a sign are supported"));
+            return Err(PictureFormat::Tiff
+                .unsupported("only samples that are integers without a sign are supported"));
         }
         let depth = match value(Tag::BitsPerSample)?.unwrap_or(1) {
             depth @ (1 | 2 | 4) if sample_count == 1 => depth as u8,
             depth @ (8 | 16) => depth as u8,
             depth => {
                 let reason = format!("{sample_count} samples of {depth} bits are not supported");
-                return Err(unsupported(&reason));
+                return Err(PictureFormat::Tiff.unsupported(reason));
             }
         };
         let orientation = value(Tag::Orientation)?.and_then(|tag| u8::try_from(tag).ok());
@@ -80,7 +81,7 @@ impl Page {
             (3, 1) if depth <= 8 => Meaning::Indexed(palette(decoder, depth)?),
             (5, 4) => Meaning::Cmyk,
             _ => {
-                return Err(unsupported(&format!(
+                return Err(PictureFormat::Tiff.unsupported(format!(
                     "photometric interpretation {photometric} with {sample_count} samples is not \
                      supported"
                 )));
@@ -137,11 +138,11 @@ impl Page {
 /// The palette's samples.
 fn palette(decoder: &mut Decoder<WantedBytes<'_>>, depth: u8) -> Result<Vec<u16>, DecodeError> {
     let palette = decoder.find_tag_unsigned_vec(Tag::ColorMap).map_err(refusal)?;
-    let palette = palette.ok_or_else(|| malformed("it has no palette"))?;
+    let palette = palette.ok_or_else(|| PictureFormat::Tiff.malformed("it has no palette"))?;
     if palette.len() == 3 << depth {
         return Ok(palette);
     }
-    Err(malformed("its palette has a wrong number of colours"))
+    Err(PictureFormat::Tiff.malformed("its palette has a wrong number of colours"))
 }
 
 /// Checks that tiles are not much larger than the picture: what lies beyond it would be decompressed
@@ -155,16 +156,8 @@ fn check_tiles(
         if decoder.get_chunk_type() == ChunkType::Tile
             && tile > side.max(MAX_TILE_SIDE).saturating_add(15)
         {
-            return Err(malformed(&format!("a tile has a side of {tile}")));
+            return Err(PictureFormat::Tiff.malformed(format!("a tile has a side of {tile}")));
         }
     }
     Ok(())
-}
-
-fn malformed(reason: &str) -> DecodeError {
-    PictureFormat::Tiff.malformed(reason)
-}
-
-fn unsupported(reason: &str) -> DecodeError {
-    PictureFormat::Tiff.unsupported(reason)
 }

@@ -45,7 +45,7 @@ impl<'a> Samples<'a> {
     }
 
     /// The samples of row `y` from the top, the components side by side.
-    pub(super) fn row(&mut self, y: usize) -> Result<&[u16], DecodeError> {
+    pub(super) fn row(&mut self, y: usize) -> &[u16] {
         self.row.clear();
         if self.planar {
             self.read_planes(y);
@@ -54,10 +54,10 @@ impl<'a> Samples<'a> {
         }
         match &self.page.meaning {
             Meaning::Plain(_) => {}
-            Meaning::Indexed(palette) => self.expand(palette)?,
+            Meaning::Indexed(palette) => self.expand(palette),
             Meaning::Cmyk => self.convert_cmyk(),
         }
-        Ok(&self.row)
+        &self.row
     }
 
     /// Appends a row of `count` stored samples.
@@ -83,26 +83,17 @@ impl<'a> Samples<'a> {
             self.read_row(component * self.page.height + y, width);
         }
         let planes = self.row.clone();
-        for (x, pixel) in self.row.chunks_exact_mut(count).enumerate() {
-            for (component, sample) in pixel.iter_mut().enumerate() {
-                *sample = planes.get(component * width + x).copied().unwrap_or_default();
-            }
+        for (place, sample) in self.row.iter_mut().enumerate() {
+            *sample = planes[place % count * width + place / count];
         }
     }
 
-    /// Replaces indices by their colours.
-    fn expand(&mut self, palette: &[u16]) -> Result<(), DecodeError> {
+    /// Replaces indices by their colours: the palette has one for each value of an index.
+    fn expand(&mut self, palette: &[u16]) {
         let count = palette.len() / 3;
         let indices = std::mem::take(&mut self.row);
-        self.row.reserve(3 * indices.len());
-        for index in indices {
-            for component in 0..3 {
-                let sample = palette.get(component * count + usize::from(index));
-                let missing = || PictureFormat::Tiff.malformed("a pixel has no colour");
-                self.row.push(*sample.ok_or_else(missing)?);
-            }
-        }
-        Ok(())
+        let colour = |index: u16| [0, 1, 2].map(|part| palette[part * count + usize::from(index)]);
+        self.row.extend(indices.into_iter().flat_map(colour));
     }
 
     /// Replaces inks by red, green and blue: the product of what each ink and black let through.
@@ -110,8 +101,7 @@ impl<'a> Samples<'a> {
         let largest = u64::from(u16::MAX >> (16 - self.page.depth));
         let inks = std::mem::take(&mut self.row);
         self.row.reserve(inks.len());
-        for pixel in inks.chunks_exact(4) {
-            let &[cyan, magenta, yellow, black] = pixel else { continue };
+        for &[cyan, magenta, yellow, black] in inks.as_chunks().0 {
             let through = |ink: u16| {
                 let product = (largest - u64::from(ink)) * (largest - u64::from(black));
                 rounded_quotient(product, largest) as u16

@@ -2,8 +2,8 @@
 //!
 //! A picture may have 65536 groups of five codes, and the decoder makes a table of some kilobytes
 //! for each: a file of 4 MB becomes more than 1 GB. This module reads the stream up to its pixels
-//! and counts the tables. It follows the decoder in everything that moves the place in the stream;
-//! it leaves out what only changes colours, and it leaves refusals of broken streams to the decoder.
+//! and counts the tables. It reads everything that takes bits of the stream, ignores what only changes
+//! colours, and leaves the refusal of broken streams to the decoder.
 //!
 //! Literature: RFC 9649, section 3, "Specification for WebP Lossless Bitstream".
 
@@ -31,7 +31,7 @@ const LENGTH_ORDER: [usize; 19] =
 /// blue; alpha; distances.
 const SYMBOLS: [usize; 5] = [256 + 24, 256, 256, 256, 40];
 
-/// Symbols read from one poll of `wanted` to the next.
+/// Symbols between two polls of `wanted`.
 const POLL_SYMBOLS: usize = 4096;
 
 /// A stream of a picture without loss, or of alpha compressed like one.
@@ -179,14 +179,11 @@ impl Bits<'_> {
 
     /// Reads the lengths of the five codes of a group.
     fn read_group(&mut self, cached: usize) -> Result<[Vec<u8>; 5], DecodeError> {
-        let [green, red, blue, alpha, distance] = SYMBOLS;
-        Ok([
-            self.read_lengths(green + cached)?,
-            self.read_lengths(red)?,
-            self.read_lengths(blue)?,
-            self.read_lengths(alpha)?,
-            self.read_lengths(distance)?,
-        ])
+        let mut lengths = SYMBOLS.map(|_| Vec::new());
+        for (index, lengths) in lengths.iter_mut().enumerate() {
+            *lengths = self.read_lengths(SYMBOLS[index] + if index == 0 { cached } else { 0 })?;
+        }
+        Ok(lengths)
     }
 
     /// Reads a code's length for each symbol, 0 for those that it does not have.
