@@ -1,7 +1,8 @@
-//! Measures a PostgreSQL database as the queue of two nodes, in a schema that is created and dropped. One
-//! million jobs take about 1.5 GB.
+//! Measures a PostgreSQL database as the queue of two nodes, in a schema that is created and
+//! dropped. One million jobs take about 1.5 GB.
 //!
-//! `cargo run --release -p pixmesh-jobs --example database_figures -- --url postgres://NAME@HOST/DB`
+//! `cargo run --release -p pixmesh-jobs --example database_figures -- --url
+//! postgres://NAME@HOST/DB`
 #![allow(clippy::print_stdout, reason = "the program prints figures")]
 
 use clap::Parser;

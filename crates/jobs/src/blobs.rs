@@ -1,12 +1,12 @@
 //! The store of blobs: pictures and meshes, each under the digest of its bytes.
 //!
-//! In a folder, a blob is written to a temporary file, synced and renamed, so that every blob is complete
-//! and on stable storage. Several jobs may use the same blob. A task that stores a blob keeps a [`Pin`]
-//! until a job uses it, and the [`Collector`], which deletes unused blobs, waits until there are no pins.
-//! Bytes that do not match their digest are refused as damaged.
+//! In a folder, a blob is written to a temporary file, synced and renamed, so that every blob is
+//! complete and on stable storage. Several jobs may use the same blob. A task that stores a blob
+//! keeps a [`Pin`] until a job uses it, and the [`Collector`], which deletes unused blobs, waits
+//! until there are no pins. Bytes that do not match their digest are refused as damaged.
 //!
-//! Pins do not reach other nodes. In a store that nodes share, the collector therefore deletes no blob
-//! that was stored less than [`MIN_AGE`] ago, and a blob that is stored again gets a new time.
+//! Pins do not reach other nodes. In a store that nodes share, the collector therefore deletes no
+//! blob that was stored less than [`MIN_AGE`] ago, and a blob that is stored again gets a new time.
 
 pub mod chunks;
 mod failure;
@@ -40,8 +40,8 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
 
-/// The age at which an unused blob of a shared store may be deleted. A job is submitted within far less
-/// than half of it after its picture was stored.
+/// The age at which an unused blob of a shared store may be deleted. A job is submitted within far
+/// less than half of it after its picture was stored.
 const MIN_AGE: Duration = Duration::from_hours(1);
 /// How long a request to a store on the network may take.
 const REQUEST_TIME: Duration = Duration::from_secs(60);
@@ -192,8 +192,8 @@ impl Blobs {
         Ok(part.freeze())
     }
 
-    /// A part of a blob as a stream of chunks. A damaged chunk after the first one is an error in the
-    /// stream.
+    /// A part of a blob as a stream of chunks. A damaged chunk after the first one is an error in
+    /// the stream.
     ///
     /// # Errors
     /// When the blob does not exist or its first chunk is damaged, or the storage fails.
@@ -226,8 +226,8 @@ impl Blobs {
         Collector { blobs: self, _no_pins: self.pins.write().await }
     }
 
-    /// All blobs in the folder of one process. Deletes the temporary files of interrupted writes: the
-    /// caller must have a [`Collector`], so that no blob is being stored.
+    /// All blobs in the folder of one process. Deletes the temporary files of interrupted writes:
+    /// the caller must have a [`Collector`], so that no blob is being stored.
     ///
     /// # Errors
     /// When the folder cannot be read.
@@ -258,8 +258,8 @@ impl Blobs {
         self.health.failed_bytes() == 0
     }
 
-    /// After a failed write, tries to write a test blob of the same length. A node that is not ready gets
-    /// no requests, and could not become ready again without this.
+    /// After a failed write, tries to write a test blob of the same length. A node that is not
+    /// ready gets no requests, and could not become ready again without this.
     pub async fn probe(&self) {
         let length = self.health.failed_bytes();
         if length == 0 {

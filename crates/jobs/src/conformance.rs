@@ -1,7 +1,7 @@
 //! The tests that every engine of the queue passes.
 //!
-//! [`conforms`] defines them for an engine, which is given as something that opens its queue, and opens it
-//! again as a new process would after the last one was killed.
+//! [`conforms`] defines them for an engine, which is given as something that opens its queue, and
+//! opens it again as a new process would after the last one was killed.
 
 use super::queue::{
     Cancellation, Caps, Claim, Finish, Lease, Lookup, MAX_ATTEMPTS, Outcome, Page, PageRequest,

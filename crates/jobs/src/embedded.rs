@@ -8,9 +8,9 @@
 //! | [`readers`] | connections that read |
 //! | [`submit`], [`claim`], [`finish`], [`sweep`], [`read`] | the operations on jobs |
 //!
-//! Every commit is synced (`synchronous=FULL`). The folder belongs to one process: a new process requeues
-//! the jobs that it finds running, because their worker is gone. Leases are measured by the process's own
-//! clock, which does not follow changes of the system's time.
+//! Every commit is synced (`synchronous=FULL`). The folder belongs to one process: a new process
+//! requeues the jobs that it finds running, because their worker is gone. Leases are measured by
+//! the process's own clock, which does not follow changes of the system's time.
 
 mod claim;
 mod finish;
@@ -60,8 +60,8 @@ pub struct Embedded {
 }
 
 impl Embedded {
-    /// Opens the queue in a folder, creates it if there is none, and requeues the jobs that were running
-    /// when the last process ended.
+    /// Opens the queue in a folder, creates it if there is none, and requeues the jobs that were
+    /// running when the last process ended.
     ///
     /// # Errors
     /// When the database cannot be opened or written to.

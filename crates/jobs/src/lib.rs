@@ -8,11 +8,11 @@
 //!
 //! Guarantees:
 //! - A submission is acknowledged when the picture and then the job are on stable storage.
-//! - One worker at a time has a job. Each claim has a fence, and a worker with an older fence changes
-//!   nothing: a job has one result, however many attempts there were.
-//! - An attempt is counted before it starts, and there are at most three. The last attempt runs alone in
-//!   its process, so that a job that crashes its process costs no other job an attempt. A worker that
-//!   stops in good order hands its jobs back, and those attempts do not count.
+//! - One worker at a time has a job. Each claim has a fence, and a worker with an older fence
+//!   changes nothing: a job has one result, however many attempts there were.
+//! - An attempt is counted before it starts, and there are at most three. The last attempt runs
+//!   alone in its process, so that a job that crashes its process costs no other job an attempt. A
+//!   worker that stops in good order hands its jobs back, and those attempts do not count.
 //! - The mesh of a job is stored as MODEL, from which all formats are made on request.
 //! - Jobs pass the same [scheduler](pixmesh_engine::scheduler) and
 //!   [pipeline](pixmesh_engine::pipeline) as requests, so that both stay within one memory budget.
@@ -98,8 +98,8 @@ impl Jobs {
     /// data folder.
     ///
     /// # Errors
-    /// When the folder cannot be used or another process has it, or when the database or the store of
-    /// blobs cannot be used.
+    /// When the folder cannot be used or another process has it, or when the database or the store
+    /// of blobs cannot be used.
     pub async fn open(settings: &Settings<'_>) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let Settings { queue, terms, .. } = *settings;
         let QueueEngine::Postgres(url) = &queue.queue else {
@@ -125,8 +125,8 @@ impl Jobs {
         self.queue.is_healthy() && self.blobs.is_healthy()
     }
 
-    /// Puts a picture and then its job on stable storage. A submission that has started goes on when its
-    /// future is dropped.
+    /// Puts a picture and then its job on stable storage. A submission that has started goes on
+    /// when its future is dropped.
     ///
     /// # Errors
     /// When the blob or the job cannot be stored.

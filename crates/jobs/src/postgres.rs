@@ -12,12 +12,12 @@
 //! | [`node`] | what the operations share |
 //! | [`submit`], [`claim`], [`renew`], [`finish`], [`sweep`], [`read`] | the operations on jobs |
 //!
-//! Nodes keep no state that other nodes need: a node may crash at any moment. All times are those of the
-//! database's clock. An operation is acknowledged after its commit, with the guarantees that the database
-//! gives to commits; `synchronous_commit` is switched on where it is off.
+//! Nodes keep no state that other nodes need: a node may crash at any moment. All times are those
+//! of the database's clock. An operation is acknowledged after its commit, with the guarantees that
+//! the database gives to commits; `synchronous_commit` is switched on where it is off.
 //!
-//! The queue takes no advisory locks and no table locks, and keeps no state in sessions behind a pooler
-//! in transaction mode.
+//! The queue takes no advisory locks and no table locks, and keeps no state in sessions behind a
+//! pooler in transaction mode.
 
 mod batches;
 mod claim;
@@ -76,11 +76,12 @@ pub struct Postgres {
 }
 
 impl Postgres {
-    /// Opens the queue at an address, `postgres://NAME:PASSWORD@HOST:PORT/DATABASE`, and creates its
-    /// tables if there are none.
+    /// Opens the queue at an address, `postgres://NAME:PASSWORD@HOST:PORT/DATABASE`, and creates
+    /// its tables if there are none.
     ///
     /// # Errors
-    /// When the database cannot be reached or refuses a request, or its tables have a later version.
+    /// When the database cannot be reached or refuses a request, or its tables have a later
+    /// version.
     pub async fn open(
         url: &Secret,
         settings: &PostgresSettings,
@@ -127,8 +128,8 @@ impl Postgres {
     }
 }
 
-/// Connects for notifications, and waits for a database that is starting; `None` if the address is that
-/// of a pooler in transaction mode.
+/// Connects for notifications, and waits for a database that is starting; `None` if the address is
+/// that of a pooler in transaction mode.
 async fn listen_connection(
     settings: &PostgresSettings,
     url: &str,

@@ -1,8 +1,8 @@
 //! The queue as a trait, independent of the engine that stores it.
 //!
-//! Every engine passes the suite `conformance`: a job that [`Queue::submit`] acknowledged is on stable
-//! storage; one worker at a time has a job, and a worker that lost it changes nothing; an attempt is
-//! counted before it starts.
+//! Every engine passes the suite `conformance`: a job that [`Queue::submit`] acknowledged is on
+//! stable storage; one worker at a time has a job, and a worker that lost it changes nothing; an
+//! attempt is counted before it starts.
 
 use crate::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
 use crate::watchers::Watchers;
@@ -232,8 +232,8 @@ pub enum Outcome {
     Failed(Value),
     /// The worker stopped because the owner cancelled the job.
     Cancelled,
-    /// The attempt failed, and another may succeed. After the last one the job fails with this problem
-    /// document.
+    /// The attempt failed, and another may succeed. After the last one the job fails with this
+    /// problem document.
     Retry(Value),
     /// The worker stops for a reason of its own: the attempt does not count.
     HandedBack,
@@ -314,8 +314,8 @@ pub trait Queue: fmt::Debug + Send + Sync {
     /// Cancels an owner's job, or deletes it if it has ended.
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError>;
 
-    /// The changes of an owner's job after a revision, and whether more may come: not if the job has
-    /// ended or does not exist.
+    /// The changes of an owner's job after a revision, and whether more may come: not if the job
+    /// has ended or does not exist.
     async fn events_now(
         &self,
         owner: &Owner,
@@ -332,8 +332,8 @@ pub trait Queue: fmt::Debug + Send + Sync {
         Ok(own)
     }
 
-    /// Periodic maintenance: requeues jobs whose leases expired, deletes expired jobs, and returns blobs
-    /// that no job uses, until [`Self::forget`] removes them from the list.
+    /// Periodic maintenance: requeues jobs whose leases expired, deletes expired jobs, and returns
+    /// blobs that no job uses, until [`Self::forget`] removes them from the list.
     async fn sweep(&self) -> Result<Swept, QueueError>;
 
     /// Which of the blobs a job uses.

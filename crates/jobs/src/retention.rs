@@ -10,12 +10,12 @@ use std::time::Duration;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 
-/// The interval of sweeps. Another worker has a job whose worker is gone within its lease and 5 s: this
-/// leaves 2 s for a busy machine.
+/// The interval of sweeps. Another worker has a job whose worker is gone within its lease and 5 s:
+/// this leaves 2 s for a busy machine.
 const PERIOD: Duration = Duration::from_secs(3);
 
-/// Deletes the blobs of the last process that no job uses. In a store that nodes share, the queue knows
-/// these blobs.
+/// Deletes the blobs of the last process that no job uses. In a store that nodes share, the queue
+/// knows these blobs.
 ///
 /// # Errors
 /// When the blobs or the queue cannot be read.

@@ -10,8 +10,9 @@ use std::str::FromStr;
 /// The engine of the queue and its connection.
 #[derive(Args, Clone, Debug)]
 pub struct QueueSettings {
-    /// Engine of the queue: `embedded`, a database in the data folder of one process; or a PostgreSQL
-    /// database that many nodes share, as postgres://NAME@HOST:PORT/DATABASE?sslmode=verify-full.
+    /// Engine of the queue: `embedded`, a database in the data folder of one process; or a
+    /// PostgreSQL database that many nodes share, as
+    /// postgres://NAME@HOST:PORT/DATABASE?sslmode=verify-full.
     #[arg(long, env = "PIXMESH_QUEUE", default_value = "embedded", hide_env_values = true)]
     pub queue: QueueEngine,
     /// The connection to the PostgreSQL database.
@@ -45,7 +46,8 @@ impl QueueSettings {
         let direct = self.postgres.queue_direct.as_ref();
         format!(
             "--queue {self}\n--queue-direct {}\n--queue-connections {queue_connections}\n\
-             --queue-schema {queue_schema}\n--queue-password-file {}\n--queue-ca {}\n--queue-cert {}\n--queue-key {}\n",
+             --queue-schema {queue_schema}\n--queue-password-file {}\n--queue-ca {}\n\
+             --queue-cert {}\n--queue-key {}\n",
             direct.map_or_else(String::new, |url| public_part(url.reveal())),
             path(&self.postgres.queue_password_file),
             path(&self.postgres.queue_ca),

@@ -38,7 +38,8 @@ pub(crate) struct Transition<'a> {
 }
 
 impl Status {
-    /// Whether the holder of a lease still has the job; `status` is `None` when there is no such job.
+    /// Whether the holder of a lease still has the job; `status` is `None` when there is no such
+    /// job.
     pub(crate) fn renewal(status: Option<Self>, lease: Lease) -> Renewal {
         match status.filter(|status| status.fence == lease.fence) {
             Some(Self { state: State::Running, cancel_requested: true, .. }) => {

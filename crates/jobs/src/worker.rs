@@ -1,8 +1,9 @@
 //! The worker claims jobs and runs them, one in each slot of the scheduler.
 //!
-//! It claims a job when it has a slot, because a claim counts as an attempt. While a job runs, the worker
-//! renews its lease and stores its progress, and a cancellation stops it within milliseconds. When the
-//! service stops, running jobs get a grace period to end; then the worker hands them back.
+//! It claims a job when it has a slot, because a claim counts as an attempt. While a job runs, the
+//! worker renews its lease and stores its progress, and a cancellation stops it within
+//! milliseconds. When the service stops, running jobs get a grace period to end; then the worker
+//! hands them back.
 
 use crate::Jobs;
 use crate::blobs::Pin;
@@ -87,7 +88,8 @@ impl AttemptError {
 }
 
 impl Worker {
-    /// Runs jobs until `stop`, gives the running ones the time `grace` to end, and hands back the rest.
+    /// Runs jobs until `stop`, gives the running ones the time `grace` to end, and hands back the
+    /// rest.
     pub async fn run(self, stop: CancellationToken, grace: Duration) {
         let (hand_back, mut attempts) = (CancellationToken::new(), JoinSet::new());
         loop {
@@ -96,7 +98,8 @@ impl Worker {
                 () = stop.cancelled() => None,
             };
             let Some(slot) = slot else { break };
-            // A claim is not cancelled, because a claimed job that nobody runs would lose an attempt.
+            // A claim is not cancelled, because a claimed job that nobody runs would lose an
+            // attempt.
             match self.jobs.queue.claim().await {
                 Ok(Some(claim)) => {
                     let (worker, hand_back) = (self.clone(), hand_back.clone());
@@ -243,8 +246,8 @@ impl Worker {
         self.store(mesh, deadline).await
     }
 
-    /// Reads the blob of the picture. Retries until the deadline while a shared store fails, because
-    /// otherwise an outage of the store would use up the attempts of all queued jobs.
+    /// Reads the blob of the picture. Retries until the deadline while a shared store fails,
+    /// because otherwise an outage of the store would use up the attempts of all queued jobs.
     async fn fetch(&self, digest: Digest, deadline: Instant) -> Result<Bytes, AttemptError> {
         loop {
             match self.jobs.blobs.get(digest).await {

@@ -11,7 +11,8 @@ pub struct ChunkedBlob {
     pub digest: Digest,
     /// Length in bytes.
     pub bytes: u64,
-    /// SHA-256 of each chunk of [`CHUNK_BYTES`]; empty if the blob is one chunk, whatever its length.
+    /// SHA-256 of each chunk of [`CHUNK_BYTES`]; empty if the blob is one chunk, whatever its
+    /// length.
     pub chunks: Vec<Digest>,
 }
 

@@ -1,8 +1,8 @@
 //! Workers claim jobs, and renew their leases.
 //!
-//! Owners take turns in the order of their names: a claim takes the oldest job of the next owner with
-//! queued jobs. The last attempt of a job runs alone, so that a job that crashes the process costs no
-//! other job an attempt.
+//! Owners take turns in the order of their names: a claim takes the oldest job of the next owner
+//! with queued jobs. The last attempt of a job runs alone, so that a job that crashes the process
+//! costs no other job an attempt.
 
 use super::finish::apply;
 use super::read::status;
@@ -15,8 +15,8 @@ use crate::transition::{Status, Transition};
 use rusqlite::{Result, params};
 use std::sync::{Mutex, PoisonError};
 
-/// The oldest job of the first owner after `?1` who may have another job running by the limit `?2`. After
-/// the last owner follows the first one; `UNION` ends the recursion there.
+/// The oldest job of the first owner after `?1` who may have another job running by the limit `?2`.
+/// After the last owner follows the first one; `UNION` ends the recursion there.
 const NEXT_JOB: &str = "
     WITH RECURSIVE next (owner) AS (
         SELECT COALESCE((SELECT min(owner) FROM jobs WHERE state = 0 AND owner > ?1),
@@ -79,7 +79,8 @@ fn start(write: &mut Write<'_>, id: JobId, lease_end: i64) -> Result<Claim> {
                    started_at = COALESCE(started_at, ?3), revision = revision + 1,
                    history = history || format(' %d %d 1 %d', revision + 1, ?3, attempt + 1)
                WHERE id = ?1
-               RETURNING id, owner, fence, attempt, options, image_digest, image_bytes, image_shape";
+               RETURNING id, owner, fence, attempt, options, image_digest, image_bytes,
+                         image_shape";
     let parameters = params![id.as_bytes(), lease_end, Moment::now().0];
     let claim = first(write.connection, sql, parameters, |row| row::claim(row))?;
     claim.ok_or(rusqlite::Error::QueryReturnedNoRows)

@@ -77,7 +77,8 @@ fn expire(write: &mut Write<'_>, terms: &Terms) -> Result<usize> {
     Ok(expired.len())
 }
 
-/// The blobs that no job uses. A candidate that a job uses is marked again when the job releases it.
+/// The blobs that no job uses. A candidate that a job uses is marked again when the job releases
+/// it.
 fn orphans(write: &Write<'_>) -> Result<Vec<Digest>> {
     write.execute(
         "DELETE FROM orphan_candidates WHERE

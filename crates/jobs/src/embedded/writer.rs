@@ -1,8 +1,8 @@
 //! The one thread that writes: many commands, one commit.
 //!
-//! A sync takes a few milliseconds, however much it syncs. Commands that arrive within [`BATCH_TIME`]
-//! therefore share a transaction. Each has a savepoint of its own, and all are acknowledged after the
-//! commit.
+//! A sync takes a few milliseconds, however much it syncs. Commands that arrive within
+//! [`BATCH_TIME`] therefore share a transaction. Each has a savepoint of its own, and all are
+//! acknowledged after the commit.
 
 use super::rows::first;
 use crate::queue::QueueError;

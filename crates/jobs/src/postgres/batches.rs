@@ -1,7 +1,7 @@
 //! Concurrent requests of one kind share a transaction.
 //!
-//! Requests that arrive while a batch is running form the next batch: a single request never waits for
-//! others, and under load a commit serves many.
+//! Requests that arrive while a batch is running form the next batch: a single request never waits
+//! for others, and under load a commit serves many.
 
 use crate::queue::QueueError;
 use std::sync::Arc;

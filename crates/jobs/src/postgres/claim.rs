@@ -1,16 +1,16 @@
 //! Workers claim jobs.
 //!
-//! Owners take turns in the order of their names: a node takes the oldest job of each owner with queued
-//! jobs, and starts the next claim with the owner after the last one. Each owner is found by one step in
-//! an index, however many owners and jobs there are, and only the node knows where it stands. Rows that
-//! another node has locked are skipped.
+//! Owners take turns in the order of their names: a node takes the oldest job of each owner with
+//! queued jobs, and starts the next claim with the owner after the last one. Each owner is found by
+//! one step in an index, however many owners and jobs there are, and only the node knows where it
+//! stands. Rows that another node has locked are skipped.
 //!
-//! A node counts an owner's running jobs under the owner lock. It skips an owner whose lock another node
-//! holds, and then claims again at once.
+//! A node counts an owner's running jobs under the owner lock. It skips an owner whose lock another
+//! node holds, and then claims again at once.
 //!
-//! The last attempt of a job runs alone on its node, so that a job that crashes its process costs no
-//! other job an attempt. A busy node reserves such a job, which keeps it from other nodes for the term of
-//! a lease, and claims nothing until the job can run.
+//! The last attempt of a job runs alone on its node, so that a job that crashes its process costs
+//! no other job an attempt. A busy node reserves such a job, which keeps it from other nodes for
+//! the term of a lease, and claims nothing until the job can run.
 
 use super::database::Transaction;
 use super::finish::{apply, count_changes};
@@ -49,9 +49,9 @@ const NEXT_OWNERS: &str = "
                                  WHERE state = 1 AND jobs.owner = next.owner) < $3 AS may_run
     FROM next ORDER BY position";
 
-/// The oldest jobs of the owners `$1`, at most `$2` of each and no more than may run by the limit `$3`:
-/// the first job of each owner, then the second of each, and so on, at most `$6`. This node has reserved
-/// the job `$4`. `$5` is the number of attempts.
+/// The oldest jobs of the owners `$1`, at most `$2` of each and no more than may run by the limit
+/// `$3`: the first job of each owner, then the second of each, and so on, at most `$6`. This node
+/// has reserved the job `$4`. `$5` is the number of attempts.
 const NEXT_JOBS: &str = "
     SELECT job.id, job.owner, job.attempt + 1 >= $5 AS is_last_attempt
     FROM unnest($1::text[]) WITH ORDINALITY AS next (owner, position),
@@ -204,8 +204,8 @@ impl Node {
     }
 }
 
-/// Locks owners for claims, and returns those whose locks no other node holds. Anonymous jobs have no
-/// limit and need no lock.
+/// Locks owners for claims, and returns those whose locks no other node holds. Anonymous jobs have
+/// no limit and need no lock.
 async fn lock(transaction: &mut Transaction, owners: &[String]) -> sqlx::Result<Vec<String>> {
     let mut locked = HashSet::new();
     if owners.iter().any(|owner| !owner.is_empty()) {

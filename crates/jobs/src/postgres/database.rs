@@ -1,8 +1,8 @@
 //! The connections to the database, and transactions on them.
 //!
-//! Every transaction can be repeated: after a conflict with another one, or when the connection is lost,
-//! it is retried until the time limit of a request. A transaction that is dropped before its commit
-//! closes its connection, so that nobody waits for a connection that hangs.
+//! Every transaction can be repeated: after a conflict with another one, or when the connection is
+//! lost, it is retried until the time limit of a request. A transaction that is dropped before its
+//! commit closes its connection, so that nobody waits for a connection that hangs.
 
 use super::settings::PostgresSettings;
 use crate::queue::QueueError;
@@ -97,8 +97,8 @@ impl Database {
         Ok(Transaction { connection, is_persistent: !self.is_pooled, is_begun, is_over: false })
     }
 
-    /// Begins a transaction of sqlx's own type, which the migrations need. They prepare statements, which
-    /// the caller must discard before and after on a connection of a pooler.
+    /// Begins a transaction of sqlx's own type, which the migrations need. They prepare statements,
+    /// which the caller must discard before and after on a connection of a pooler.
     pub(super) async fn begin_migration(
         &self,
     ) -> sqlx::Result<sqlx::Transaction<'static, Postgres>> {
@@ -214,8 +214,8 @@ impl Drop for Transaction {
     }
 }
 
-/// The settings of a connection, or of one transaction. Timeouts release the locks of a node that was
-/// stopped, and commits are acknowledged when they are on stable storage.
+/// The settings of a connection, or of one transaction. Timeouts release the locks of a node that
+/// was stopped, and commits are acknowledged when they are on stable storage.
 pub(super) fn session(schema: &str, is_for_transaction: bool) -> String {
     let set = if is_for_transaction { "SET LOCAL" } else { "SET" };
     format!(
@@ -239,8 +239,8 @@ pub(super) fn is_lost(error: &sqlx::Error) -> bool {
         | sqlx::Error::PoolTimedOut
         | sqlx::Error::Protocol(_)
         | sqlx::Error::WorkerCrashed => true,
-        // Connection exceptions, too many connections, a server that stops or starts, and one that is
-        // read-only because another has been promoted.
+        // Connection exceptions, too many connections, a server that stops or starts, and one that
+        // is read-only because another has been promoted.
         sqlx::Error::Database(_) => code(error).is_some_and(|code| {
             ["08", "53300", "57P", "25006"].iter().any(|begin| code.starts_with(begin))
         }),

@@ -19,8 +19,8 @@ use std::time::Duration;
 /// The number of rows of the table `job_counts`.
 const COUNT_SLOTS: u32 = 64;
 
-/// Stores transitions of jobs whose rows the transaction has locked, and marks the pictures of jobs that
-/// end as orphan candidates.
+/// Stores transitions of jobs whose rows the transaction has locked, and marks the pictures of jobs
+/// that end as orphan candidates.
 pub(super) async fn apply(
     transaction: &mut Transaction,
     transitions: &[Transition<'_>],
@@ -74,8 +74,8 @@ pub(super) async fn apply(
     count_changes(transaction, change(State::Queued), change(State::Running)).await
 }
 
-/// Changes the numbers of queued and running jobs. The last statement of a transaction, so that it locks
-/// its row only briefly.
+/// Changes the numbers of queued and running jobs. The last statement of a transaction, so that it
+/// locks its row only briefly.
 pub(super) async fn count_changes(
     transaction: &mut Transaction,
     queued: i64,

@@ -45,8 +45,8 @@ pub(super) struct ListenConnection {
 }
 
 impl ListenConnection {
-    /// Connects; `None` if the address is that of a pooler in transaction mode, which does not pass on
-    /// the parameters of connections.
+    /// Connects; `None` if the address is that of a pooler in transaction mode, which does not pass
+    /// on the parameters of connections.
     pub(super) async fn open(
         options: &PgConnectOptions,
         schema: &str,
@@ -68,8 +68,8 @@ impl ListenConnection {
         Ok(Some(Self { options: options.clone(), channel, listener }))
     }
 
-    /// Passes the notifications of other nodes on to the watchers. When some may have been lost, every
-    /// watcher reads again.
+    /// Passes the notifications of other nodes on to the watchers. When some may have been lost,
+    /// every watcher reads again.
     async fn receive(
         mut self,
         node: String,

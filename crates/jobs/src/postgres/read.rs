@@ -47,8 +47,8 @@ impl Node {
         let PageRequest { state, before, limit } = request;
         let states = state.as_ref().map_or(&State::ALL[..], std::slice::from_ref);
         let states: Vec<i16> = states.iter().map(|state| *state as i16).collect();
-        // The index has the jobs of an owner in one state in their order: the page is merged from one
-        // short list for each state.
+        // The index has the jobs of an owner in one state in their order: the page is merged from
+        // one short list for each state.
         let statement = || {
             sqlx::query(
                 "SELECT job.* FROM unnest($1::smallint[]) AS asked (state), LATERAL (

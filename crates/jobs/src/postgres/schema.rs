@@ -1,8 +1,8 @@
 //! The tables and their versions.
 //!
-//! Nodes that start at the same time take turns by locking a row. All migrations run in one transaction,
-//! as poolers require. Nodes of an earlier version keep running with tables of a later one, but do not
-//! start with them.
+//! Nodes that start at the same time take turns by locking a row. All migrations run in one
+//! transaction, as poolers require. Nodes of an earlier version keep running with tables of a later
+//! one, but do not start with them.
 
 use super::database::{Database, failure};
 use super::settings::PostgresSettings;

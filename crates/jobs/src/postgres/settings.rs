@@ -28,7 +28,8 @@ pub struct PostgresSettings {
     /// File with the password of the PostgreSQL database in its first line.
     #[arg(long, env = "PIXMESH_QUEUE_PASSWORD_FILE")]
     pub queue_password_file: Option<PathBuf>,
-    /// File with the certificate authorities that may sign the database's certificate; requires TLS.
+    /// File with the certificate authorities that may sign the database's certificate; requires
+    /// TLS.
     #[arg(long, env = "PIXMESH_QUEUE_CA")]
     pub queue_ca: Option<PathBuf>,
     /// File with the certificate that this node presents to the database.

@@ -34,8 +34,8 @@ impl Node {
         Ok(vec![(); blobs.len()])
     }
 
-    /// One transaction. It conflicts if another node has just inserted one of the idempotency keys, and
-    /// its retry finds the job of that key.
+    /// One transaction. It conflicts if another node has just inserted one of the idempotency keys,
+    /// and its retry finds the job of that key.
     async fn try_submit(&self, jobs: &[NewJob]) -> sqlx::Result<Vec<Submitted>> {
         let mut transaction = self.database.begin().await?;
         let mut results = self.submitted_before(&mut transaction, jobs).await?;
@@ -109,8 +109,8 @@ impl Node {
         Ok(jobs.iter().map(result).collect())
     }
 
-    /// Refuses jobs beyond the caps. The queued jobs of an owner are counted under the owner lock; those
-    /// of all owners as far as they are committed.
+    /// Refuses jobs beyond the caps. The queued jobs of an owner are counted under the owner lock;
+    /// those of all owners as far as they are committed.
     async fn refuse_beyond_caps(
         &self,
         transaction: &mut Transaction,
@@ -143,8 +143,8 @@ fn key_of(job: &NewJob) -> Option<(&Owner, &str)> {
     Some((&job.owner, job.idempotency_key.as_deref()?))
 }
 
-/// The numbers of queued jobs of owners, each up to a limit. The owner locks are held until the end of
-/// the transaction.
+/// The numbers of queued jobs of owners, each up to a limit. The owner locks are held until the end
+/// of the transaction.
 async fn count_queued(
     transaction: &mut Transaction,
     owners: &BTreeSet<&Owner>,

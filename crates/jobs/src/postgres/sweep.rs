@@ -1,5 +1,5 @@
-//! Periodic maintenance: leases that expired, jobs that expired, blobs that no job uses. All nodes sweep,
-//! and skip the rows that another node has locked.
+//! Periodic maintenance: leases that expired, jobs that expired, blobs that no job uses. All nodes
+//! sweep, and skip the rows that another node has locked.
 
 use super::database::failure;
 use super::finish::apply;
@@ -101,8 +101,8 @@ impl Node {
         Ok(transitions.iter().map(|transition| (transition.job, transition.to)).collect())
     }
 
-    /// Executes a statement that changes at most `MAX_ROWS` rows and counts them, until it changes fewer
-    /// or the time is over; returns how many rows were changed.
+    /// Executes a statement that changes at most `MAX_ROWS` rows and counts them, until it changes
+    /// fewer or the time is over; returns how many rows were changed.
     async fn repeat(
         &self,
         sql: &'static str,
@@ -150,8 +150,8 @@ impl Node {
         self.database.execute(statement).await.map(|_| ())
     }
 
-    /// Shares this node's mean duration with other nodes if it has changed, and returns the mean that a
-    /// node shared last.
+    /// Shares this node's mean duration with other nodes if it has changed, and returns the mean
+    /// that a node shared last.
     pub(super) async fn share_mean(&self, own_s: Option<f64>) -> Result<Option<f64>, QueueError> {
         let shared = || self.shared_mean_s.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(own_s) = own_s.filter(|own_s| *shared() != Some(*own_s)) {

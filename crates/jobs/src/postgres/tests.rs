@@ -1,5 +1,5 @@
-//! The conformance tests, directly and through a pooler, and tests of several nodes, restarts and versions.
-//! All tests share a real server, and each has a schema of its own.
+//! The conformance tests, directly and through a pooler, and tests of several nodes, restarts and
+//! versions. All tests share a real server, and each has a schema of its own.
 
 use super::*;
 use crate::conformance::{Engine, conforms};

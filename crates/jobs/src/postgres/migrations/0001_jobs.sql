@@ -8,8 +8,8 @@ CREATE TABLE jobs (
     attempt integer NOT NULL,
     -- Counts the claims. A worker with an older fence changes nothing.
     fence bigint NOT NULL,
-    -- Of a running job: when its lease expires. Of a queued job: until when a node has reserved it for
-    -- its last attempt.
+    -- Of a running job: when its lease expires. Of a queued job: until when a node has reserved it
+    -- for its last attempt.
     lease_end timestamptz,
     cancel_requested boolean NOT NULL,
     -- The client's idempotency key, and the digest of the content it was used with.
@@ -57,8 +57,8 @@ CREATE TABLE owner_locks (
     PRIMARY KEY (owner, purpose)
 );
 
--- The numbers of queued and running jobs are sums over these rows. Each transaction changes one row at
--- random, so that few transactions wait for each other.
+-- The numbers of queued and running jobs are sums over these rows. Each transaction changes one row
+-- at random, so that few transactions wait for each other.
 CREATE TABLE job_counts (
     slot integer NOT NULL PRIMARY KEY,
     queued bigint NOT NULL,

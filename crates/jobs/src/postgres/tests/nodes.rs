@@ -7,7 +7,8 @@ use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use tokio::time::timeout;
 
-/// Claims all jobs on all nodes at once; returns the most jobs of each owner that ran at the same time.
+/// Claims all jobs on all nodes at once; returns the most jobs of each owner that ran at the same
+/// time.
 async fn claim_all(nodes: &[Arc<Postgres>], jobs: usize) -> BTreeMap<Owner, usize> {
     let running = Arc::new(Mutex::new((BTreeMap::<Owner, usize>::new(), BTreeMap::new())));
     let done = Arc::new(Mutex::new(BTreeSet::new()));

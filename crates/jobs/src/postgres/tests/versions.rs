@@ -38,8 +38,8 @@ async fn frequent_queries_use_indexes() {
         "INSERT INTO {jobs} (id, owner, state, attempt, fence, cancel_requested, options,
                              image_digest, image_bytes, image_shape, created_at, revision, history,
                              mesh_digest, expires_at)
-         SELECT gen_random_uuid(), 'o' || n % 100, n % 5, 0, 0, false, '', sha256(n::text::bytea), 1,
-                '', now(), 1, '{{}}', sha256(n::text::bytea), now() + n * interval '1 second'
+         SELECT gen_random_uuid(), 'o' || n % 100, n % 5, 0, 0, false, '', sha256(n::text::bytea),
+                1, '', now(), 1, '{{}}', sha256(n::text::bytea), now() + n * interval '1 second'
          FROM generate_series(1, 20000) AS n; ANALYZE {jobs}",
         jobs = table("jobs")
     ));
