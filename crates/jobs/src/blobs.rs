@@ -280,9 +280,11 @@ impl Collector<'_> {
     /// When the storage fails.
     pub async fn delete(&self, digest: Digest) -> Result<bool, QueueError> {
         if self.blobs.is_shared() {
-            let known = self.blobs.meta(digest).await?;
-            if known.is_some_and(|meta| age(&meta) < MIN_AGE) {
-                return Ok(false);
+            match self.blobs.meta(digest).await? {
+                // A node may store the blob at this moment, for a job that it is about to commit.
+                None => return Ok(true),
+                Some(meta) if age(&meta) < MIN_AGE => return Ok(false),
+                Some(_) => {}
             }
         }
         match self.blobs.store.delete(&path_of(digest)).await {
