@@ -65,7 +65,6 @@ macro_rules! conforms {
             submission_wakes_a_worker
             handed_back_job_wakes_a_worker
             change_wakes_a_follower
-            cancellation_wakes_the_worker
             expired_job_is_gone_then_unknown
             picture_is_orphaned_with_its_last_job
             picture_of_a_refused_job_is_orphaned
@@ -312,7 +311,8 @@ pub(super) async fn queued_job_is_cancelled_then_deleted<E: Engine>(engine: &E) 
 }
 
 pub(super) async fn worker_learns_of_a_cancellation<E: Engine>(engine: &E) {
-    let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
+    let queue = engine.open(Terms { poll_period: LONG, ..terms() }).await;
+    let owner = Owner::named("a");
     let id = submit(&*queue, &owner, "image").await;
     let lease = claim(&queue).await.lease;
     let renewal = tokio::spawn({
@@ -322,7 +322,7 @@ pub(super) async fn worker_learns_of_a_cancellation<E: Engine>(engine: &E) {
     sleep(E::SHORT).await;
     assert!(!renewal.is_finished());
     assert_eq!(queue.cancel(&owner, id).await.unwrap(), Cancellation::Requested);
-    let renewal = timeout(PATIENCE, renewal).await.unwrap().unwrap();
+    let renewal = timeout(PATIENCE, renewal).await.expect("the worker is notified").unwrap();
     assert_eq!(renewal, Renewal::CancelRequested);
     assert_eq!(queue.renew(lease, None).await.unwrap(), Renewal::CancelRequested);
     // The job is cancelled even if its mesh is stored.

@@ -93,19 +93,3 @@ pub(crate) async fn change_wakes_a_follower<E: Engine>(engine: &E) {
     let received = timeout(PATIENCE, follower).await.expect("the follower is notified").unwrap();
     assert_eq!(states(&received), [State::Running]);
 }
-
-pub(crate) async fn cancellation_wakes_the_worker<E: Engine>(engine: &E) {
-    let queue = engine.open(Terms { poll_period: LONG, ..terms() }).await;
-    let owner = Owner::named("a");
-    let id = submit(&*queue, &owner, "image").await;
-    let lease = claim(&queue).await.lease;
-    let renewal = tokio::spawn({
-        let queue = Arc::clone(&queue);
-        async move { queue.interruption(lease).await }
-    });
-    sleep(E::SHORT).await;
-    assert!(!renewal.is_finished(), "nobody has cancelled the job");
-    queue.cancel(&owner, id).await.unwrap();
-    let renewal = timeout(PATIENCE, renewal).await.expect("the worker is notified").unwrap();
-    assert_eq!(renewal, Renewal::CancelRequested);
-}
