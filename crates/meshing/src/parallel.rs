@@ -10,7 +10,6 @@ use std::thread::{self, Builder};
 use std::time::Duration;
 
 const LEAST_SHARE: usize = 512;
-
 const LEAST_ROWS: usize = 128;
 
 /// How long the calling thread waits for the others between two polls.

@@ -106,7 +106,7 @@ fn mesh_by_plan(
         let (mesh, squared_error) = unconstrain(image, &guided, points, control)?;
         (mesh, Some(squared_error))
     } else {
-        (Mesh::of_samples(image, points, faces), squared_error)
+        (Mesh::of_samples(image, points, faces, control)?, squared_error)
     };
     let flat = parameters
         .is_flat()
@@ -135,7 +135,8 @@ impl Reduced {
         control: &dyn Control,
     ) -> Result<Self, Cancelled> {
         let faces = triangulation.faces(control)?;
-        Ok(Self { points: triangulation.points, faces, removals, squared_error: None })
+        let points = triangulation.into_points(control)?;
+        Ok(Self { points, faces, removals, squared_error: None })
     }
 }
 
@@ -228,7 +229,7 @@ fn reduce_for_flat_faces(
     plan: Plan,
     control: &dyn Control,
 ) -> Result<Reduced, Cancelled> {
-    let (points, sides) = (triangulation.points, guided.image.sides());
+    let (points, sides) = (triangulation.into_points(control)?, guided.image.sides());
     let sums = RowSums::new(&guided.image, guided.weights(), Stage::Refine, control)?;
     let mut mesh = MeasuredMesh::new(points, sides, &sums, Stage::Refine, control)?;
     let surplus = mesh.triangulation.vertex_count().saturating_sub(plan.size);

@@ -7,7 +7,7 @@
 //! inserted again at its old position has its old triangles. Both take time proportional to the
 //! number of triangles that change, six on average.
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, collect, sort};
+use crate::control::{Cancelled, Control, Poller, Stage, collect, sort};
 use crate::image::Point;
 use crate::triangulation::hole::HoleTriangle;
 use crate::triangulation::predicates::{in_circle, orientation};
@@ -103,8 +103,9 @@ impl DynamicTriangulation {
         let (free, total_error) = (Vec::new(), 0);
         let mut made =
             Self { points, origins, twins, outgoing, free, face_errors, total_error, right, top };
+        let mut poller = Poller::new(control, Stage::Refine, 0, 1);
         for h in 0..made.origins.len() {
-            poll_at(h, control)?;
+            poller.step(1)?;
             made.offer_outgoing(h as u32);
         }
         Ok(made)
@@ -413,11 +414,6 @@ pub(crate) struct SortedMesh {
     pub(crate) order: Vec<u32>,
 }
 
-/// Polls at the first of every [`POINTS_PER_POLL`] indices.
-pub(crate) fn poll_at(index: usize, control: &dyn Control) -> Result<(), Cancelled> {
-    if index.is_multiple_of(POINTS_PER_POLL) { control.poll(Stage::Refine, 0, 1) } else { Ok(()) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -511,7 +507,7 @@ mod tests {
         let side = 160;
         let lattice = (0..side).flat_map(|y| (0..side).map(move |x| Point::new(x, y)));
         let whole = dynamic(&lattice.collect(), side, side);
-        let steps = whole.origins.len() / POINTS_PER_POLL;
+        let steps = whole.origins.len() / crate::control::POINTS_PER_POLL;
         assert!(steps >= 2);
         let copied = Recorder::default();
         let sorted = whole.copy(&copied).unwrap().sorted(&()).unwrap();

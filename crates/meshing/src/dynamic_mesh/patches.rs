@@ -5,9 +5,9 @@
 //! patches change, so a changed patch fits into the rest. A move that would replace a triangle at
 //! the boundary of a patch is not made: a patch has the triangles that the whole mesh would have.
 
-use crate::control::{Cancelled, Control, Stage, select};
+use crate::control::{Cancelled, Control, Poller, Stage, select};
 use crate::dynamic_mesh::MeasuredMesh;
-use crate::dynamic_mesh::half_edges::{DynamicTriangulation, PATCH_BOUNDARY, poll_at};
+use crate::dynamic_mesh::half_edges::{DynamicTriangulation, PATCH_BOUNDARY};
 use crate::face_error::FaceMeasure;
 use crate::image::Point;
 use crate::triangulation::{NONE, next};
@@ -76,8 +76,9 @@ impl Partition {
             }
             partition.patches.push(PatchIndices { vertices, slots: Vec::new() });
         }
+        let mut poller = Poller::new(control, Stage::Refine, 0, 1);
         for slot in 0..triangulation.slot_count() as u32 {
-            poll_at(slot as usize, control)?;
+            poller.step(1)?;
             if !triangulation.is_used(slot) {
                 continue;
             }

@@ -35,9 +35,7 @@ use std::convert::Infallible;
 
 /// Largest number of columns and of rows between two vertices of a small face; `2^k - 1`.
 const MAX_EXTENT: i32 = 63;
-
 pub(crate) const ROWS: usize = 8;
-
 const FRACTION_BITS: u32 = 19;
 
 /// `ceil(2^FRACTION_BITS / rows)` by number of rows.
@@ -58,13 +56,9 @@ const ROUND_TO_NEAREST: f64 = 6_755_399_441_055_744.0;
 /// Adding this to a number below 2^22 rounds it to an integer, and subtracting it leaves that;
 /// 1.5 * 2^23.
 const ROUND_TO_NEAREST_F32: f32 = 12_582_912.0;
-
 const FLOATING_POINT_LIMIT: i64 = 1 << 33;
-
 pub(crate) const PLANE_PRECISION: u8 = 8;
-
 pub(crate) const LANES: usize = 8;
-
 pub(crate) const MAX_COMPONENTS: usize = 4;
 
 /// Samples that a vector of 8-bit samples reads from a pixel on.

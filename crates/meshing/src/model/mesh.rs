@@ -1,6 +1,6 @@
 //! The mesh model of an image: sample points, their samples and the triangulation.
 
-use crate::control::{Cancelled, Control, Stage, sort};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Stage, sort};
 use crate::image::{Image, ImageError, Point, Shape, check_shape, corner_points, largest_sample};
 use crate::triangulation::Face;
 use crate::triangulation::predicates::{in_circle, orientation};
@@ -123,13 +123,22 @@ impl Mesh {
     }
 
     /// The mesh of these points and faces, which a kernel has made valid, with the image's samples.
-    pub(crate) fn of_samples(image: &Image, points: Vec<Point>, faces: Vec<Face>) -> Self {
+    pub(crate) fn of_samples(
+        image: &Image,
+        points: Vec<Point>,
+        faces: Vec<Face>,
+        control: &dyn Control,
+    ) -> Result<Self, Cancelled> {
         let sample = |&Point { x, y }: &Point| {
             let components = 0..image.component_count();
             components.map(move |c| image.sample(c, x as usize, y as usize))
         };
-        let samples = points.iter().flat_map(sample).collect();
-        Self::from_kernel(image.shape(), points, samples, faces)
+        let mut samples = Vec::with_capacity(points.len() * image.component_count());
+        for points in points.chunks(POINTS_PER_POLL) {
+            control.poll(Stage::Measure, 0, 1)?;
+            samples.extend(points.iter().flat_map(sample));
+        }
+        Ok(Self::from_kernel(image.shape(), points, samples, faces))
     }
 
     /// Shape of the image that the mesh models.
@@ -192,31 +201,27 @@ impl Mesh {
 
     fn check(&self, control: &dyn Control) -> Result<(), MeshError> {
         check_vertices(self.shape, &self.points, &self.samples, control)?;
-        let actual = self.check_faces(control)?;
+        let mut is_used = vec![false; self.points.len()];
+        let actual = self.check_faces(&mut is_used, control)?;
         self.check_edges(control)?;
         let expected = 2 * (self.shape.width as i128 - 1) * (self.shape.height as i128 - 1);
         if actual != expected {
             return Err(MeshError::Area { actual, expected });
         }
-        let mut is_used = vec![false; self.points.len()];
-        for (face, &corners) in self.faces.iter().enumerate() {
-            poll_at(face, self.faces.len(), control)?;
-            for v in corners {
-                is_used[v as usize] = true;
-            }
-        }
         let unused = is_used.iter().position(|&is_used| !is_used);
         unused.map_or(Ok(()), |vertex| Err(MeshError::VertexUnused { vertex }))
     }
 
-    /// Indices in range, faces counter-clockwise. Returns twice the sum of their areas.
-    fn check_faces(&self, control: &dyn Control) -> Result<i128, MeshError> {
+    /// Indices in range, faces counter-clockwise. Marks the vertices that the faces use, and
+    /// returns twice the sum of the areas.
+    fn check_faces(&self, is_used: &mut [bool], control: &dyn Control) -> Result<i128, MeshError> {
         let (count, mut double_area) = (self.points.len(), 0);
         for (face, &corners) in self.faces.iter().enumerate() {
             poll_at(face, self.faces.len(), control)?;
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= count) {
                 return Err(MeshError::IndexOutOfRange { face, vertex, count });
             }
+            corners.iter().for_each(|&v| is_used[v as usize] = true);
             let [a, b, c] = self.corners(corners);
             match orientation(a, b, c) {
                 1.. => double_area += i128::from(orientation(a, b, c)),

@@ -11,7 +11,6 @@ use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask16x8, prelude::*, u
 
 /// Faces between two polls of the control; rows of large faces poll too.
 const FACES_PER_POLL: usize = 64;
-
 const LANES: usize = 8;
 
 /// Rebuilds the image that a mesh models: in each face each component is the linear interpolant

@@ -16,25 +16,18 @@ use thiserror::Error;
 
 /// The largest effort of refinement.
 pub const MAX_EFFORT: u8 = 9;
-
 /// The least number of vertices of a mesh: the image's corners.
 pub const MIN_SIZE: usize = 4;
-
 /// The smallest density, in percent.
 pub const MIN_PERCENT: f64 = 1e-6;
-
 /// The largest density, in percent: every lattice point.
 pub const MAX_PERCENT: f64 = 100.0;
-
 /// The largest target PSNR, in decibels.
 pub const MAX_PSNR_DB: f64 = 200.0;
-
 /// The largest target mean error: more than any metric of 16 bits gives.
 pub const MAX_MEAN_ERROR: f64 = 1e12;
-
 /// The largest ratio of initial to final points.
 pub const MAX_GAMMA: f64 = 1000.0;
-
 /// The largest smoothing order.
 pub const MAX_SMOOTHING_ORDER: usize = 21;
 
@@ -275,7 +268,7 @@ impl Parameters {
     /// Checks every number, where sizes are at most `all`.
     fn check_numbers(&self, all: usize) -> Result<(), ParameterError> {
         match self.target {
-            Target::Percent(percent) => check_percent("density", percent)?,
+            Target::Percent(percent) => check_range("density", percent, MIN_PERCENT, MAX_PERCENT)?,
             Target::Size(size) => check_size("size", size, all)?,
             Target::Psnr(psnr_db) => {
                 check_range("target_psnr", psnr_db, 0.0, MAX_PSNR_DB)?;
@@ -289,7 +282,9 @@ impl Parameters {
         match self.initial_size {
             InitialSize::Target => {}
             InitialSize::Gamma(gamma) => check_range("gamma", gamma, 1.0, MAX_GAMMA)?,
-            InitialSize::Percent(percent) => check_percent("initial_density", percent)?,
+            InitialSize::Percent(percent) => {
+                check_range("initial_density", percent, MIN_PERCENT, MAX_PERCENT)?;
+            }
             InitialSize::Size(size) => check_size("initial_size", size, all)?,
         }
         check_range("effort", self.effort.into(), 0.0, MAX_EFFORT.into())?;
@@ -317,7 +312,13 @@ impl Parameters {
             Target::Psnr(_) | Target::MeanError(_) | Target::MaxError(_) => MIN_SIZE,
         };
         let initial_size = self.initial_points(size, all);
-        self.check_initial_size(initial_size, size, all)?;
+        let (parameter, factor, divisor) = match self.initial_size {
+            InitialSize::Percent(_) => ("initial_density", 100.0, all as f64),
+            _ => ("initial_size", 1.0, 1.0),
+        };
+        let [value, minimum, maximum] =
+            [initial_size, size, all].map(|points| factor * points as f64 / divisor);
+        check_range(parameter, value, minimum, maximum)?;
         Ok(Plan { size, initial_size })
     }
 
@@ -335,21 +336,6 @@ impl Parameters {
                 ((gamma * size as f64 + 1e-9).floor() as usize).clamp(size, all)
             }
         }
-    }
-
-    fn check_initial_size(
-        &self,
-        initial_size: usize,
-        size: usize,
-        all: usize,
-    ) -> Result<(), ParameterError> {
-        let (parameter, factor, divisor) = match self.initial_size {
-            InitialSize::Percent(_) => ("initial_density", 100.0, all as f64),
-            _ => ("initial_size", 1.0, 1.0),
-        };
-        let [value, minimum, maximum] =
-            [initial_size, size, all].map(|points| factor * points as f64 / divisor);
-        check_range(parameter, value, minimum, maximum)
     }
 
     /// Whether the mesh is improved after its points have been chosen and removed.
@@ -434,10 +420,6 @@ fn check_range(
     } else {
         Ok(())
     }
-}
-
-fn check_percent(parameter: &'static str, percent: f64) -> Result<(), ParameterError> {
-    check_range(parameter, percent, MIN_PERCENT, MAX_PERCENT)
 }
 
 pub(crate) fn check_size(

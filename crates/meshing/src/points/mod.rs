@@ -67,7 +67,8 @@ pub(crate) fn initial_points(
         Generator::Uniform => uniform_points(width, height, size, &mut poller)?,
         Generator::ErrorDiffusion => {
             let density = Density::of_checked(image, parameters, control)?;
-            diffuse_to_size(&density, size, parameters, control)?
+            let marks = diffuse_to_size(&density, size, parameters, control)?;
+            density.fields.into_iter().try_for_each(|_field| poller.poll()).map(|()| marks)?
         }
     };
     poller.poll()?;
@@ -77,8 +78,7 @@ pub(crate) fn initial_points(
     let mut points = Vec::with_capacity(marks.iter().map(|&mark| usize::from(mark)).sum());
     for (y, row) in marks.chunks_exact(width).enumerate() {
         poller.step(width)?;
-        let marked = row.iter().enumerate().filter(|(_, mark)| **mark != 0);
-        points.extend(marked.map(|(x, _)| Point::new(x as i32, y as i32)));
+        points.extend((0..width).filter(|&x| row[x] != 0).map(|x| Point::new(x as i32, y as i32)));
     }
     Ok(points)
 }

@@ -1,10 +1,11 @@
 //! A triangulation as the stars of its vertices, and what is left of them as a mesh.
 
-use crate::control::{Cancelled, Poller};
+use crate::control::{Cancelled, Poller, collect};
 use crate::image::Point;
 use crate::removal::star::{AllStars, Star, Stars, Vertices};
 use crate::triangulation::{Face, NONE, Triangulation, next, previous};
 use std::collections::HashMap;
+use std::iter::repeat_n;
 
 const STEPS_PER_STAR: usize = 8;
 
@@ -58,7 +59,7 @@ fn outgoing_half_edges(
     triangulation: &Triangulation,
     poller: &mut Poller<'_>,
 ) -> Result<Vec<u32>, Cancelled> {
-    let mut outgoing = vec![NONE; triangulation.points.len()];
+    let mut outgoing = collect(repeat_n(NONE, triangulation.points.len()), || poller.poll())?;
     let half_edges = triangulation.origins.iter().zip(&triangulation.twins);
     for (h, (&origin, &twin)) in (0..).zip(half_edges) {
         poller.step(1)?;

@@ -12,12 +12,13 @@
 //! vertices stay near a feature, so a vertex counts as featureless only at some distance from the
 //! nearest feature: in few photographs is any vertex so far away, and these keep the order of rows.
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage, collect};
 use crate::face_error::scan_conversion::try_for_each_row;
 use crate::image::{Image, Point, corner_points};
 use crate::removal::greedy::Removal;
 use crate::removal::tile_order::tile_order;
 use crate::triangulation::Triangulation;
+use std::iter::repeat_n;
 
 /// Least number of edges from a featureless vertex to a vertex of a face of several colors.
 ///
@@ -47,7 +48,7 @@ pub(crate) fn remove_featureless(
         return Ok((triangulation, Vec::new()));
     }
     // Only the points: the half-edges take more memory than the next triangulation.
-    let points = triangulation.points;
+    let points = triangulation.into_points(control)?;
     let (mut kept, mut removals) = (Vec::new(), Vec::new());
     for (point, leaves) in points.into_iter().zip(leaves) {
         if !leaves {
@@ -68,7 +69,7 @@ fn featureless_vertices(
     let Triangulation { points, origins, .. } = triangulation;
     let (faces, _) = origins.as_chunks::<3>();
     let poller = &mut Poller::new(control, Stage::Triangulate, points.len(), points.len());
-    let mut is_far = vec![true; points.len()];
+    let mut is_far = collect(repeat_n(true, points.len()), || poller.poll())?;
     for faces in faces.chunks(POINTS_PER_POLL) {
         poller.poll()?;
         for face in faces {
@@ -81,7 +82,7 @@ fn featureless_vertices(
         if !is_far.contains(&true) {
             break;
         }
-        let was_far = is_far.clone();
+        let was_far = collect(is_far.iter().copied(), || poller.poll())?;
         for faces in faces.chunks(POINTS_PER_POLL) {
             poller.poll()?;
             for face in faces {

@@ -77,7 +77,8 @@ mod tests {
     /// The largest difference of a sample in the mesh of some points.
     fn largest(image: &Image, points: &[Point]) -> u16 {
         let triangulation = Triangulation::new(points.to_vec(), &()).unwrap();
-        let mesh = Mesh::of_samples(image, points.to_vec(), triangulation.faces(&()).unwrap());
+        let faces = triangulation.faces(&()).unwrap();
+        let mesh = Mesh::of_samples(image, points.to_vec(), faces, &()).unwrap();
         let rebuilt = rasterize(&mesh, &()).unwrap();
         let samples = image.components().concat().into_iter().zip(rebuilt.components().concat());
         samples.map(|(a, b)| a.abs_diff(b)).max().unwrap()

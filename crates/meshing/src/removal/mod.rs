@@ -76,7 +76,9 @@ fn finish(
     remove_in_order(stars.whole(), &mut queues, measure, &mut progress, control)?;
     let poller = &mut progress.poller(control);
     let (points, faces) = mesh_of(&stars.whole(), poller)?;
-    drop((stars, queues));
+    drop((queues, stars.vertices));
+    poller.poll()?;
+    drop(stars.records);
     poller.poll()?;
     Ok(Simplified { points, faces, removals: progress.removals, error: progress.error })
 }

@@ -18,9 +18,7 @@ pub(crate) const CACHED_TRIANGLES: usize = 6;
 
 /// The binary digits of a vertex's index in its tile where all vertices are one tile.
 pub(crate) const ONE_TILE: u32 = u32::BITS - 1;
-
 const SPILLED: u32 = u32::MAX;
-
 const NOT_CACHED: u32 = u32::MAX;
 
 // The points of an inline star's neighbours fit the arrays that holes are filled in.

@@ -1,6 +1,6 @@
 //! What removal starts from: the stars of a triangulation, and the queue of each tile.
 
-use crate::control::{Cancelled, Control, Stage, Translated, collect};
+use crate::control::{Cancelled, Control, Stage, Translated, collect, free};
 use crate::face_error::ErrorEvaluator;
 use crate::image::Image;
 use crate::parallel::in_parallel;
@@ -49,7 +49,8 @@ pub(crate) fn prepare(
     let (right, top) = (image.width() as i32 - 1, image.height() as i32 - 1);
     let vertices = Vertices { points, ranks, digits, right, top };
     let mut stars = stars_of(&triangulation, vertices, &errors, poller)?;
-    drop((triangulation, errors));
+    free(errors, poller)?;
+    triangulation.into_points(&measuring)?;
     let mut queues = Vec::with_capacity(stars.spilled.len());
     for tile in 0..stars.spilled.len() {
         queues.push(evaluate_tile(tile, &mut stars.whole(), measure, &progress, control)?);

@@ -19,7 +19,6 @@ use crate::triangulation::predicates::{in_circle, product};
 pub(crate) type HoleTriangle = [u32; 3];
 
 pub(crate) const MOST_SMALL: usize = MOST_TRIANGLES + 2;
-
 pub(crate) const MOST_TRIANGLES: usize = 8;
 
 /// The capacity of its boundary, a power of two: indices are masked instead of checked.

@@ -12,7 +12,7 @@ pub(crate) mod hole;
 pub(crate) mod predicates;
 mod sweep;
 
-use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage};
+use crate::control::{Cancelled, Control, POINTS_PER_POLL, Poller, Stage, free};
 use crate::image::{MAX_POINTS, MAX_SIDE, Point};
 
 /// Three indices of vertices, counter-clockwise with `y` up.
@@ -136,6 +136,15 @@ impl Triangulation {
     pub(crate) fn faces(&self, control: &dyn Control) -> Result<Vec<Face>, Cancelled> {
         faces(&self.origins, self.points.len(), control)
     }
+
+    /// The points alone: frees the half-edges with polls in between.
+    pub(crate) fn into_points(self, control: &dyn Control) -> Result<Vec<Point>, Cancelled> {
+        let count = self.points.len();
+        let poller = &mut Poller::new(control, Stage::Triangulate, count, count);
+        free(self.origins, poller)?;
+        free(self.twins, poller)?;
+        Ok(self.points)
+    }
 }
 
 /// The faces of triples of vertices below `vertex_count`, each beginning with its smallest index,
@@ -180,6 +189,7 @@ fn faces(
             start = end as usize;
         }
     }
+    free(faces, &mut Poller::new(control, Stage::Triangulate, vertex_count, vertex_count))?;
     Ok(sorted)
 }
 

@@ -118,7 +118,7 @@ fn names_every_defect() {
 fn cancels_at_every_poll() {
     let mesh = Mesh::from_kernel(SHAPE, points(), vec![0; 5], faces());
     let cancelling_at = crate::control::tests::Recorder::cancelling_at;
-    for polls in 0..7 {
+    for polls in 0..6 {
         assert_eq!(mesh.check(&cancelling_at(polls)), Err(MeshError::Cancelled(Cancelled)));
     }
     for polls in 0..3 {

@@ -7,7 +7,6 @@
 //! current values. Sums have one fixed order, so that the result is the same on every machine.
 
 use crate::control::{Cancelled, Control, Poller, Stage};
-use crate::dynamic_mesh::half_edges::poll_at;
 use crate::face_error::scan_conversion::try_for_each_row;
 use crate::image::Point;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
@@ -16,7 +15,6 @@ use crate::triangulation::{Face, NONE, next};
 
 /// The steps end when the residual has fallen to this part of the right-hand side.
 const TOLERANCE: f64 = 1e-6;
-
 const MAX_STEPS: usize = 200;
 
 /// Fits the values of all vertices at once, if that lowers the error after rounding.
@@ -66,7 +64,7 @@ impl NormalEquations {
         }
         let product = |h: u32| products[h as usize / 3][h as usize % 3];
         for (h, &twin) in (0..).zip(&triangulation.twins) {
-            poll_at(h as usize, control)?;
+            poller.step(1)?;
             if twin == NONE || h < twin {
                 let other = if twin == NONE { 0.0 } else { product(twin) };
                 let [from, to] = [h, next(h)].map(|h| triangulation.origins[h as usize]);
@@ -120,8 +118,9 @@ impl NormalEquations {
 
     fn multiply(&self, vector: &[f64], control: &dyn Control) -> Result<Vec<f64>, Cancelled> {
         let mut product: Vec<f64> = self.diagonal.iter().zip(vector).map(|(d, v)| d * v).collect();
-        for (i, &(a, b, entry)) in self.edges.iter().enumerate() {
-            poll_at(i, control)?;
+        let mut poller = Poller::new(control, Stage::Refine, 0, 1);
+        for &(a, b, entry) in &self.edges {
+            poller.step(1)?;
             product[a as usize] += entry * vector[b as usize];
             product[b as usize] += entry * vector[a as usize];
         }

@@ -17,11 +17,8 @@ use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 
 /// Relative improvement threshold: the rounds end when one lowers the error by less than this part.
 const LEAST_IMPROVEMENT: f64 = 2e-4;
-
 const ROUNDS_WITHOUT_MOVES: usize = 4;
-
 const ROUNDS_PER_EFFORT: usize = 3;
-
 const PASSES: usize = 3;
 
 /// Flips edges, fits values and, with an effort above 0, moves vertices, in rounds. No step raises
