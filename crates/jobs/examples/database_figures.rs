@@ -3,6 +3,9 @@
 //!
 //! `cargo run --release -p pixmesh-jobs --example database_figures -- --url
 //! postgres://NAME@HOST/DB`
+//!
+//! With `--program target/release/pixmesh` the program also measures the CPU time of a service
+//! without requests, and of a database on the same machine, on Linux.
 #![allow(clippy::print_stdout, reason = "the program prints figures")]
 
 use clap::Parser;
@@ -14,14 +17,21 @@ use pixmesh_jobs::queue::{Outcome, PageRequest, Queue, Submitted, Terms};
 use pixmesh_jobs::record::{JobId, MeshFigures, NewJob, Picture, PictureShape, State};
 use sqlx::{AssertSqlSafe, PgPool};
 use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use tokio::process::Command;
 
 /// How long each rate is measured.
 const TIME: Duration = Duration::from_secs(5);
 /// Concurrent callers, on both nodes together.
 const CALLERS: usize = 128;
+/// Tasks that follow one job.
+const FOLLOWERS: usize = 1000;
+/// How long a service without requests is measured.
+const IDLE_TIME: Duration = Duration::from_secs(60);
 /// The schema of the tables.
 const SCHEMA: &str = "pixmesh_figures";
 
@@ -35,6 +45,9 @@ struct Flags {
     /// The number of stored jobs while lists are measured.
     #[arg(long, default_value = "1000000")]
     jobs: usize,
+    /// The program to measure without requests.
+    #[arg(long)]
+    program: Option<PathBuf>,
 }
 
 type Done<T> = Result<T, Box<dyn Error + Send + Sync>>;
@@ -65,6 +78,8 @@ async fn main() -> Done<()> {
         );
     }
     let nodes = fresh(&pool, &flags).await?;
+    followers(&nodes).await?;
+    let nodes = fresh(&pool, &flags).await?;
     fill(
         &pool,
         flags.jobs,
@@ -85,6 +100,10 @@ async fn main() -> Done<()> {
         nodes[0].stats().await?;
     }
     row("ms the numbers of queued and running jobs", began.elapsed().as_secs_f64() * 10.0);
+    drop(nodes);
+    if let Some(program) = &flags.program {
+        idle(program, &flags.url).await?;
+    }
     let nodes = fresh(&pool, &flags).await?;
     fill(&pool, 100_000, 100, "2", "now() - interval '1 second'").await?;
     let (began, mut expired) = (Instant::now(), 0);
@@ -180,6 +199,81 @@ where
         took.extend(caller.await.unwrap_or_default());
     }
     took
+}
+
+/// How late followers on one node receive the end of a job that the other node ran.
+async fn followers(nodes: &[Arc<Postgres>; 2]) -> Done<()> {
+    let mut took = Vec::new();
+    for n in 0..10 {
+        let owner = Owner::Anonymous;
+        let new = job(owner.clone());
+        let id = new.id;
+        nodes[0].submit(new).await?;
+        let claim = nodes[0].claim().await?.ok_or("no job to claim")?;
+        let (events, _) = nodes[1].events_now(&owner, id, 0).await?;
+        let after = events.last().map_or(0, |event| event.revision);
+        let follow = |_| {
+            let (node, owner) = (Arc::clone(&nodes[1]), owner.clone());
+            tokio::spawn(async move {
+                let received = node.events(&owner, id, after).await;
+                received.map(|events| (events.len(), Instant::now()))
+            })
+        };
+        let following: Vec<_> = (0..FOLLOWERS).map(follow).collect();
+        // Each has read the job once before the job ends.
+        tokio::time::sleep(Duration::from_secs(1)).await;
+        let began = Instant::now();
+        nodes[0].finish(claim.lease, Outcome::Completed(figures(n))).await?;
+        for follower in following {
+            let (events, at) = follower.await??;
+            assert_eq!(events, 1, "the end of the job");
+            took.push(at.duration_since(began));
+        }
+    }
+    took.sort();
+    row("ms p99 an event to 1,000 followers", ms(took[took.len() * 99 / 100]));
+    Ok(())
+}
+
+/// The CPU time of a service and of the database while nobody sends requests.
+async fn idle(program: &Path, url: &str) -> Done<()> {
+    let mut service = Command::new(program)
+        .args(["serve", "--listen", "127.0.0.1:0", "--queue", url, "--queue-schema", SCHEMA])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .kill_on_drop(true)
+        .spawn()?;
+    // It expires and deletes what the measurements before have left.
+    tokio::time::sleep(Duration::from_secs(60)).await;
+    let before = cpu_seconds()?;
+    tokio::time::sleep(IDLE_TIME).await;
+    let after = cpu_seconds()?;
+    for (name, before, after) in [("service", before.0, after.0), ("database", before.1, after.1)] {
+        let share = (after - before) / IDLE_TIME.as_secs_f64();
+        row(&format!("% of a core, {name} without requests"), share * 100.0);
+    }
+    service.kill().await?;
+    Ok(())
+}
+
+/// The CPU time of all processes named `pixmesh`, and of those named `postgres`, in seconds.
+fn cpu_seconds() -> Done<(f64, f64)> {
+    let (mut service, mut database) = (0.0, 0.0);
+    for process in std::fs::read_dir("/proc")? {
+        // A process that has ended meanwhile has no file.
+        let Ok(stat) = std::fs::read_to_string(process?.path().join("stat")) else { continue };
+        let Some((name, fields)) = stat.split_once(") ") else { continue };
+        // User and system time in ticks of 10 ms, the 14th and 15th value of all.
+        let ticks =
+            fields.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<f64>().ok());
+        let seconds = ticks.sum::<f64>() / 100.0;
+        match name.split_once('(') {
+            Some((_, "pixmesh")) => service += seconds,
+            Some((_, "postgres")) => database += seconds,
+            _ => {}
+        }
+    }
+    Ok((service, database))
 }
 
 async fn lists(node: &Postgres) -> Done<()> {
