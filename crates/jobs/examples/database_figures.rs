@@ -237,10 +237,12 @@ async fn followers(nodes: &[Arc<Postgres>; 2]) -> Done<()> {
 
 /// The CPU time of a service and of the database while nobody sends requests.
 async fn idle(program: &Path, url: &str) -> Done<()> {
+    let folder = tempfile::tempdir()?;
+    let blobs = format!("file://{}", folder.path().display());
     let mut service = Command::new(program)
-        .args(["serve", "--listen", "127.0.0.1:0", "--queue", url, "--queue-schema", SCHEMA])
+        .args(["serve", "--listen", "127.0.0.1:0", "--blobs", &blobs])
+        .args(["--queue", url, "--queue-schema", SCHEMA])
         .stdout(Stdio::null())
-        .stderr(Stdio::null())
         .kill_on_drop(true)
         .spawn()?;
     // It expires and deletes what the measurements before have left.
@@ -252,8 +254,10 @@ async fn idle(program: &Path, url: &str) -> Done<()> {
         let share = (after - before) / IDLE_TIME.as_secs_f64();
         row(&format!("% of a core, {name} without requests"), share * 100.0);
     }
-    service.kill().await?;
-    Ok(())
+    match service.try_wait()? {
+        Some(status) => Err(format!("{} has ended: {status}", program.display()).into()),
+        None => Ok(service.kill().await?),
+    }
 }
 
 /// The CPU time of all processes named `pixmesh`, and of those named `postgres`, in seconds.

@@ -5,8 +5,8 @@
 //! keeps a [`Pin`] until a job uses it, and the [`Collector`], which deletes unused blobs, waits
 //! until there are no pins. Bytes that do not match their digest are refused as damaged.
 //!
-//! Pins do not reach other nodes. In a store that nodes share, the collector therefore deletes no
-//! blob that was stored less than [`MIN_AGE`] ago, and a blob that is stored again gets a new time.
+//! Pins do not reach other nodes. In a store that nodes share, the queue tells which blobs may be
+//! deleted: a node marks a blob in the queue before it stores it.
 
 pub mod chunks;
 mod failure;
@@ -37,12 +37,9 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
 
-/// The age at which an unused blob of a shared store may be deleted. A job is submitted within far
-/// less than half of it after its picture was stored.
-const MIN_AGE: Duration = Duration::from_hours(1);
 /// How long a request to a store on the network may take.
 const REQUEST_TIME: Duration = Duration::from_secs(60);
 /// How long connecting to such a store may take.
@@ -130,9 +127,8 @@ impl Blobs {
     /// # Errors
     /// When the storage is full or fails.
     pub async fn put(&self, _: &Pin, digest: Digest, bytes: Bytes) -> Result<(), QueueError> {
-        let known = self.meta(digest).await?;
-        let is_recent = known.is_some_and(|meta| !self.is_shared() || age(&meta) < MIN_AGE / 2);
-        if is_recent && verified::is_same(&*self.store, &path_of(digest), &bytes).await {
+        let exists = self.meta(digest).await?.is_some();
+        if exists && verified::is_same(&*self.store, &path_of(digest), &bytes).await {
             return Ok(());
         }
         let length = bytes.len();
@@ -273,22 +269,13 @@ impl Blobs {
 }
 
 impl Collector<'_> {
-    /// Deletes a blob, and returns whether it is gone. In a shared store, blobs younger than
-    /// [`MIN_AGE`] stay, because another node may be about to submit their job.
+    /// Deletes a blob if it exists.
     ///
     /// # Errors
     /// When the storage fails.
-    pub async fn delete(&self, digest: Digest) -> Result<bool, QueueError> {
-        if self.blobs.is_shared() {
-            match self.blobs.meta(digest).await? {
-                // A node may store the blob at this moment, for a job that it is about to commit.
-                None => return Ok(true),
-                Some(meta) if age(&meta) < MIN_AGE => return Ok(false),
-                Some(_) => {}
-            }
-        }
+    pub async fn delete(&self, digest: Digest) -> Result<(), QueueError> {
         match self.blobs.store.delete(&path_of(digest)).await {
-            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(true),
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(self.blobs.failure(&error)),
         }
     }
@@ -320,11 +307,6 @@ async fn s3(address: &str) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send 
         "" => Arc::new(store),
         prefix => Arc::new(PrefixStore::new(store, prefix)),
     })
-}
-
-/// The age of a blob, by the clocks of the store and of this machine.
-fn age(meta: &ObjectMeta) -> Duration {
-    SystemTime::from(meta.last_modified).elapsed().unwrap_or_default()
 }
 
 /// The path of a blob, in one of 256 folders.
@@ -388,93 +370,24 @@ mod tests {
         assert!(blobs.get(digest).await.is_err() && blobs.all().unwrap().is_empty());
     }
 
-    /// Sets the time of a blob to some minutes ago.
-    fn set_age(blobs: &Blobs, digest: Digest, minutes: u64) -> SystemTime {
-        let path = blobs.folder.as_ref().unwrap().join(path_of(digest).as_ref());
-        let then = SystemTime::now() - Duration::from_mins(minutes);
-        fs::File::options().write(true).open(&path).unwrap().set_modified(then).unwrap();
-        fs::metadata(path).unwrap().modified().unwrap()
-    }
-
-    fn stored_at(blobs: &Blobs, digest: Digest) -> SystemTime {
-        let path = blobs.folder.as_ref().unwrap().join(path_of(digest).as_ref());
-        fs::metadata(path).unwrap().modified().unwrap()
-    }
-
-    #[tokio::test]
-    async fn young_blob_of_a_shared_store_stays() {
-        let (blobs, _folder) = blobs();
-        let shared = blobs.as_if_shared();
-        assert!(shared.is_shared() && !blobs.is_shared());
-        let bytes = Bytes::from_static(b"for a job to come");
-        let digest = Digest::of(&bytes);
-        shared.put(&shared.pin().await, digest, bytes.clone()).await.unwrap();
-        for (minutes, is_gone) in [(0, false), (59, false), (61, true), (0, true)] {
-            if !blobs.all().unwrap().is_empty() {
-                set_age(&blobs, digest, minutes);
-            }
-            assert_eq!(
-                shared.collector().await.delete(digest).await.unwrap(),
-                is_gone,
-                "{minutes}"
-            );
-            assert_eq!(blobs.all().unwrap().is_empty(), is_gone);
-        }
-        blobs.put(&blobs.pin().await, digest, bytes).await.unwrap();
-        assert!(
-            blobs.collector().await.delete(digest).await.unwrap(),
-            "one process waits for its pins instead"
-        );
-        assert!(blobs.all().unwrap().is_empty());
-    }
-
-    #[tokio::test]
-    async fn blob_stored_again_is_rewritten_when_old_and_shared() {
-        let (blobs, _folder) = blobs();
-        let shared = blobs.as_if_shared();
-        let bytes = Bytes::from_static(b"twice");
-        let digest = Digest::of(&bytes);
-        blobs.put(&blobs.pin().await, digest, bytes.clone()).await.unwrap();
-        for (store, minutes, is_written) in
-            [(&blobs, 50, false), (&shared, 20, false), (&shared, 40, true)]
-        {
-            let before = set_age(&blobs, digest, minutes);
-            store.put(&store.pin().await, digest, bytes.clone()).await.unwrap();
-            assert_eq!(stored_at(&blobs, digest) != before, is_written, "{minutes}");
-        }
-    }
-
-    #[tokio::test]
+    #[tokio::test(start_paused = true)]
     async fn late_blob_of_another_node_is_read() {
         let (blobs, _folder) = blobs();
-        let mut is_found = false;
-        // A busy machine may delay a read longer than all pauses together.
-        for try_ in 0..20 {
-            let bytes = Bytes::from(format!("late {try_}"));
-            let digest = Digest::of(&bytes);
-            let shared = blobs.as_if_shared();
-            let getting = tokio::spawn(async move { shared.get(digest).await });
-            tokio::time::sleep(PAUSE / 2).await;
-            assert!(!getting.is_finished(), "it reads again");
-            blobs.put(&blobs.pin().await, digest, bytes.clone()).await.unwrap();
-            is_found = getting.await.unwrap().is_ok_and(|found| found == bytes);
-            if is_found {
-                break;
-            }
-        }
-        assert!(is_found);
+        let bytes = Bytes::from_static(b"late");
+        let (digest, shared) = (Digest::of(&bytes), blobs.as_if_shared());
+        let getting = tokio::spawn(async move { shared.get(digest).await });
+        tokio::time::sleep(PAUSE / 2).await;
+        assert!(!getting.is_finished(), "it reads again");
+        blobs.put(&blobs.pin().await, digest, bytes.clone()).await.unwrap();
+        assert_eq!(getting.await.unwrap().unwrap(), bytes);
     }
 
-    #[tokio::test]
+    #[tokio::test(start_paused = true)]
     async fn missing_blob_of_one_process_fails_at_once() {
         let ((blobs, _folder), digest) = (blobs(), Digest::of(b"nowhere"));
-        let mut quickest = Duration::MAX;
-        for _ in 0..20 {
-            let began = std::time::Instant::now();
-            assert!(blobs.get(digest).await.is_err());
-            quickest = quickest.min(began.elapsed());
-        }
-        assert!(quickest < PAUSE, "{quickest:?}");
+        let began = tokio::time::Instant::now();
+        assert!(blobs.get(digest).await.is_err());
+        assert_eq!(began.elapsed(), Duration::ZERO, "without a pause");
     }
 
     #[tokio::test]

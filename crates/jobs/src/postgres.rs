@@ -37,8 +37,8 @@ mod sweep;
 pub use settings::PostgresSettings;
 
 use crate::queue::{
-    Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
-    Renewal, Stats, Submitted, Swept, Terms,
+    Cancellation, Claim, DELETION_TIME, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue,
+    QueueError, Renewal, Stats, Submitted, Swept, Terms,
 };
 use crate::record::{Event, JobId, NewJob, Progress};
 use crate::secret::Secret;
@@ -72,7 +72,7 @@ pub struct Postgres {
     claims: Batcher<(), Option<Claim>>,
     renewals: Batcher<(Lease, Option<Progress>), Renewal>,
     finishes: Batcher<(Lease, Outcome), Finish>,
-    expected: Batcher<Digest, ()>,
+    expected: Batcher<Digest, bool>,
 }
 
 impl Postgres {
@@ -218,7 +218,14 @@ impl Queue for Postgres {
     }
 
     async fn expect(&self, blob: Digest) -> Result<(), QueueError> {
-        self.expected.run(blob).await
+        let until = Instant::now() + DELETION_TIME * 2;
+        while !self.expected.run(blob).await? {
+            if Instant::now() > until {
+                return Err(QueueError::Database(format!("blob {blob} is being deleted")));
+            }
+            sleep(PAUSE).await;
+        }
+        Ok(())
     }
 
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError> {

@@ -32,6 +32,9 @@ pub struct Terms {
     pub idempotency_ttl: Duration,
     /// How long an expired job is known to have existed.
     pub gone_ttl: Duration,
+    /// How long a store that nodes share keeps a blob that no job uses: a node may be about to
+    /// submit a job that uses it.
+    pub unused_blob_ttl: Duration,
     /// The period of polling for changes that no notification announced.
     pub poll_period: Duration,
 }
@@ -46,10 +49,14 @@ impl Terms {
             result_ttl,
             idempotency_ttl: Duration::from_hours(24),
             gone_ttl: Duration::from_hours(7 * 24),
+            unused_blob_ttl: Duration::from_hours(1),
             poll_period: Duration::from_secs(1),
         }
     }
 }
+
+/// How long a sweep may delete the blobs that it has taken. Twice as long, no node stores them.
+pub(crate) const DELETION_TIME: Duration = Duration::from_mins(2);
 
 /// The limits of the numbers of jobs. Those of one owner do not apply to anonymous jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -333,14 +340,16 @@ pub trait Queue: fmt::Debug + Send + Sync {
     }
 
     /// Periodic maintenance: requeues jobs whose leases expired, deletes expired jobs, and returns
-    /// blobs that no job uses, until [`Self::forget`] removes them from the list.
+    /// blobs that no job uses, until [`Self::forget`] removes them from the list. The caller deletes
+    /// them within [`DELETION_TIME`].
     async fn sweep(&self) -> Result<Swept, QueueError>;
 
     /// Which of the blobs a job uses.
     async fn referenced(&self, blobs: Vec<Digest>) -> Result<HashSet<Digest>, QueueError>;
 
     /// Marks a blob that is about to be stored, so that a sweep finds it if no job comes to use it.
-    /// Engines of one process find such blobs when they start, and need no mark.
+    /// Waits while a sweep deletes it. Engines of one process find such blobs when
+    /// they start, and need no mark.
     async fn expect(&self, _blob: Digest) -> Result<(), QueueError> {
         Ok(())
     }

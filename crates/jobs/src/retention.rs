@@ -1,12 +1,12 @@
 //! Periodic maintenance: sweeps of the queue, and the deletion of blobs that no job uses.
 
 use crate::Jobs;
-use crate::queue::{QueueError, Swept};
+use crate::queue::{DELETION_TIME, QueueError, Swept};
 use crate::record::State;
 use crate::telemetry;
 use pixmesh_engine::digest::Digest;
 use std::error::Error;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 
@@ -66,11 +66,14 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
 
 /// Deletes those of the blobs that no job uses.
 async fn delete(jobs: &Jobs, blobs: Vec<Digest>) -> Result<(), QueueError> {
+    let began = Instant::now();
     let collector = jobs.blobs.collector().await;
     let used = jobs.queue.referenced(blobs.clone()).await?;
     let mut deleted = Vec::new();
     for blob in blobs.into_iter().filter(|blob| !used.contains(blob)) {
-        if collector.delete(blob).await? {
+        // Later, another node may store the blob again.
+        if began.elapsed() < DELETION_TIME {
+            collector.delete(blob).await?;
             deleted.push(blob);
         }
     }

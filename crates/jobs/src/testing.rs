@@ -24,6 +24,7 @@ pub(crate) fn terms() -> Terms {
         result_ttl: HOUR,
         idempotency_ttl: HOUR,
         gone_ttl: HOUR,
+        unused_blob_ttl: Duration::ZERO,
         poll_period: Duration::from_secs(1),
     }
 }

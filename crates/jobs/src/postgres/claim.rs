@@ -152,7 +152,7 @@ impl Node {
             }
         }
         let damaged = claimed.damaged.iter().map(|id| Transition::damaged(*id, State::Running));
-        apply(&mut transaction, &damaged.collect::<Vec<_>>(), self.terms.result_ttl).await?;
+        apply(&mut transaction, &damaged.collect::<Vec<_>>(), &self.terms).await?;
         let count = jobs.len() as i64;
         count_changes(&mut transaction, -count, count).await?;
         transaction.commit().await?;

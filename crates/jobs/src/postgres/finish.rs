@@ -4,7 +4,7 @@ use super::database::Transaction;
 use super::node::Node;
 use super::read::is_gone;
 use super::rows::{bytes, ms, uuid};
-use crate::queue::{Cancellation, Finish, Lease, Outcome, QueueError};
+use crate::queue::{Cancellation, Finish, Lease, Outcome, QueueError, Terms};
 use crate::record::{JobId, State};
 use crate::row::{self, Row as _};
 use crate::transition::{Status, Transition, cancellation, orphaned_mesh};
@@ -14,7 +14,6 @@ use pixmesh_engine::digest::Digest;
 use sqlx::Row;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// The number of rows of the table `job_counts`.
 const COUNT_SLOTS: u32 = 64;
@@ -24,7 +23,7 @@ const COUNT_SLOTS: u32 = 64;
 pub(super) async fn apply(
     transaction: &mut Transaction,
     transitions: &[Transition<'_>],
-    result_ttl: Duration,
+    terms: &Terms,
 ) -> sqlx::Result<()> {
     if transitions.is_empty() {
         return Ok(());
@@ -51,8 +50,9 @@ pub(super) async fn apply(
                       AS new (id, old_state, state, returned_attempts, mesh, mesh_digest, problem)
                  WHERE jobs.id = new.id AND jobs.state = new.old_state
                  RETURNING jobs.state, image_digest)
-             INSERT INTO orphan_candidates
-             SELECT DISTINCT image_digest, now() FROM changed WHERE state >= 2
+             INSERT INTO orphan_candidates (blob, eligible_at)
+             SELECT DISTINCT image_digest, now() + $9 * interval '1 millisecond'
+             FROM changed WHERE state >= 2
              ORDER BY image_digest ON CONFLICT DO NOTHING",
         )
         .bind(transitions.iter().map(|new| uuid(new.job)).collect::<Vec<_>>())
@@ -62,7 +62,8 @@ pub(super) async fn apply(
         .bind(meshes)
         .bind(digests)
         .bind(transitions.iter().map(|new| new.problem_column()).collect::<Vec<_>>())
-        .bind(ms(result_ttl))
+        .bind(ms(terms.result_ttl))
+        .bind(ms(terms.unused_blob_ttl))
         .execute(&mut **transaction)
         .await?;
     let change = |state| {
@@ -99,6 +100,7 @@ pub(super) async fn count_changes(
 pub(super) async fn mark_orphan_candidates(
     transaction: &mut Transaction,
     mut blobs: Vec<Digest>,
+    terms: &Terms,
 ) -> sqlx::Result<()> {
     if blobs.is_empty() {
         return Ok(());
@@ -107,10 +109,12 @@ pub(super) async fn mark_orphan_candidates(
     blobs.sort_unstable();
     transaction
         .query(
-            "INSERT INTO orphan_candidates
-             SELECT blob, now() FROM unnest($1::bytea[]) AS blobs (blob) ON CONFLICT DO NOTHING",
+            "INSERT INTO orphan_candidates (blob, eligible_at)
+             SELECT blob, now() + $2 * interval '1 millisecond'
+             FROM unnest($1::bytea[]) AS blobs (blob) ON CONFLICT DO NOTHING",
         )
         .bind(bytes(&blobs))
+        .bind(ms(terms.unused_blob_ttl))
         .execute(&mut **transaction)
         .await
         .map(|_| ())
@@ -153,8 +157,8 @@ impl Node {
             transitions.extend(transition);
             finished.push(finish);
         }
-        mark_orphan_candidates(&mut transaction, orphans).await?;
-        apply(&mut transaction, &transitions, self.terms.result_ttl).await?;
+        mark_orphan_candidates(&mut transaction, orphans, &self.terms).await?;
+        apply(&mut transaction, &transitions, &self.terms).await?;
         transaction.commit().await?;
         Ok(finished)
     }
@@ -201,25 +205,23 @@ impl Node {
             None if is_gone(&mut transaction, owner, id).await? => Cancellation::Gone,
             None => Cancellation::Unknown,
         };
-        let sql = match done {
+        match done {
             Cancellation::Cancelled => {
-                let cancelled = [Transition::cancelled(id)];
-                apply(&mut transaction, &cancelled, self.terms.result_ttl).await?;
+                apply(&mut transaction, &[Transition::cancelled(id)], &self.terms).await?;
                 may_be_cancelled.store(true, Ordering::Release);
-                None
             }
             Cancellation::Requested => {
-                Some("UPDATE jobs SET cancel_requested = true WHERE id = $1")
+                let sql = "UPDATE jobs SET cancel_requested = true WHERE id = $1";
+                transaction.query(sql).bind(uuid(id)).execute(&mut *transaction).await?;
             }
-            Cancellation::Deleted => Some(
-                "WITH deleted AS (DELETE FROM jobs WHERE id = $1 RETURNING mesh_digest)
-                 INSERT INTO orphan_candidates SELECT mesh_digest, now() FROM deleted
-                 WHERE mesh_digest IS NOT NULL ON CONFLICT DO NOTHING",
-            ),
-            Cancellation::Unknown | Cancellation::Gone => None,
-        };
-        if let Some(sql) = sql {
-            transaction.query(sql).bind(uuid(id)).execute(&mut *transaction).await?;
+            Cancellation::Deleted => {
+                let sql = "DELETE FROM jobs WHERE id = $1 RETURNING mesh_digest";
+                let row =
+                    transaction.query(sql).bind(uuid(id)).fetch_one(&mut *transaction).await?;
+                let mesh = row.digest("mesh_digest")?.into_iter().collect();
+                mark_orphan_candidates(&mut transaction, mesh, &self.terms).await?;
+            }
+            Cancellation::Unknown | Cancellation::Gone => {}
         }
         transaction.commit().await?;
         Ok(done)

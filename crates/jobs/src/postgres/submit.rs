@@ -1,6 +1,6 @@
 //! Jobs are submitted.
 
-use super::database::Transaction;
+use super::database::{Transaction, failure};
 use super::finish::{count_changes, mark_orphan_candidates};
 use super::node::Node;
 use super::rows::{bytes, ms, uuid};
@@ -11,7 +11,7 @@ use crate::watchers::Changes;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use sqlx::Row;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 impl Node {
     /// Submits jobs in their order.
@@ -23,15 +23,27 @@ impl Node {
         Ok(submitted)
     }
 
-    /// Marks blobs that are about to be stored for jobs that may never be submitted.
-    pub(super) async fn expect(&self, blobs: &[Digest]) -> Result<Vec<()>, QueueError> {
-        let mark = || async {
-            let mut transaction = self.database.begin().await?;
-            mark_orphan_candidates(&mut transaction, blobs.to_vec()).await?;
-            transaction.commit().await
+    /// Marks blobs that are about to be stored for jobs that may never be submitted, and returns
+    /// for each whether it may be stored now: not while a sweep deletes it.
+    pub(super) async fn expect(&self, blobs: &[Digest]) -> Result<Vec<bool>, QueueError> {
+        // In ascending order, so that no transactions deadlock.
+        let marked: Vec<Digest> = BTreeSet::from_iter(blobs.iter().copied()).into_iter().collect();
+        let statement = || {
+            sqlx::query(
+                "INSERT INTO orphan_candidates AS known (blob, eligible_at)
+                 SELECT blob, now() + $2 * interval '1 millisecond'
+                 FROM unnest($1::bytea[]) AS blobs (blob)
+                 ON CONFLICT (blob)
+                 DO UPDATE SET eligible_at = excluded.eligible_at, deleting = false
+                 WHERE NOT known.deleting OR known.eligible_at <= now() RETURNING blob",
+            )
+            .bind(bytes(&marked))
+            .bind(ms(self.terms.unused_blob_ttl))
         };
-        self.database.retry(mark).await?;
-        Ok(vec![(); blobs.len()])
+        let rows = self.database.execute(statement).await?;
+        let free: sqlx::Result<HashSet<_>> = rows.iter().map(|row| row.digest("blob")).collect();
+        let free = free.map_err(|error| failure(&error))?;
+        Ok(blobs.iter().map(|&blob| free.contains(&Some(blob))).collect())
     }
 
     /// One transaction. It conflicts if another node has just inserted one of the idempotency keys,
@@ -51,7 +63,7 @@ impl Node {
             }
         }
         let created = insert(&mut transaction, &new).await?;
-        mark_orphan_candidates(&mut transaction, orphans).await?;
+        mark_orphan_candidates(&mut transaction, orphans, &self.terms).await?;
         count_changes(&mut transaction, new.len() as i64, 0).await?;
         transaction.commit().await?;
         let result = |(job, result): (&NewJob, Option<Submitted>)| {

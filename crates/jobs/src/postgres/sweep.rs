@@ -5,7 +5,7 @@ use super::database::failure;
 use super::finish::apply;
 use super::node::Node;
 use super::rows::{bytes, ms};
-use crate::queue::{QueueError, Swept};
+use crate::queue::{DELETION_TIME, QueueError, Swept};
 use crate::record::{JobId, State};
 use crate::row::{self, Row as _};
 use crate::transition::Transition;
@@ -18,7 +18,7 @@ use tokio::time::Instant;
 
 /// The most rows that one transaction changes, so that it is short.
 const MAX_ROWS: i64 = 2000;
-/// The most blobs that one sweep returns.
+/// The most blobs that one sweep takes, so that it deletes them in less than [`DELETION_TIME`].
 const MAX_ORPHANS: i64 = 256;
 /// How long a sweep may take. The next sweep does the rest.
 const SWEEP_TIME: Duration = Duration::from_secs(4);
@@ -34,7 +34,8 @@ const EXPIRE: &str = "
         INSERT INTO gone SELECT id, owner, expires_at + $2 * interval '1 millisecond'
         FROM expired ON CONFLICT DO NOTHING),
     released AS (
-        INSERT INTO orphan_candidates SELECT DISTINCT mesh_digest, now() FROM expired
+        INSERT INTO orphan_candidates (blob, eligible_at)
+        SELECT DISTINCT mesh_digest, now() + $3 * interval '1 millisecond' FROM expired
         WHERE mesh_digest IS NOT NULL ORDER BY mesh_digest ON CONFLICT DO NOTHING)
     SELECT count(*) FROM expired";
 /// Deletes the ids of jobs that expired long ago.
@@ -48,7 +49,7 @@ const FORGET_GONE: &str = "
 const UNMARK_REFERENCED: &str = "
     WITH unmarked AS (
         DELETE FROM orphan_candidates WHERE blob = ANY (ARRAY(
-            SELECT blob FROM (SELECT blob FROM orphan_candidates ORDER BY since LIMIT $1
+            SELECT blob FROM (SELECT blob FROM orphan_candidates ORDER BY eligible_at LIMIT $1
                               FOR UPDATE SKIP LOCKED) AS oldest
             WHERE EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
                OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)))
@@ -69,10 +70,10 @@ impl Node {
                 break;
             }
         }
-        let gone_ttl = Some(ms(self.terms.gone_ttl));
-        swept.expired = self.repeat(EXPIRE, gone_ttl, until).await?;
-        self.repeat(FORGET_GONE, None, until).await?;
-        self.repeat(UNMARK_REFERENCED, None, until).await?;
+        let ttls = [ms(self.terms.gone_ttl), ms(self.terms.unused_blob_ttl)];
+        swept.expired = self.repeat(EXPIRE, &ttls, until).await?;
+        self.repeat(FORGET_GONE, &[], until).await?;
+        self.repeat(UNMARK_REFERENCED, &[], until).await?;
         swept.orphans = self.orphans().await?;
         Ok(swept)
     }
@@ -96,7 +97,7 @@ impl Node {
                 Err(_) => Transition::damaged(job, State::Running),
             });
         }
-        apply(&mut transaction, &transitions, self.terms.result_ttl).await?;
+        apply(&mut transaction, &transitions, &self.terms).await?;
         transaction.commit().await?;
         Ok(transitions.iter().map(|transition| (transition.job, transition.to)).collect())
     }
@@ -106,14 +107,14 @@ impl Node {
     async fn repeat(
         &self,
         sql: &'static str,
-        parameter: Option<i64>,
+        parameters: &[i64],
         until: Instant,
     ) -> Result<usize, QueueError> {
         let mut sum = 0;
         loop {
             let statement = || {
                 let statement = sqlx::query(sql).bind(MAX_ROWS);
-                if parameter.is_some() { statement.bind(parameter) } else { statement }
+                parameters.iter().fold(statement, |statement, parameter| statement.bind(parameter))
             };
             let rows = self.database.execute(statement).await?;
             let count = rows.first().map_or(Ok(0), |row| row.try_get::<i64, _>(0));
@@ -125,19 +126,32 @@ impl Node {
         }
     }
 
-    /// The oldest blobs that no job uses. The write shows whether the database takes writes.
+    /// Takes blobs that no job uses, to delete them. The write shows whether the database takes
+    /// writes.
+    ///
+    /// No blob is deleted that a node stores for a new job. The node marks it before, in
+    /// [`Node::expect`]. If the mark comes first, the blob becomes eligible no earlier than
+    /// `unused_blob_ttl` later, even if a sweep removes the mark because another job uses the blob:
+    /// that job marks it again when it ends. If the sweep comes first, the node waits until the
+    /// blob is deleted.
     async fn orphans(&self) -> Result<Vec<Digest>, QueueError> {
         let statement = || {
             sqlx::query(
                 "WITH pulse AS (
                      INSERT INTO shared_values VALUES ('pulse', 0, now())
                      ON CONFLICT (name) DO UPDATE SET at = excluded.at)
-                 SELECT blob FROM orphan_candidates
-                 WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
-                   AND NOT EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)
-                 ORDER BY since LIMIT $1",
+                 UPDATE orphan_candidates
+                 SET deleting = true, eligible_at = now() + $2 * interval '1 millisecond'
+                 WHERE blob = ANY (ARRAY(
+                     SELECT blob FROM orphan_candidates
+                     WHERE eligible_at <= now()
+                       AND NOT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+                       AND NOT EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)
+                     ORDER BY eligible_at LIMIT $1 FOR UPDATE SKIP LOCKED))
+                 RETURNING blob",
             )
             .bind(MAX_ORPHANS)
+            .bind(ms(DELETION_TIME * 2))
         };
         let rows = self.database.execute(statement).await?;
         let blobs = rows.iter().filter_map(|row| row.digest("blob").transpose());
@@ -145,7 +159,7 @@ impl Node {
     }
 
     pub(super) async fn forget(&self, blobs: &[Digest]) -> Result<(), QueueError> {
-        let sql = "DELETE FROM orphan_candidates WHERE blob = ANY ($1)";
+        let sql = "DELETE FROM orphan_candidates WHERE blob = ANY ($1) AND deleting";
         let statement = || sqlx::query(sql).bind(bytes(blobs));
         self.database.execute(statement).await.map(|_| ())
     }

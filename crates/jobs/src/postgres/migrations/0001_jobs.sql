@@ -69,9 +69,12 @@ INSERT INTO job_counts SELECT slot, 0, 0 FROM generate_series(0, 63) AS slots (s
 -- Blobs that no job may use any more: a job released them, or a node was about to store them.
 CREATE TABLE orphan_candidates (
     blob bytea NOT NULL PRIMARY KEY,
-    since timestamptz NOT NULL
+    -- From when on a sweep may delete the blob if no job uses it.
+    eligible_at timestamptz NOT NULL,
+    -- A sweep is deleting the blob. If it is not done at eligible_at, another sweep may go on.
+    deleting boolean NOT NULL DEFAULT false
 );
-CREATE INDEX orphan_candidates_since ON orphan_candidates (since);
+CREATE INDEX orphan_candidates_eligible ON orphan_candidates (eligible_at);
 
 -- Values that nodes share: the mean duration of attempts, and a row that each sweep writes to check
 -- that the database takes writes.

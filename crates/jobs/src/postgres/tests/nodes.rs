@@ -117,6 +117,39 @@ async fn idempotency_key_repeated_in_a_batch_is_one_job() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn blob_marked_by_another_node_is_not_deleted() {
+    let Some(engine) = engine("marks", false) else { return };
+    let submitting = Terms { unused_blob_ttl: Duration::from_hours(1), ..terms() };
+    let (node, sweeping) = (engine.opened(submitting).await, engine.opened(terms()).await);
+    let marked = Digest::of(b"marked");
+    node.expect(marked).await.unwrap();
+    assert!(sweeping.sweep().await.unwrap().orphans.is_empty());
+    // A job that uses the blob already takes the mark away, and ends while the node stores it.
+    let id = submit(&node, &Owner::Anonymous, "used").await;
+    let used = Digest::of(b"used");
+    node.expect(used).await.unwrap();
+    assert!(sweeping.sweep().await.unwrap().orphans.is_empty());
+    node.cancel(&Owner::Anonymous, id).await.unwrap();
+    assert!(sweeping.sweep().await.unwrap().orphans.is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn node_waits_until_a_blob_is_deleted() {
+    let Some(engine) = engine("deletion", false) else { return };
+    let (node, sweeping) = (engine.opened(terms()).await, engine.opened(terms()).await);
+    let blob = Digest::of(b"blob");
+    node.expect(blob).await.unwrap();
+    assert_eq!(sweeping.sweep().await.unwrap().orphans, [blob]);
+    let marking = tokio::spawn(async move { node.expect(blob).await.map(|()| node) });
+    sleep(InSchema::SHORT).await;
+    assert!(!marking.is_finished());
+    assert!(sweeping.sweep().await.unwrap().orphans.is_empty(), "one node deletes it");
+    sweeping.forget(vec![blob]).await.unwrap();
+    let marked = timeout(Duration::from_secs(20), marking).await.unwrap().unwrap();
+    assert!(marked.is_ok());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn expired_lease_is_fenced() {
     let Some(engine) = engine("fence", false) else { return };
     let terms = Terms { lease: Duration::from_millis(200), ..terms() };
