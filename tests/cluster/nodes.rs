@@ -98,6 +98,9 @@ fn all_nodes_count_queued_jobs_and_refuse_more_than_the_limit() {
                 .lines()
                 .find_map(|line| line.strip_prefix("pixmesh_jobs_oldest_queued_age_seconds "));
             metrics.contains("\npixmesh_jobs_queued 5\n")
+                && metrics.contains("\npixmesh_database_connections{state=\"limit\"} 8\n")
+                && metrics.contains("\npixmesh_database_commit_seconds 0.")
+                && metrics.contains("\npixmesh_database_replication_lag_seconds 0\n")
                 && age.is_some_and(|age| age.parse::<f64>().unwrap() > 0.0)
         });
     }

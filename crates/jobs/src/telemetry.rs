@@ -18,6 +18,12 @@ declare_metrics! {
         "Seconds of an attempt at a durable job";
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
         "Age of the oldest queued durable job in seconds";
+    DATABASE_CONNECTIONS: Gauge "pixmesh_database_connections" ["state"]
+        "Connections of this process to the database: those in use, and the limit";
+    DATABASE_COMMIT: Gauge "pixmesh_database_commit_seconds" []
+        "Seconds that the write of the last sweep took, commit included";
+    DATABASE_LAG: Gauge "pixmesh_database_replication_lag_seconds" []
+        "Seconds that the slowest standby of the database is behind; 0 if none can be seen";
 }
 
 /// Counts a durable job that was submitted.
@@ -43,6 +49,14 @@ pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     if let Some(mean_s) = mean_duration_s {
         gauge!(JOBS_WORK).set(stats.queued as f64 * mean_s);
     }
+}
+
+/// Sets the gauges of the shared database.
+pub(crate) fn database(used: usize, limit: u32, commit: Duration, lag_s: f64) {
+    gauge!(DATABASE_CONNECTIONS, "state" => "used").set(used as f64);
+    gauge!(DATABASE_CONNECTIONS, "state" => "limit").set(f64::from(limit));
+    gauge!(DATABASE_COMMIT).set(commit.as_secs_f64());
+    gauge!(DATABASE_LAG).set(lag_s);
 }
 
 /// Records the duration of an attempt at a durable job.

@@ -163,6 +163,12 @@ impl Database {
         if self.is_pooled { "DEALLOCATE ALL" } else { "SELECT 1" }
     }
 
+    /// The number of connections in use, and their limit.
+    pub(super) fn connections(&self) -> (usize, u32) {
+        let open = self.pool.size() as usize;
+        (open.saturating_sub(self.pool.num_idle()), self.pool.options().get_max_connections())
+    }
+
     /// Whether the last request succeeded.
     pub(super) fn is_healthy(&self) -> bool {
         self.is_healthy.load(Ordering::Acquire)

@@ -8,6 +8,7 @@ use super::rows::{bytes, ms};
 use crate::queue::{DELETION_TIME, QueueError, Swept};
 use crate::record::{JobId, State};
 use crate::row::{self, Row as _};
+use crate::telemetry;
 use crate::transition::Transition;
 use crate::watchers::Changes;
 use pixmesh_engine::digest::Digest;
@@ -74,8 +75,25 @@ impl Node {
         swept.expired = self.repeat(EXPIRE, &ttls, until).await?;
         self.repeat(FORGET_GONE, &[], until).await?;
         self.repeat(UNMARK_REFERENCED, &[], until).await?;
+        let (began, (used, limit)) = (Instant::now(), self.database.connections());
         swept.orphans = self.orphans().await?;
+        let commit = began.elapsed();
+        // Some databases have no such view, and no standby of this kind.
+        let lag_s = self.replication_lag_s().await.ok().flatten();
+        telemetry::database(used, limit, commit, lag_s.unwrap_or_default());
         Ok(swept)
+    }
+
+    /// How far the slowest standby is behind; `None` without a standby, or without the right to
+    /// read it.
+    async fn replication_lag_s(&self) -> sqlx::Result<Option<f64>> {
+        let mut connection = self.database.reading().await?;
+        // The lag is NULL when the standby has caught up, the state is without the right.
+        let sql = "SELECT max(extract(epoch FROM COALESCE(replay_lag, interval '0')))::float8
+                   FROM pg_stat_replication WHERE state IS NOT NULL";
+        let (lag_s,) = connection.query_as(sql).fetch_one(&mut *connection).await?;
+        connection.commit().await?;
+        Ok(lag_s)
     }
 
     async fn end_expired_leases(&self) -> sqlx::Result<Vec<(JobId, State)>> {
