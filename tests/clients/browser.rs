@@ -1,7 +1,7 @@
 //! The example for browsers, in one, from another origin than the service's.
 
 use crate::server::Server;
-use crate::tools::{checkout, is_there, run};
+use crate::tools::{checkout, require, run};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
@@ -10,9 +10,7 @@ use std::thread;
 
 #[test]
 fn the_page_makes_a_mesh_where_its_origin_is_let_in() {
-    if !is_there("chromium") {
-        return;
-    }
+    require("chromium");
     let pages = serve_folder("examples");
     let allowed = Server::start(&["--cors-origin", &format!("http://{pages}")]);
     let shown = shown_by_browser(pages, allowed.public);

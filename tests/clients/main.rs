@@ -1,9 +1,7 @@
 //! Clients in other languages, and a tool that tries what the OpenAPI document promises.
 //!
-//! `./test` installs what they need. Without it these tests say what they leave out, unless
-//! `PIXMESH_REQUIRE_TOOLS` is set.
+//! `./test` installs what they need. Without it these tests fail.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stderr, reason = "what is left out must be said")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 mod browser;

@@ -2,7 +2,7 @@
 //! checks every answer against it.
 
 use crate::server::Server;
-use crate::tools::{checkout, is_there, text};
+use crate::tools::{checkout, require, text};
 use std::path::Path;
 use std::process::Command;
 
@@ -12,9 +12,7 @@ const SECONDS: &str = "20";
 
 #[test]
 fn the_service_does_what_its_document_says() {
-    if !is_there(PROGRAM) {
-        return;
-    }
+    require(PROGRAM);
     let server = Server::start(&[]);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("schemathesis");
     std::fs::create_dir_all(&folder).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::keys::KeysFile;
 use crate::server::Server;
-use crate::tools::{checkout, is_there, run, text};
+use crate::tools::{checkout, require, run, text};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -38,9 +38,7 @@ impl Service {
 
 #[test]
 fn curl_makes_a_mesh_and_shows_a_refusal() {
-    if !is_there("curl") {
-        return;
-    }
+    require("curl");
     let service = Service::start("example-curl");
     let script = checkout("examples/mesh.sh");
     let figures = run(service.command("bash").arg(&script).arg(checkout(PICTURE)));
@@ -58,9 +56,7 @@ fn curl_makes_a_mesh_and_shows_a_refusal() {
 
 #[test]
 fn curl_follows_a_job_and_shows_a_refusal() {
-    if !is_there("curl") {
-        return;
-    }
+    require("curl");
     let service = Service::start("example-curl-job");
     let call = |query: &str| {
         let mut command = service.command("bash");
@@ -90,30 +86,26 @@ fn id_in(output: &str) -> &str {
 
 #[test]
 fn python_follows_a_job_and_shows_a_refusal() {
-    if is_there("python3") {
-        makes_a_mesh("example-python-job", "python3", "examples/job.py");
-    }
+    require("python3");
+    makes_a_mesh("example-python-job", "python3", "examples/job.py");
 }
 
 #[test]
 fn javascript_follows_a_job_and_shows_a_refusal() {
-    if is_there("node") {
-        makes_a_mesh("example-javascript-job", "node", "examples/job.mjs");
-    }
+    require("node");
+    makes_a_mesh("example-javascript-job", "node", "examples/job.mjs");
 }
 
 #[test]
 fn python_makes_a_mesh_and_shows_a_refusal() {
-    if is_there("python3") {
-        makes_a_mesh("example-python", "python3", "examples/mesh.py");
-    }
+    require("python3");
+    makes_a_mesh("example-python", "python3", "examples/mesh.py");
 }
 
 #[test]
 fn javascript_makes_a_mesh_and_shows_a_refusal() {
-    if is_there("node") {
-        makes_a_mesh("example-javascript", "node", "examples/mesh.mjs");
-    }
+    require("node");
+    makes_a_mesh("example-javascript", "node", "examples/mesh.mjs");
 }
 
 fn makes_a_mesh(test: &str, program: &str, script: &str) {
@@ -133,9 +125,8 @@ fn makes_a_mesh(test: &str, program: &str, script: &str) {
 
 #[test]
 fn the_typed_client_compiles_against_the_document_and_runs() {
-    if !is_there("npm") || !is_there("examples/typescript/node_modules") {
-        return;
-    }
+    require("npm");
+    require("examples/typescript/node_modules");
     let folder = checkout("examples/typescript");
     let npm =
         |script: &str| Command::new("npm").args(["run", script]).current_dir(&folder).output();

@@ -1,4 +1,4 @@
-//! Programs of others, which may not be there.
+//! Programs of others, which `./test` installs.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -8,16 +8,12 @@ pub(crate) fn checkout(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Whether a program or file is there; where all must be, its absence is a failure.
-pub(crate) fn is_there(tool: &str) -> bool {
+/// Fails a test that needs a program or file of the checkout where it is missing.
+#[track_caller]
+pub(crate) fn require(tool: &str) {
     let as_file = checkout(tool).exists();
     let finds = Command::new("sh").args(["-c", &format!("command -v '{tool}'")]).output().unwrap();
-    if as_file || finds.status.success() {
-        return true;
-    }
-    assert!(std::env::var_os("PIXMESH_REQUIRE_TOOLS").is_none(), "{tool} is missing");
-    eprintln!("left out: {tool} is missing; ./test installs it");
-    false
+    assert!(as_file || finds.status.success(), "{tool} is missing; ./test installs it");
 }
 
 /// Runs a program, and returns what it printed.

@@ -6,7 +6,7 @@ use crate::cluster::Cluster;
 use crate::node::{Node, program};
 use crate::pictures::disc;
 use crate::start::refused;
-use pixmesh_test_support::postgres::{self, PostgresServer, free_port};
+use pixmesh_test_support::postgres::{PostgresServer, free_port};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -24,7 +24,7 @@ struct Database {
 impl Database {
     /// Starts a server that presents a certificate for a host and authenticates clients by the lines of
     /// `pg_hba.conf` before `TRUST`.
-    fn start(authority: &Authority, host: &str, rules: &str) -> Option<Self> {
+    fn start(authority: &Authority, host: &str, rules: &str) -> Self {
         let identity = authority.identity(host);
         let read = |path: &str| std::fs::read_to_string(path).unwrap();
         let files = [
@@ -35,11 +35,11 @@ impl Database {
         ];
         let files = files.each_ref().map(|(name, text)| (*name, text.as_str()));
         let settings = ["ssl=on", "ssl_ca_file=authority.crt"];
-        let server = PostgresServer::start_with(&postgres::programs()?, &settings, &files);
+        let server = PostgresServer::start_with(&settings, &files);
         server.run_sql("CREATE USER \"us er\" PASSWORD 'r:g@t/'");
         server.run_sql("CREATE USER node");
         server.run_sql("GRANT CREATE ON DATABASE postgres TO \"us er\", node");
-        Some(Self { server, blobs: TempDir::new().unwrap() })
+        Self { server, blobs: TempDir::new().unwrap() }
     }
 
     /// The address for a user (and password) with parameters.
@@ -93,7 +93,7 @@ fn refuses(queue: &str, flags: &[&str], texts: &[&str]) {
 #[test]
 fn the_certificate_of_the_database_is_checked_by_the_named_authority() {
     let (authority, stranger) = (Authority::new(), Authority::new());
-    let Some(database) = Database::start(&authority, "127.0.0.1", "") else { return };
+    let database = Database::start(&authority, "127.0.0.1", "");
     let queue = database.url("pixmesh", "");
     let (ours, theirs) = (authority.path(), stranger.path());
     database.accepts(&queue, &["--queue-ca", &ours]);
@@ -106,7 +106,7 @@ fn the_certificate_of_the_database_is_checked_by_the_named_authority() {
 #[test]
 fn a_certificate_for_another_host_is_refused() {
     let authority = Authority::new();
-    let Some(database) = Database::start(&authority, "db.example", "") else { return };
+    let database = Database::start(&authority, "db.example", "");
     let ca = authority.path();
     let queue = database.url("pixmesh", "");
     database.refuses(&queue, &["--queue-ca", &ca], &["not for the host in --queue"]);
@@ -117,7 +117,7 @@ fn a_certificate_for_another_host_is_refused() {
 #[test]
 fn a_database_without_tls_is_refused_where_tls_is_required() {
     let authority = Authority::new();
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let (queue, ca, blobs) = (cluster.server.url(), authority.path(), cluster.blob_address());
     let texts = ["does not offer TLS", "--queue-ca"];
     refuses(&queue, &["--queue-ca", &ca, "--blobs", &blobs], &texts);
@@ -128,7 +128,7 @@ fn a_database_without_tls_is_refused_where_tls_is_required() {
 fn a_database_that_requires_certificates_accepts_nodes_that_have_one() {
     let (authority, stranger) = (Authority::new(), Authority::new());
     let rules = "hostssl all node all cert\n";
-    let Some(database) = Database::start(&authority, "127.0.0.1", rules) else { return };
+    let database = Database::start(&authority, "127.0.0.1", rules);
     let queue = database.url("node", "");
     let (ours, theirs, ca) =
         (authority.identity("node"), stranger.identity("node"), authority.path());
@@ -172,7 +172,7 @@ fn a_file_without_the_expected_content_is_named_with_its_setting() {
         refuses(&flags, &["--queue-password-file", password]);
     }
     refuses(&["--queue-cert", &node.certificate], &["--queue-key"]);
-    let Some(database) = Database::start(&authority, "127.0.0.1", "") else { return };
+    let database = Database::start(&authority, "127.0.0.1", "");
     let flags = ["--queue-ca", &ca, "--queue-cert", &node.certificate, "--queue-key", &other.key];
     database.refuses(&database.url("node", ""), &flags, &["--queue-key", &other.key]);
 }
@@ -181,7 +181,7 @@ fn a_file_without_the_expected_content_is_named_with_its_setting() {
 fn a_password_is_read_from_the_address_or_a_file_and_never_printed() {
     let authority = Authority::new();
     let rules = "host all \"us er\" all scram-sha-256\n";
-    let Some(database) = Database::start(&authority, "127.0.0.1", rules) else { return };
+    let database = Database::start(&authority, "127.0.0.1", rules);
     database.accepts(&database.url("us%20er:r%3Ag%40t%2F", ""), &[]);
     let file = authority.write("password", "r:g@t/\n");
     let queue = database.url("us%20er", "");
@@ -196,7 +196,7 @@ fn a_password_is_read_from_the_address_or_a_file_and_never_printed() {
 #[test]
 fn a_user_that_may_not_create_the_schema_is_told_which_privilege_is_missing() {
     let authority = Authority::new();
-    let Some(database) = Database::start(&authority, "127.0.0.1", "") else { return };
+    let database = Database::start(&authority, "127.0.0.1", "");
     database.server.run_sql("REVOKE CREATE ON DATABASE postgres FROM node");
     database.refuses(&database.url("node", ""), &[], &["grant CREATE", "--queue"]);
     let other = format!("postgres://node@127.0.0.1:{}/other", database.server.port);
@@ -205,7 +205,7 @@ fn a_user_that_may_not_create_the_schema_is_told_which_privilege_is_missing() {
 
 #[test]
 fn two_deployments_share_a_database_by_different_schemas() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let image = disc(50, 50, 1);
     let [blue, green] = ["blue", "green"].map(|name| cluster.serve(&["--queue-schema", name]));
     let key = [("Idempotency-Key", "key")];

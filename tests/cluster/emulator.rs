@@ -2,9 +2,9 @@
 //! memory. It shows that requests are well formed, and nothing of how a real store behaves.
 
 use crate::client::send;
+use crate::tools::{checkout, require};
 use pixmesh_test_support::postgres::free_port;
 use std::net::{SocketAddr, TcpStream};
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -19,19 +19,10 @@ pub(crate) struct S3Emulator {
 }
 
 impl S3Emulator {
-    /// Starts one, where there is the program.
-    pub(crate) fn start() -> Option<Self> {
-        let program = Path::new(env!("CARGO_MANIFEST_DIR")).join(INSTALLED);
-        if !program.exists() {
-            assert!(std::env::var_os("PIXMESH_REQUIRE_TOOLS").is_none(), "moto_server is missing");
-            eprintln!("left out: moto_server is missing; ./test installs it");
-            return None;
-        }
-        Some(Self::start_at(&program, free_port()))
-    }
-
-    fn start_at(program: &PathBuf, port: u16) -> Self {
-        let child = Command::new(program)
+    pub(crate) fn start() -> Self {
+        require(INSTALLED);
+        let port = free_port();
+        let child = Command::new(checkout(INSTALLED))
             .args(["-H", "127.0.0.1", "-p", &port.to_string()])
             .stdout(Stdio::null())
             .stderr(Stdio::null())

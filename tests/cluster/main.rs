@@ -1,10 +1,8 @@
 //! Many nodes with one queue: real processes of the program, real PostgreSQL servers, and an emulator of
 //! the S3 protocol.
 //!
-//! `./test` installs what they need. Without it these tests print what they leave out, unless
-//! `PIXMESH_REQUIRE_TOOLS` is set.
+//! `./test` installs what they need. Without it these tests fail.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stderr, reason = "a person must see which tests were left out")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 mod access;

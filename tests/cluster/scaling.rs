@@ -3,7 +3,7 @@
 use crate::cluster::Cluster;
 use crate::node::Node;
 use crate::pictures::{disc, noise};
-use crate::tools::{checkout, is_there, run};
+use crate::tools::{checkout, require, run};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
@@ -17,10 +17,8 @@ const WAIT_S: f64 = 30.0;
 
 #[test]
 fn scaling_signals_give_the_number_of_slots_needed() {
-    if !is_there("promtool") {
-        return;
-    }
-    let Some(cluster) = Cluster::start() else { return };
+    require("promtool");
+    let cluster = Cluster::start();
     let nodes = [cluster.serve(&[]), cluster.serve(&[])];
     for n in 0..3 {
         nodes[0].job(&format!("size={}", 40 + n), &disc(40, 40, 1));

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 #[test]
 fn a_shared_folder_stores_blobs() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let (node, _worker) = (cluster.serve(&[]), cluster.work(&[]));
     let job = node.job("size=50", &disc(50, 50, 1));
     node.wait_for(&job, "completed");
@@ -21,7 +21,7 @@ fn a_shared_folder_stores_blobs() {
 
 #[test]
 fn an_s3_bucket_stores_blobs_and_its_failure_is_503() {
-    let (Some(cluster), Some(mut store)) = (Cluster::start(), S3Emulator::start()) else { return };
+    let (cluster, mut store) = (Cluster::start(), S3Emulator::start());
     let command = || with_store_at(program(), store.port);
     let flags = ["--blobs", "s3://pixmesh/jobs"];
     let node = Node::serve(command(), &cluster.server.url(), &flags);
@@ -49,7 +49,7 @@ fn an_s3_bucket_stores_blobs_and_its_failure_is_503() {
 #[test]
 fn a_store_that_is_slow_and_then_down_costs_no_job_and_no_attempt() {
     const LEASE: [&str; 4] = ["--blobs", "s3://pixmesh", "--job-lease", "5s"];
-    let (Some(cluster), Some(store)) = (Cluster::start(), S3Emulator::start()) else { return };
+    let (cluster, store) = (Cluster::start(), S3Emulator::start());
     let proxy = Proxy::to(store.port);
     let command = || with_store_at(program(), proxy.port);
     let node = Node::serve(command(), &cluster.server.url(), &LEASE);

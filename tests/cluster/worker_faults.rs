@@ -17,7 +17,7 @@ const RECOVERY: Duration = Duration::from_secs(5);
 
 #[test]
 fn another_worker_takes_the_job_of_a_killed_one_in_time() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let node = cluster.serve(&SHORT_LEASE);
     let mut worker = cluster.work(&SHORT_LEASE);
     let job = node.job("method=mgpr&density=1", &noise(500));
@@ -33,7 +33,7 @@ fn another_worker_takes_the_job_of_a_killed_one_in_time() {
 
 #[test]
 fn a_worker_that_resumes_after_its_lease_changes_nothing() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let node = cluster.serve(&SHORT_LEASE);
     let paused = cluster.work(&SHORT_LEASE);
     let mut ledger = Ledger::default();
@@ -51,7 +51,7 @@ fn a_worker_that_resumes_after_its_lease_changes_nothing() {
 
 #[test]
 fn a_worker_without_network_for_longer_than_its_lease_changes_nothing() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let proxy = Proxy::to(cluster.server.port);
     let node = cluster.serve(&SHORT_LEASE);
     let cut_off = cluster.work_at(proxy.port, &SHORT_LEASE);
@@ -71,7 +71,7 @@ fn a_worker_without_network_for_longer_than_its_lease_changes_nothing() {
 /// The proxy holds the completion by the first worker until the second has completed the job.
 #[test]
 fn of_two_workers_that_complete_one_job_the_fence_accepts_one() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let proxy = Proxy::to(cluster.server.port);
     let node = cluster.serve(&SHORT_LEASE);
     let first = cluster.work_at(proxy.port, &SHORT_LEASE);
@@ -102,7 +102,7 @@ const KILLED_AT: [(&[&str], Hold); 4] = [
 
 #[test]
 fn a_repeated_submission_to_another_node_is_one_job_wherever_the_first_node_was_killed() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let other = cluster.serve(&SHORT_LEASE);
     let mut ledger = Ledger::default();
     for (n, (texts, hold)) in KILLED_AT.into_iter().enumerate() {
@@ -124,7 +124,7 @@ fn a_repeated_submission_to_another_node_is_one_job_wherever_the_first_node_was_
 
 #[test]
 fn a_picture_without_a_job_is_deleted_after_an_hour() {
-    let Some(cluster) = Cluster::start() else { return };
+    let cluster = Cluster::start();
     let other = cluster.serve(&[]);
     let mut ledger = Ledger::default();
     ledger.submit(&[&other], 0..1);
@@ -156,7 +156,7 @@ fn blobs(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn nothing_is_lost_when_nodes_workers_and_the_database_are_killed() {
-    let Some(mut cluster) = Cluster::start() else { return };
+    let mut cluster = Cluster::start();
     let nodes = [cluster.serve(&SHORT_LEASE), cluster.serve(&SHORT_LEASE)];
     let mut workers = [cluster.work(&SHORT_LEASE), cluster.work(&SHORT_LEASE)];
     let mut ledger = Ledger::default();

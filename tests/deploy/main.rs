@@ -1,9 +1,8 @@
 //! What runs the service elsewhere: image, manifests, dashboard, alerts, and the limits of containers.
 //!
-//! `./test` installs the programs of others that check them. Without these the tests say what they leave
-//! out, unless `PIXMESH_REQUIRE_TOOLS` is set. `deploy/container/verify` builds the image and runs it.
+//! `./test` installs the programs of others that check them. Without these the tests
+//! fail. `deploy/container/verify` builds the image and runs it.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stderr, reason = "what is left out must be said")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 #[path = "../service/client.rs"]

@@ -1,37 +1,23 @@
 //! The image's recipe, the manifests for Kubernetes, and the file for Compose.
 
 use crate::server::program;
-use crate::tools::{checkout, is_there, run, text};
+use crate::tools::{checkout, require, run, text};
 use crate::{python_tool, read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// Kustomize components need a kubectl that Debian releases before 2025 do not have.
+const KUBECTL: &str = "target/tools/usr/bin/kubectl";
 const OVERLAYS: [&str; 2] = ["single", "cluster"];
 /// Kinds that Kubernetes itself does not know: of the Prometheus operator and of KEDA.
 const CUSTOM: [&str; 3] = ["PrometheusRule", "ScaledObject", "ServiceMonitor"];
 
-/// The resources of an overlay, each as the text of one document; `None` without the program for it.
-fn resources(overlay: &str) -> Option<Vec<String>> {
+/// The resources of an overlay, each as the text of one document.
+fn resources(overlay: &str) -> Vec<String> {
     let folder = checkout("deploy/kubernetes/overlays").join(overlay);
-    let mut command = if has_kubectl() {
-        let mut kubectl = Command::new("kubectl");
-        kubectl.arg("kustomize");
-        kubectl
-    } else if is_there("kustomize") {
-        let mut kustomize = Command::new("kustomize");
-        kustomize.arg("build");
-        kustomize
-    } else {
-        return None;
-    };
-    let rendered = run(command.arg(folder));
-    Some(rendered.split("\n---\n").map(str::to_owned).collect())
-}
-
-/// Whether there is a kubectl that knows components; older ones do not.
-fn has_kubectl() -> bool {
-    let version = Command::new("kubectl").args(["version", "--client"]).output();
-    version.is_ok_and(|output| text(&output).contains("Kustomize Version: v5"))
+    require(KUBECTL);
+    let rendered = run(Command::new(checkout(KUBECTL)).arg("kustomize").arg(folder));
+    rendered.split("\n---\n").map(str::to_owned).collect()
 }
 
 fn kind(resource: &str) -> &str {
@@ -58,11 +44,9 @@ fn validate(name: &str, resources: &[String]) -> Result<(), String> {
 
 #[test]
 fn the_manifests_are_valid() {
-    if !is_there(&python_tool("kubernetes-validate")) {
-        return;
-    }
+    require(&python_tool("kubernetes-validate"));
     for overlay in OVERLAYS {
-        let Some(resources) = resources(overlay) else { return };
+        let resources = resources(overlay);
         let (custom, known): (Vec<_>, Vec<_>) =
             resources.into_iter().partition(|resource| CUSTOM.contains(&kind(resource)));
         assert!(
@@ -77,9 +61,7 @@ fn the_manifests_are_valid() {
 
 #[test]
 fn the_manifests_in_the_document_on_scaling_are_valid() {
-    if !is_there(&python_tool("kubernetes-validate")) {
-        return;
-    }
+    require(&python_tool("kubernetes-validate"));
     let document = read("docs/scaling.md");
     let blocks = document.split("```yaml\n").skip(1).map(|rest| rest.split("```").next().unwrap());
     let (manifests, others): (Vec<_>, Vec<_>) =
@@ -99,10 +81,8 @@ fn the_manifests_in_the_document_on_scaling_are_valid() {
 
 #[test]
 fn a_mistake_in_a_manifest_is_found() {
-    if !is_there(&python_tool("kubernetes-validate")) {
-        return;
-    }
-    let Some(resources) = resources("single") else { return };
+    require(&python_tool("kubernetes-validate"));
+    let resources = resources("single");
     let deployment = resources.iter().find(|resource| kind(resource) == "Deployment").unwrap();
     let wrong = deployment.replace("readOnlyRootFilesystem", "readOnlyRootFileSystem");
     assert!(wrong != *deployment);
@@ -113,7 +93,7 @@ fn a_mistake_in_a_manifest_is_found() {
 fn pods_have_no_rights_and_their_image_is_of_this_version() {
     let image = format!("image: pixmesh:{}", env!("CARGO_PKG_VERSION"));
     for overlay in OVERLAYS {
-        let Some(resources) = resources(overlay) else { return };
+        let resources = resources(overlay);
         for resource in resources.iter().filter(|resource| kind(resource) == "Deployment") {
             for line in [
                 "runAsNonRoot: true",
@@ -133,7 +113,7 @@ fn pods_have_no_rights_and_their_image_is_of_this_version() {
 
 #[test]
 fn jobs_are_on_a_volume_that_outlives_the_pod_where_one_process_keeps_them() {
-    let Some(resources) = resources("single") else { return };
+    let resources = resources("single");
     let deployment = resources.iter().find(|resource| kind(resource) == "Deployment").unwrap();
     assert!(deployment.contains("claimName: pixmesh-data"), "{deployment}");
     assert!(!deployment.contains("emptyDir"), "{deployment}");
@@ -156,9 +136,7 @@ fn the_service_has_the_settings_that_the_single_form_gives_it() {
 
 #[test]
 fn compose_can_read_its_file() {
-    if !is_there(&python_tool("check-jsonschema")) {
-        return;
-    }
+    require(&python_tool("check-jsonschema"));
     let compose = checkout("deploy/compose.yaml");
     let mut check = Command::new(checkout(&python_tool("check-jsonschema")));
     run(check.args(["--builtin-schema", "vendor.compose-spec"]).arg(&compose));
@@ -172,9 +150,8 @@ fn compose_can_read_its_file() {
 
 #[test]
 fn the_recipe_of_the_image_is_good() {
-    if !is_there(&python_tool("hadolint")) || !is_there("shellcheck") {
-        return;
-    }
+    require(&python_tool("hadolint"));
+    require("shellcheck");
     run(Command::new(checkout(&python_tool("hadolint"))).arg(checkout("Dockerfile")));
     run(Command::new("shellcheck").arg(checkout("deploy/container/verify")).arg(checkout("test")));
 }

@@ -3,7 +3,7 @@
 use crate::pictures::disc;
 use crate::read;
 use crate::server::Server;
-use crate::tools::{checkout, is_there, run, text};
+use crate::tools::{checkout, require, run, text};
 use pixmesh::telemetry::names::all;
 use pixmesh_engine::telemetry::Kind;
 use serde_json::{Value, json};
@@ -114,9 +114,7 @@ fn every_alert_has_its_section_in_the_runbook_and_every_section_its_alert() {
 
 #[test]
 fn the_alerts_fire_when_they_should() {
-    if !is_there("promtool") {
-        return;
-    }
+    require("promtool");
     run(Command::new("promtool").args(["check", "rules"]).arg(checkout(ALERTS)));
     let tests = checkout("deploy/monitoring/alerts.test.yaml");
     run(Command::new("promtool").args(["test", "rules"]).arg(tests));
@@ -124,9 +122,7 @@ fn the_alerts_fire_when_they_should() {
 
 #[test]
 fn prometheus_can_read_the_metrics_and_the_dashboard_s_expressions() {
-    if !is_there("promtool") {
-        return;
-    }
+    require("promtool");
     let server = Server::start(&[]);
     assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
     let mut check = Command::new("promtool")

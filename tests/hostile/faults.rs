@@ -9,10 +9,22 @@ mod growth;
 mod stops;
 
 use crate::server::Server;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Work that takes seconds.
 const SLOW: &str = "method=mgpr&density=1";
+
+/// Fails a test whose preparation this machine does not allow, with advice.
+#[track_caller]
+fn require_success(command: &mut Command, advice: &str) {
+    let why = match command.output() {
+        Ok(output) if output.status.success() => return,
+        Ok(output) => String::from_utf8_lossy(&output.stderr).into_owned(),
+        Err(error) => error.to_string(),
+    };
+    panic!("{command:?}: {why}; {advice}");
+}
 
 /// Waits for a job in a state, longer than a service that has nothing else to do may take.
 fn wait_long_for(server: &Server, job: &str, state: &str) -> serde_json::Value {

@@ -7,7 +7,7 @@
     clippy::panic,
     reason = "a test that cannot go on has failed"
 )]
-#![allow(clippy::print_stdout, reason = "what was measured and what was skipped is said aloud")]
+#![allow(clippy::print_stdout, reason = "what was measured is printed")]
 #![allow(dead_code, reason = "some of what the tests of the service share is not used here")]
 
 mod awkward;

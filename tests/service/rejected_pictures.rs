@@ -9,7 +9,6 @@ fn bad_pictures_are_refused_within_a_second_and_64_mib() {
     let good = disc(64, 64, 3);
     assert_eq!(server.mesh("", &[], &good).status, 200);
     let before_kib = server.memory_kib("VmRSS");
-    // Where the system cannot begin a new peak, the one of the first picture counts, too.
     server.forget_peak();
     let bad: [(&[u8], u16, &str); 15] = [
         (b"", 400, "empty-file"),

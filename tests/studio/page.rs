@@ -4,7 +4,7 @@ use crate::client::send;
 use crate::keys::KeysFile;
 use crate::relay::Relay;
 use crate::server::{Folder, Server};
-use crate::tools::{checkout, is_there};
+use crate::tools::{checkout, require};
 use std::io::{BufRead, BufReader, Write};
 use std::net::SocketAddr;
 use std::process::{Child, Command, Stdio};
@@ -13,14 +13,10 @@ use std::sync::{Arc, Mutex};
 /// Software that draws takes both cores: one browser at a time.
 static BROWSER: Mutex<()> = Mutex::new(());
 
-/// Whether there is a browser and what drives it.
-fn can_browse() -> bool {
-    is_there("chromium")
-        && is_there("node")
-        && is_there("tests/studio/node_modules/playwright-core")
-}
-
 fn browser(scenario: &str, service: SocketAddr, more: &[&str]) -> Child {
+    for tool in ["chromium", "node", "tests/studio/node_modules/playwright-core"] {
+        require(tool);
+    }
     Command::new("node")
         .arg(checkout("tests/studio/browse.mjs"))
         .args([scenario, &format!("http://{service}")])
@@ -46,9 +42,7 @@ fn browse(scenario: &str, server: &Server, more: &[&str]) {
 /// A scenario with a service of its own.
 #[track_caller]
 fn browse_afresh(scenario: &str) {
-    if can_browse() {
-        browse(scenario, &Server::start(&[]), &[]);
-    }
+    browse(scenario, &Server::start(&[]), &[]);
 }
 
 #[test]
@@ -133,9 +127,6 @@ fn what_goes_wrong_is_said_in_a_sentence_with_what_to_do() {
 
 #[test]
 fn a_service_with_keys_is_used_with_one() {
-    if !can_browse() {
-        return;
-    }
     let file = KeysFile::new("studio");
     let key = file.issue("someone");
     browse("keys", &Server::start(&["--keys-file", file.path()]), &[&key]);
@@ -143,9 +134,6 @@ fn a_service_with_keys_is_used_with_one() {
 
 #[test]
 fn a_job_goes_on_when_the_service_goes_away_and_comes_back() {
-    if !can_browse() {
-        return;
-    }
     let _one = BROWSER.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let folder = Arc::new(Folder::new());
     let mut server = Server::start_in(&folder, &[]);

@@ -1,14 +1,12 @@
 //! The page's modules, checked by TypeScript against what the OpenAPI document says.
 
-use crate::tools::{checkout, is_there, run};
+use crate::tools::{checkout, require, run};
 use std::process::Command;
 
 #[test]
 fn the_modules_agree_with_the_openapi_document() {
     let programs = checkout("tests/studio/node_modules/.bin");
-    if !is_there("tests/studio/node_modules/.bin/tsc") {
-        return;
-    }
+    require("tests/studio/node_modules/.bin/tsc");
     let mut generate = Command::new(programs.join("openapi-typescript"));
     run(generate
         .arg(checkout("openapi/openapi.json"))

@@ -13,10 +13,10 @@ use pixmesh_codec::{
 };
 use pixmesh_meshing::Mesh;
 use proptest::strategy::{Strategy, ValueTree};
-use samples::{gradient, lattice, scattered, skip, written};
+use samples::{gradient, lattice, node_folder, scattered, written};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 fn glb(mesh: &Mesh) -> Vec<u8> {
@@ -86,7 +86,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
 
 #[test]
 fn the_khronos_validator_finds_neither_errors_nor_warnings() {
-    let Some(folder) = node_folder("gltf-validator") else { return };
+    let folder = node_folder("gltf-validator");
     let temporary = std::env::temp_dir().join(format!("pixmesh-glb-{}", std::process::id()));
     std::fs::create_dir_all(&temporary).unwrap();
     let mut command = Command::new("node");
@@ -114,9 +114,7 @@ fn the_khronos_validator_finds_neither_errors_nor_warnings() {
     }
     let output = command.output();
     std::fs::remove_dir_all(&temporary).unwrap();
-    let Ok(output) = output else {
-        return skip("node is not installed, so that glTF files are not validated");
-    };
+    let output = output.expect("Node.js is missing: install nodejs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let reports = String::from_utf8(output.stdout).unwrap();
     assert_eq!(reports.lines().count(), count);
@@ -141,28 +139,15 @@ fn jpeg_texture() -> Texture {
     texture
 }
 
-/// The folder of the programs for Node.js, where the package that one needs is installed.
-fn node_folder(package: &str) -> Option<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/web"));
-    if folder.join("node_modules").join(package).is_dir() {
-        return Some(folder.to_owned());
-    }
-    skip(&format!("{package} is not installed (npm ci in crates/codec/tests/web)"));
-    None
-}
-
 /// A triangle's corners as positions and colours, from the least on.
 type Corners = Vec<(Vec<u16>, Vec<u16>)>;
 
 /// Runs the decoder of the library that defines the compression.
-fn decompressed(paths: &[PathBuf]) -> Option<Vec<(Value, Vec<Vec<u8>>)>> {
-    let folder = node_folder("meshoptimizer")?;
+fn decompressed(paths: &[PathBuf]) -> Vec<(Value, Vec<Vec<u8>>)> {
+    let folder = node_folder("meshoptimizer");
     let mut command = Command::new("node");
     command.arg("decompress.mjs").args(paths).current_dir(folder);
-    let Ok(output) = command.output() else {
-        skip("node is not installed, so that compressed glTF files are not read");
-        return None;
-    };
+    let output = command.output().expect("Node.js is missing: install nodejs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let lines = String::from_utf8(output.stdout).unwrap();
     let files = lines.lines().map(|line| {
@@ -171,7 +156,7 @@ fn decompressed(paths: &[PathBuf]) -> Option<Vec<(Value, Vec<Vec<u8>>)>> {
         let views = views.map(|view| STANDARD.decode(view.as_str().unwrap()).unwrap()).collect();
         (parsed["document"].clone(), views)
     });
-    Some(files.collect())
+    files.collect()
 }
 
 /// Sixteen-bit numbers of one record of a view.
@@ -223,7 +208,6 @@ fn compressed_files_hold_the_same_triangles_for_the_library_that_defines_them() 
         meshes.iter().enumerate().map(|(index, mesh)| write(mesh, index)).collect();
     let files = decompressed(&paths);
     std::fs::remove_dir_all(&folder).unwrap();
-    let Some(files) = files else { return };
     assert_eq!(files.len(), meshes.len());
     for (mesh, (document, views)) in meshes.iter().zip(&files) {
         let options =

@@ -10,7 +10,7 @@ use pixmesh_codec::{
     write_png,
 };
 use pixmesh_meshing::{Image, Mesh, Method, Target, mesh_image, rasterize};
-use samples::{skip, written};
+use samples::{node_folder, written};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -90,18 +90,13 @@ impl Drop for Folder {
     }
 }
 
-/// Draws files on a background and gives the pictures; `None` where there is no browser.
-fn render(jobs: &[(PathBuf, &str)]) -> Option<Vec<Image>> {
+/// Draws files on a background and gives the pictures.
+fn render(jobs: &[(PathBuf, &str)]) -> Vec<Image> {
     render_tilted(&jobs.iter().map(|(path, b)| (path.clone(), *b, 0.0)).collect::<Vec<_>>())
 }
 
-fn render_tilted(jobs: &[(PathBuf, &str, f64)]) -> Option<Vec<Image>> {
-    let programs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/web"));
-    let chromium = chromium()?;
-    if !programs.join("node_modules/playwright-core").is_dir() {
-        skip("playwright-core is not installed (npm ci in crates/codec/tests/web)");
-        return None;
-    }
+fn render_tilted(jobs: &[(PathBuf, &str, f64)]) -> Vec<Image> {
+    let programs = node_folder("playwright-core");
     let out = |index: usize| jobs[index].0.with_extension(format!("{index}.png"));
     let job = |(index, (path, background, tilt)): (usize, &(PathBuf, &str, f64))| {
         json!({
@@ -111,12 +106,9 @@ fn render_tilted(jobs: &[(PathBuf, &str, f64)]) -> Option<Vec<Image>> {
     };
     let list: Vec<Value> = jobs.iter().enumerate().map(job).collect();
     let mut command = Command::new("node");
-    command.arg("render.mjs").current_dir(programs).env("CHROMIUM", chromium);
+    command.arg("render.mjs").current_dir(programs).env("CHROMIUM", chromium());
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let Ok(mut child) = command.spawn() else {
-        skip("node is not installed, so that nothing is drawn in a browser");
-        return None;
-    };
+    let mut child = command.spawn().expect("Node.js is missing: install nodejs");
     child.stdin.take().unwrap().write_all(json!(list).to_string().as_bytes()).unwrap();
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -125,18 +117,15 @@ fn render_tilted(jobs: &[(PathBuf, &str, f64)]) -> Option<Vec<Image>> {
         assert_eq!(report["errors"], json!([]), "{line}");
     }
     let read = |index: usize| decode(&std::fs::read(out(index)).unwrap(), &Limits::default());
-    Some((0..jobs.len()).map(|index| read(index).unwrap()).collect())
+    (0..jobs.len()).map(|index| read(index).unwrap()).collect()
 }
 
 /// The browser: `CHROMIUM` names it, else Debian's is looked for.
-fn chromium() -> Option<PathBuf> {
+fn chromium() -> PathBuf {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
     let usual = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].map(PathBuf::from);
-    let found = named.into_iter().chain(usual).find(|path| path.is_file());
-    if found.is_none() {
-        skip("Chromium is not installed, so that nothing is drawn in a browser");
-    }
-    found
+    let mut candidates = named.into_iter().chain(usual);
+    candidates.find(|path| path.is_file()).expect("Chromium is missing: install chromium")
 }
 
 /// The sample of a component that a drawn picture shows where the mesh has a lattice point, gray
@@ -209,7 +198,7 @@ fn three_js_draws_what_our_rasteriser_makes_of_the_same_mesh() {
     let quantized = EncodeOptions { compression: Compression::Quantized, ..textured };
     jobs.push(folder.write_mesh("texture_q.gltf", &rgb, Format::Gltf, &quantized));
     let jobs: Vec<_> = jobs.into_iter().map(|path| (path, "#f0f")).collect();
-    let Some(drawn) = render(&jobs) else { return };
+    let drawn = render(&jobs);
     let (gray, rgb) = (rasterized_in_linear_light(&gray), rasterized_in_linear_light(&rgb));
     let original = picture(3);
     let expected = [&gray, &gray, &gray, &rgb, &rgb, &rgb, &original, &original];
@@ -237,7 +226,7 @@ fn a_relief_is_lit_by_its_slopes() {
             jobs.push((path, "#003", 0.9));
         }
     }
-    let Some(drawn) = render_tilted(&jobs) else { return };
+    let drawn = render_tilted(&jobs);
     let [flat, flat_m, relief, relief_m, solid, solid_m] = &drawn[..] else { panic!() };
     for (plain, compressed) in [(flat, flat_m), (relief, relief_m), (solid, solid_m)] {
         let (mean, _) = difference(plain, compressed);
@@ -271,7 +260,7 @@ fn svg_has_no_seams_and_gradients_show_what_our_rasteriser_shows() {
             jobs.push((path, "#f0f"));
         }
     }
-    let Some(drawn) = render(&jobs) else { return };
+    let drawn = render(&jobs);
     let mut drawn = drawn.iter();
     for shading in Shading::ALL {
         let seams = drawn.next().unwrap();

@@ -2,18 +2,18 @@
 
 use super::wait_long_for;
 use crate::pictures::{disc, noise};
-use crate::samples::skip;
 use crate::server::{Folder, Server, program};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Where Debian's package `faketime` has its library.
-fn library() -> Option<PathBuf> {
+fn library() -> PathBuf {
     let folders = ["/usr/lib/x86_64-linux-gnu/faketime", "/usr/lib/aarch64-linux-gnu/faketime"];
     folders
         .iter()
         .map(|folder| PathBuf::from(folder).join("libfaketime.so.1"))
         .find(|path| path.exists())
+        .expect("libfaketime is missing; ./test installs it")
 }
 
 /// The time of day that a service sees; the clock that only counts on is the machine's.
@@ -44,7 +44,7 @@ impl Clock {
 
 #[test]
 fn a_clock_that_jumps_neither_loses_jobs_nor_runs_them_twice() {
-    let Some(library) = library() else { return skip("there is no libfaketime") };
+    let library = library();
     let (folder, times): (Arc<Folder>, Folder) = (Arc::default(), Folder::new());
     let clock = Clock::new(&times);
     let server = clock.start(&folder, &library, &["--workers", "1"]);
@@ -66,7 +66,7 @@ fn a_clock_that_jumps_neither_loses_jobs_nor_runs_them_twice() {
 
 #[test]
 fn results_are_kept_by_the_time_of_day() {
-    let Some(library) = library() else { return skip("there is no libfaketime") };
+    let library = library();
     let (folder, times): (Arc<Folder>, Folder) = (Arc::default(), Folder::new());
     let clock = Clock::new(&times);
     let server = clock.start(&folder, &library, &["--result-ttl", "24h"]);

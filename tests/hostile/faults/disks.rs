@@ -1,9 +1,8 @@
 //! Disks.
 
-use super::wait_long_for;
+use super::{require_success, wait_long_for};
 use crate::client::Answer;
 use crate::pictures::{disc, noise};
-use crate::samples::skip;
 use crate::server::{Folder, Server, program};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -25,11 +24,11 @@ fn in_file_system(kib: usize, folder: &Folder) -> Command {
     command
 }
 
-/// Whether this machine lets a test have a file system of its own.
-fn has_file_systems() -> bool {
-    let folder = Folder::new();
-    let tried = in_file_system(64, &folder).arg("true").output();
-    tried.is_ok_and(|output| output.status.success())
+/// Fails a test where it may not have a file system of its own.
+#[track_caller]
+fn require_file_systems() {
+    let why = "run this test as root, or where users may create user and mount namespaces";
+    require_success(in_file_system(64, &Folder::new()).arg("true"), why);
 }
 
 /// A service on a file system of its own.
@@ -67,9 +66,7 @@ fn fill(server: &Server, image: &[u8]) -> (Vec<String>, Answer) {
 
 #[test]
 fn a_disk_that_fills_up_is_told_and_used_again_when_there_is_room() {
-    if !has_file_systems() {
-        return skip("a full disk could not be made");
-    }
+    require_file_systems();
     let folder = Arc::default();
     let server = start_on(3000, &folder);
     let (large, small) = (noise(400), disc(30, 30, 1));
@@ -96,9 +93,7 @@ fn a_disk_that_fills_up_is_told_and_used_again_when_there_is_room() {
 
 #[test]
 fn a_folder_that_cannot_be_written_to_stops_the_start_with_a_reason() {
-    if !has_file_systems() {
-        return skip("a read-only disk could not be made");
-    }
+    require_file_systems();
     let folder = Folder::new();
     let mut command = in_file_system(4000, &folder);
     let read_only = "mount -o remount,ro \"$FOLDER\" && exec \"$0\" \"$@\"";

@@ -2,8 +2,7 @@
 //!
 //! Servers refuse to run as root, so tests that root runs start them as the user `postgres`.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stderr, reason = "a person must see which tests were left out")]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on has failed")]
 
 use std::fs;
 use std::net::{TcpListener, TcpStream};
@@ -21,33 +20,13 @@ const USER: &str = "postgres";
 /// How long a server may take to start.
 const START_TIME: Duration = Duration::from_secs(60);
 
-/// The folder with the programs of the newest version; `None`, with a message, where there is none.
-///
-/// # Panics
-/// Where there is none and `PIXMESH_REQUIRE_TOOLS` is set.
-#[must_use]
-pub fn programs() -> Option<PathBuf> {
+/// The folder with the programs of the newest version.
+fn programs() -> PathBuf {
     let versions = fs::read_dir(INSTALLED).into_iter().flatten().flatten();
     let number = |path: &PathBuf| path.file_name()?.to_str()?.parse::<u32>().ok();
     let newest = versions.map(|entry| entry.path()).max_by_key(number);
     let found = newest.map(|path| path.join("bin")).filter(|path| path.join("initdb").exists());
-    found.or_else(|| missing("postgresql"))
-}
-
-/// The program of the pooler; `None`, with a message, where there is none.
-///
-/// # Panics
-/// Where there is none and `PIXMESH_REQUIRE_TOOLS` is set.
-#[must_use]
-pub fn pooler() -> Option<PathBuf> {
-    let path = PathBuf::from(POOLER);
-    path.exists().then_some(path).or_else(|| missing("pgbouncer"))
-}
-
-fn missing(package: &str) -> Option<PathBuf> {
-    assert!(std::env::var_os("PIXMESH_REQUIRE_TOOLS").is_none(), "{package} is missing");
-    eprintln!("left out: {package} is missing; ./test installs it");
-    None
+    found.expect("PostgreSQL is missing; ./test installs it")
 }
 
 /// A database server with the superuser `pixmesh`, who needs no password.
@@ -65,18 +44,19 @@ impl PostgresServer {
     /// Starts a server with settings, each as `name=value`.
     ///
     /// # Panics
-    /// When the server does not start.
+    /// When PostgreSQL is not installed or the server does not start.
     #[must_use]
-    pub fn start(programs: &Path, settings: &[&str]) -> Self {
-        Self::start_with(programs, settings, &[])
+    pub fn start(settings: &[&str]) -> Self {
+        Self::start_with(settings, &[])
     }
 
     /// Starts a server with settings, and with files (name, text) in its data folder.
     ///
     /// # Panics
-    /// When the server does not start.
+    /// When PostgreSQL is not installed or the server does not start.
     #[must_use]
-    pub fn start_with(programs: &Path, settings: &[&str], files: &[(&str, &str)]) -> Self {
+    pub fn start_with(settings: &[&str], files: &[(&str, &str)]) -> Self {
+        let programs = programs();
         let folder = server_folder();
         let data = folder.path().join("data");
         let mut initdb = as_server_user(&programs.join("initdb"));
@@ -89,7 +69,7 @@ impl PostgresServer {
             give_to_server_user(&path);
         }
         let settings = settings.iter().map(|&setting| setting.to_owned()).collect();
-        Self::run_in(programs, folder, settings)
+        Self::run_in(&programs, folder, settings)
     }
 
     /// Starts a synchronous standby of this server: a commit returns when both have it.
@@ -214,9 +194,10 @@ impl Pooler {
     /// Starts a pooler.
     ///
     /// # Panics
-    /// When the pooler does not start.
+    /// When PgBouncer is not installed or does not start.
     #[must_use]
-    pub fn start(program: &Path, server: &PostgresServer) -> Self {
+    pub fn start(server: &PostgresServer) -> Self {
+        assert!(Path::new(POOLER).exists(), "{POOLER} is missing; ./test installs it");
         let (folder, port) = (server_folder(), free_port());
         let file = folder.path().join("pgbouncer.ini");
         let settings = format!(
@@ -228,7 +209,7 @@ impl Pooler {
             folder.path().join("log").display()
         );
         fs::write(&file, settings).unwrap();
-        let child = as_server_user(program)
+        let child = as_server_user(Path::new(POOLER))
             .arg("--quiet")
             .arg(&file)
             .stdout(Stdio::null())

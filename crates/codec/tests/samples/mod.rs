@@ -10,7 +10,7 @@ pub(crate) mod memory;
 use pixmesh_codec::{Encodable, EncodeError, EncodeOptions, Format, encode};
 use pixmesh_meshing::{Image, Mesh, Point, Shape};
 use proptest::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A mesh in a format.
 pub(crate) fn written(
@@ -124,11 +124,13 @@ pub(crate) fn test_images() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
-/// What is skipped is said aloud; where everything must run it is a failure.
-pub(crate) fn skip(what: &str) {
-    let required = std::env::var_os("PIXMESH_REQUIRE_TOOLS").is_some_and(|value| value == "1");
-    assert!(!required, "PIXMESH_REQUIRE_TOOLS=1, but {what}");
-    println!("skipped: {what}");
+/// The folder of the programs for Node.js, which need a package.
+#[track_caller]
+pub(crate) fn node_folder(package: &str) -> &'static Path {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/web"));
+    let is_installed = folder.join("node_modules").join(package).is_dir();
+    assert!(is_installed, "{package} is missing: run npm ci in {}", folder.display());
+    folder
 }
 
 /// An image of 8 bits as baseline JPEG of a quality of 1 to 100.

@@ -5,7 +5,7 @@ use super::*;
 use crate::conformance::{Engine, conforms};
 use crate::queue::Caps;
 use crate::testing::{job, submit, terms};
-use pixmesh_test_support::postgres::{self as servers, Pooler, PostgresServer};
+use pixmesh_test_support::postgres::{Pooler, PostgresServer};
 use std::num::NonZeroU32;
 use std::sync::Weak;
 
@@ -68,14 +68,13 @@ async fn open(
     Postgres::open(&url.parse().unwrap(), &settings, terms).await
 }
 
-/// A queue in a new schema of the shared server; `None` if the programs are not installed.
-fn engine(case: &str, is_pooled: bool) -> Option<InSchema> {
+/// A queue in a new schema of the shared server.
+fn engine(case: &str, is_pooled: bool) -> InSchema {
     static SERVER: Mutex<Weak<(PostgresServer, Pooler)>> = Mutex::new(Weak::new());
-    let (programs, pooler) = (servers::programs()?, servers::pooler()?);
     let mut shared = SERVER.lock().unwrap();
     let server = shared.upgrade().unwrap_or_else(|| {
-        let server = PostgresServer::start(&programs, &["fsync=off", "max_connections=300"]);
-        let pooler = Pooler::start(&pooler, &server);
+        let server = PostgresServer::start(&["fsync=off", "max_connections=300"]);
+        let pooler = Pooler::start(&server);
         let started = Arc::new((server, pooler));
         *shared = Arc::downgrade(&started);
         started
@@ -83,12 +82,12 @@ fn engine(case: &str, is_pooled: bool) -> Option<InSchema> {
     // The name of a schema has at most 32 letters. No two cases start with the same 30.
     let kind = if is_pooled { "p_" } else { "d_" };
     let schema = kind.chars().chain(case.chars()).take(32).collect();
-    Some(InSchema { server, schema, is_pooled })
+    InSchema { server, schema, is_pooled }
 }
 
 mod direct {
     use super::*;
-    fn engine(case: &str) -> Option<InSchema> {
+    fn engine(case: &str) -> InSchema {
         super::engine(case, false)
     }
     conforms! { engine, InSchema }
@@ -96,7 +95,7 @@ mod direct {
 
 mod through_a_pooler {
     use super::*;
-    fn engine(case: &str) -> Option<InSchema> {
+    fn engine(case: &str) -> InSchema {
         super::engine(case, true)
     }
     conforms! { engine, InSchema }

@@ -47,7 +47,7 @@ async fn claim_all(nodes: &[Arc<Postgres>], jobs: usize) -> BTreeMap<Owner, usiz
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nodes_claim_each_job_once_and_keep_caps() {
     for is_pooled in [false, true] {
-        let Some(engine) = engine("claims", is_pooled) else { return };
+        let engine = engine("claims", is_pooled);
         let caps = Caps { running_per_owner: 3, ..terms().caps };
         let terms = Terms { caps, ..terms() };
         let mut nodes = Vec::new();
@@ -70,7 +70,7 @@ async fn nodes_claim_each_job_once_and_keep_caps() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nodes_keep_the_cap_of_queued_jobs() {
-    let Some(engine) = engine("queued", false) else { return };
+    let engine = engine("queued", false);
     let terms = Terms { caps: Caps { queued_per_owner: 25, ..terms().caps }, ..terms() };
     let nodes = [engine.opened(terms).await, engine.opened(terms).await];
     let owner = Owner::named("a");
@@ -83,7 +83,7 @@ async fn nodes_keep_the_cap_of_queued_jobs() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn idempotency_key_on_two_nodes_is_one_job() {
-    let Some(engine) = engine("keys", false) else { return };
+    let engine = engine("keys", false);
     let nodes = [engine.opened(terms()).await, engine.opened(terms()).await];
     let with_key =
         |_| NewJob { idempotency_key: Some("key".into()), ..job(&Owner::Anonymous, "i") };
@@ -100,7 +100,7 @@ async fn idempotency_key_on_two_nodes_is_one_job() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn idempotency_key_repeated_in_a_batch_is_one_job() {
-    let Some(engine) = engine("batch", false) else { return };
+    let engine = engine("batch", false);
     let queue = engine.opened(terms()).await;
     let with_key =
         |image| NewJob { idempotency_key: Some("key".into()), ..job(&Owner::Anonymous, image) };
@@ -151,7 +151,7 @@ async fn node_waits_until_a_blob_is_deleted() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn expired_lease_is_fenced() {
-    let Some(engine) = engine("fence", false) else { return };
+    let engine = engine("fence", false);
     let terms = Terms { lease: Duration::from_millis(200), ..terms() };
     let [slow, other] = [engine.opened(terms).await, engine.opened(terms).await];
     let id = submit(&slow, &Owner::Anonymous, "image").await;
@@ -173,7 +173,7 @@ async fn expired_lease_is_fenced() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn change_reaches_another_node_within_200_ms() {
-    let Some(engine) = engine("change", false) else { return };
+    let engine = engine("change", false);
     let hour = Terms { poll_period: Duration::from_hours(1), ..terms() };
     let [one, other] = [engine.opened(hour).await, engine.opened(hour).await].map(Arc::new);
     let owner = Owner::named("a");
@@ -200,7 +200,7 @@ async fn change_reaches_another_node_within_200_ms() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn last_attempt_is_reserved_by_one_node() {
-    let Some(engine) = engine("reserved", false) else { return };
+    let engine = engine("reserved", false);
     let [busy, other] = [engine.opened(terms()).await, engine.opened(terms()).await];
     let poison = submit(&busy, &Owner::named("a"), "poison").await;
     for _ in 1..MAX_ATTEMPTS {
@@ -221,7 +221,7 @@ async fn last_attempt_is_reserved_by_one_node() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn schemas_are_separate_queues() {
-    let Some(engine) = engine("schemas", false) else { return };
+    let engine = engine("schemas", false);
     let one = engine.opened(terms()).await;
     submit(&one, &Owner::Anonymous, "image").await;
     let other = open(&engine.server.0.url(), "schemas-other", terms()).await.unwrap();
@@ -231,7 +231,7 @@ async fn schemas_are_separate_queues() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nodes_share_the_mean_duration() {
-    let Some(engine) = engine("mean", false) else { return };
+    let engine = engine("mean", false);
     let [one, other] = [engine.opened(terms()).await, engine.opened(terms()).await];
     assert_eq!(other.mean_duration_s(None).await.unwrap(), None);
     assert_eq!(one.mean_duration_s(Some(2.5)).await.unwrap(), Some(2.5));
@@ -242,7 +242,7 @@ async fn nodes_share_the_mean_duration() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn damaged_record_fails_its_job_only() {
-    let Some(engine) = engine("damaged", false) else { return };
+    let engine = engine("damaged", false);
     let queue = engine.opened(terms()).await;
     let owner = Owner::Anonymous;
     let damaged = submit(&queue, &owner, "damaged").await;
@@ -263,7 +263,7 @@ async fn damaged_record_fails_its_job_only() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn refused_request_fails_alone() {
-    let Some(engine) = engine("refused", false) else { return };
+    let engine = engine("refused", false);
     let queue = engine.opened(terms()).await;
     let options = |n: usize| if n == 5 { "a\0b".into() } else { "density=2".to_owned() };
     let submissions = (0..20)

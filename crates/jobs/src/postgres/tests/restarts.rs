@@ -7,8 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn acknowledged_jobs_survive_a_killed_database() {
-    let Some(programs) = servers::programs() else { return };
-    let mut server = PostgresServer::start(&programs, &[]);
+    let mut server = PostgresServer::start(&[]);
     let terms = Terms { lease: Duration::from_secs(3), ..terms() };
     let queue = Arc::new(open(&server.url(), "killed", terms).await.unwrap());
     let (stop, owner) = (Arc::new(AtomicBool::new(false)), Owner::named("a"));
@@ -77,8 +76,7 @@ async fn acknowledged_jobs_survive_a_killed_database() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn stopped_database_is_unreachable_within_8_s() {
-    let Some(programs) = servers::programs() else { return };
-    let mut server = PostgresServer::start(&programs, &["fsync=off"]);
+    let mut server = PostgresServer::start(&["fsync=off"]);
     let queue = open(&server.url(), "stopped", terms()).await.unwrap();
     server.kill();
     let began = Instant::now();
