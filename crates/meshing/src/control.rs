@@ -5,6 +5,9 @@
 
 use crate::named_values;
 use std::num::NonZeroUsize;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread::Builder;
+use std::time::Duration;
 use thiserror::Error;
 
 named_values! {
@@ -91,6 +94,11 @@ pub trait Control: Sync {
 /// The lattice points that a kernel processes between two polls: at most some milliseconds.
 pub(crate) const POINTS_PER_POLL: usize = 1 << 16;
 
+/// The bytes of a vector that take milliseconds to free.
+const LARGE_BYTES: usize = 1 << 25;
+/// How long a waiting thread waits between two polls.
+pub(crate) const PATIENCE: Duration = Duration::from_millis(5);
+
 /// Collects items, with a poll for each [`POINTS_PER_POLL`] of them.
 pub(crate) fn collect<T>(
     mut items: impl ExactSizeIterator<Item = T>,
@@ -104,15 +112,21 @@ pub(crate) fn collect<T>(
     Ok(collected)
 }
 
-/// The bytes that are given back to the system between two polls: some milliseconds.
-const BYTES_PER_POLL: usize = 1 << 25;
-
-/// Frees a vector piece by piece, with polls in between: a gigabyte takes 0.2 s.
-pub(crate) fn free<T>(mut values: Vec<T>, poller: &mut Poller<'_>) -> Result<(), Cancelled> {
-    while !values.is_empty() {
+/// Frees a vector with polls meanwhile, because a gigabyte takes 0.2 s: another thread gives large
+/// ones back to the system while this one waits.
+pub(crate) fn free<T>(values: Vec<T>, poller: &mut Poller<'_>) -> Result<(), Cancelled>
+where
+    T: Send + 'static,
+{
+    poller.poll()?;
+    if size_of_val(&*values) < LARGE_BYTES {
+        return Ok(());
+    }
+    let (freeing, freed) = channel::<()>();
+    // If no thread starts, the closure is dropped here, and the values with it.
+    _ = Builder::new().spawn(move || drop((values, freeing)));
+    while freed.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
         poller.poll()?;
-        values.truncate(values.len().saturating_sub(BYTES_PER_POLL / size_of::<T>()));
-        values.shrink_to_fit();
     }
     Ok(())
 }

@@ -2,18 +2,14 @@
 //!
 //! Only the calling thread polls the caller's [`Control`]; when that cancels, all threads stop.
 
-use crate::control::{Cancelled, Control, Stage, Translated};
+use crate::control::{Cancelled, Control, PATIENCE, Stage, Translated};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Builder};
-use std::time::Duration;
 
 const LEAST_SHARE: usize = 512;
 const LEAST_ROWS: usize = 128;
-
-/// How long the calling thread waits for the others between two polls.
-const PATIENCE: Duration = Duration::from_millis(5);
 
 /// The control of a helper thread: it cancels once the calling thread's work is cancelled.
 struct CancelledElsewhere<'a>(&'a AtomicBool);

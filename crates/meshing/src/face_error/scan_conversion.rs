@@ -37,7 +37,6 @@ use std::convert::Infallible;
 const MAX_EXTENT: i32 = 63;
 pub(crate) const ROWS: usize = 8;
 const FRACTION_BITS: u32 = 19;
-
 /// `ceil(2^FRACTION_BITS / rows)` by number of rows.
 const RECIPROCALS: [i32; MAX_EXTENT as usize + 1] = {
     let mut reciprocals = [0; MAX_EXTENT as usize + 1];
@@ -52,7 +51,6 @@ const RECIPROCALS: [i32; MAX_EXTENT as usize + 1] = {
 /// Adding this to a number below 2^51 rounds it to an integer, which then is in the low bits of the
 /// sum; 1.5 * 2^52.
 const ROUND_TO_NEAREST: f64 = 6_755_399_441_055_744.0;
-
 /// Adding this to a number below 2^22 rounds it to an integer, and subtracting it leaves that;
 /// 1.5 * 2^23.
 const ROUND_TO_NEAREST_F32: f32 = 12_582_912.0;
@@ -60,10 +58,8 @@ const FLOATING_POINT_LIMIT: i64 = 1 << 33;
 pub(crate) const PLANE_PRECISION: u8 = 8;
 pub(crate) const LANES: usize = 8;
 pub(crate) const MAX_COMPONENTS: usize = 4;
-
 /// Samples that a vector of 8-bit samples reads from a pixel on.
 const SAMPLES_READ: usize = 2 * LANES;
-
 /// Pixels whose squared differences a lane sums up exactly: `256 * 255^2 < 2^24`.
 const PIXELS_PER_SUM: usize = 256;
 

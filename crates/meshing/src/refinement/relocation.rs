@@ -18,18 +18,14 @@ use crate::triangulation::NONE;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const CANDIDATES: usize = 3;
-
 /// A predicted search tries positions with a predicted rise of the error below this part of the
 /// error of the vertex's faces: predictions are rough for faces of some ten pixels.
 const TOLERANCE: f32 = 0.5;
-
 /// Least number of vertices of a mesh that is divided into patches.
 const LEAST_DIVIDED: usize = 256;
-
 /// Least number of vertices of a patch where there are more than two: the smaller the patches, the
 /// more vertices are at their boundaries.
 const LEAST_PATCH: usize = 2048;
-
 /// Pixels per vertex up to which a predicted search skips vertices without prediction: their faces
 /// are large there because the picture has no detail.
 const DENSE: usize = 1024;

@@ -25,7 +25,7 @@ pub(crate) mod tile_order;
 pub use greedy::Removal;
 pub(crate) use greedy::StopRule;
 
-use crate::control::{Cancelled, Control};
+use crate::control::{Cancelled, Control, free};
 use crate::face_error::ErrorEvaluator;
 use crate::image::{Image, Point};
 use crate::parameters::choices::Parallel;
@@ -76,10 +76,9 @@ fn finish(
     remove_in_order(stars.whole(), &mut queues, measure, &mut progress, control)?;
     let poller = &mut progress.poller(control);
     let (points, faces) = mesh_of(&stars.whole(), poller)?;
-    drop((queues, stars.vertices));
-    poller.poll()?;
-    drop(stars.records);
-    poller.poll()?;
+    queues.into_iter().try_for_each(|queue| free(queue.siblings, poller))?;
+    free(stars.vertices.points, poller)?;
+    free(stars.records, poller)?;
     Ok(Simplified { points, faces, removals: progress.removals, error: progress.error })
 }
 

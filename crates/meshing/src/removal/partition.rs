@@ -21,29 +21,21 @@ use std::collections::BinaryHeap;
 
 /// Vertices of a tile, as a power of two: their stars and pixels fit a second-level cache.
 const USUAL_TILE: u32 = 13;
-
 /// Vertices of the smallest tiles, as a power of two: of fewer, too many have neighbours in others.
 const LEAST_TILE: u32 = 11;
-
 /// Tiles are smaller than usual to make at least this many, so that threads do not wait.
 const TILES_FOR_THREADS: usize = 16;
-
 /// Fewer tiles than this are not worth another order.
 const LEAST_TILES: usize = 2;
-
 /// The most tiles; of more vertices, tiles are larger than usual.
 const MOST_TILES: usize = 256;
-
 /// Tiles that make a group of the next level.
 const GROWTH: usize = 4;
-
 /// One in this many of the remaining removals is below a round's limit as the round starts; about
 /// as many more drop below it during the round.
 const PART_OF_ROUND: usize = 3;
-
 /// The quota of a tile in a round is twice its vertices below the limit, and this part of its size.
 const PART_OF_TILE_AT_LEAST: usize = 512;
-
 /// Rounds end when fewer removals remain than this part of all vertices, so that the quotas of a
 /// round cannot exceed them. The rest is made in the exact order.
 const LEAST_PART: usize = 128;

@@ -47,14 +47,14 @@ impl Entry {
 
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Siblings([u128; ARITY]);
+pub(super) struct Siblings([u128; ARITY]);
 
 /// A priority queue of candidates.
 ///
 /// The first three indices are not used, and [`FIRST`] has the least entry. The children of index
 /// `i` have the indices `4 (i - 2)` to `4 (i - 2) + 3`.
 pub(crate) struct RemovalQueue {
-    siblings: Vec<Siblings>,
+    pub(super) siblings: Vec<Siblings>,
     len: usize,
     /// The number of the first vertex that may be in the queue.
     first_vertex: u32,
