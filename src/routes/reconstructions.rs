@@ -90,13 +90,14 @@ async fn run(
         return Err(Problem::new(Kind::EmptyFile, "the file is empty"));
     }
     let shape = pixmesh_codec::probe_model(&upload.bytes, &limits)?;
-    let cost = Cost::of_conversion(shape, 0, upload.bytes.len() as u64, format);
+    let cost = Cost::of_conversion(shape, 0, upload.bytes.len() as u64, format, false);
     let deadline = Instant::now() + service.deadline;
     let ticket = service.scheduler.admit(owner, cost, deadline).await?;
     let done = service
         .workers
         .run(ticket, deadline, move |watch, ticket| {
-            let bytes = pipeline::convert(upload, format, &Output::default(), &limits, watch)?;
+            let bytes =
+                pipeline::convert(upload, None, format, &Output::default(), &limits, watch)?;
             let digest = Digest::of_while(&bytes, || watch.check())?;
             let _ = watch.finish();
             let memory = ticket.keep(bytes.len());

@@ -5,6 +5,7 @@ use crate::pictures::{disc, noise};
 use crate::server::{Folder, Server};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use pixmesh_codec::Format;
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
@@ -40,7 +41,7 @@ fn a_job_ends_with_the_same_mesh_as_a_request_in_every_format() {
         assert!(document[moment].as_str().unwrap().ends_with('Z'), "{document}");
     }
     let mesh = document["links"]["mesh"].as_str().unwrap();
-    for format in ["model", "glb", "png", "pnm"] {
+    for format in Format::NAMES {
         let direct = server.mesh(&format!("size=100&format={format}"), &[], &image);
         let stored = server.get(&format!("{mesh}?format={format}"));
         assert_eq!(stored.status, 200, "{}", stored.text());
@@ -61,6 +62,37 @@ fn a_job_ends_with_the_same_mesh_as_a_request_in_every_format() {
     }
     let direct = server.mesh("size=100", &[], &image);
     assert_eq!(server.get(mesh).header("etag"), direct.header("etag"));
+    server.wait_until_idle();
+}
+
+#[test]
+fn faces_of_a_flat_mesh_have_the_same_colors_in_every_answer() {
+    let server = Server::start(&[]);
+    let image = disc(60, 50, 3);
+    let job = server.job("method=flat&size=60", &image);
+    server.wait_for(&job, "completed");
+    let of_request =
+        |format: &str| server.mesh(&format!("method=flat&size=60&format={format}"), &[], &image);
+    for format in Format::NAMES {
+        let (direct, stored) =
+            (of_request(format), server.get(&format!("{job}/mesh?format={format}")));
+        if *format == "progression" {
+            direct.problem(422, "format-not-possible");
+            stored.problem(409, "job-without-order");
+        } else {
+            assert_eq!(stored.status, 200, "{format}: {}", stored.text());
+            assert!(stored.body == direct.body, "{format}");
+        }
+    }
+    let (model, picture) = (of_request("model"), of_request("png"));
+    let rebuilt = send(server.public, "POST", "/v1/reconstructions", &[], &model.body);
+    assert!(rebuilt.body == picture.body);
+    let (label, pair) =
+        form(&[(&field("image"), &image[..]), (&field("approximation"), &model.body[..])]);
+    let headers = [("Content-Type", &*label)];
+    let compared = send(server.public, "POST", "/v1/comparisons", &headers, &pair).json();
+    let psnr_db: f64 = model.header("mesh-psnr").parse().unwrap();
+    assert!((compared["psnr_db"].as_f64().unwrap() - psnr_db).abs() < 1e-9, "{compared}");
     server.wait_until_idle();
 }
 

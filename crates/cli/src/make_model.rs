@@ -3,14 +3,14 @@
 use crate::attendant::Attendant;
 use crate::document::DocumentOptions;
 use crate::options::MeshOptions;
-use crate::output::{OutputOptions, picture_of};
+use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Format, Texture};
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{
     Approximation, Image, MeshingError, OnThreads, Parameters, Progression, Removal, Stage,
-    mesh_image, structural_similarity,
+    mesh_image, rasterize, structural_similarity,
 };
 use std::io::Write;
 use std::num::NonZeroUsize;
@@ -64,8 +64,7 @@ pub struct MakeModel {
     /// Picture of the same size, gray or in colour: how much each point matters, black not at all
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     weights: Option<PathBuf>,
-    /// File to write the picture to that the model gives, as PNG; that of --reconstruction flat
-    /// needs the best colour of each face, which a MODEL does not hold
+    /// File to write the picture to that the model gives, as PNG
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Print vertices, faces, MSE, PSNR, structural similarity (of pictures of at least 11 columns and
@@ -155,7 +154,7 @@ impl MakeModel {
         let encoding = self.write(&model, &parameters, texture.as_ref(), progression.as_ref())?;
         self.write_compact(&model, progression.as_ref())?;
         if self.stats {
-            let ssim = structural_similarity(&image, &*picture_of(&model)?, &())?;
+            let ssim = structural_similarity(&image, &rasterize(&model.mesh, &())?, &())?;
             // Statistics that nobody can read are no reason to fail.
             let _ = print_statistics(&model, ssim, decoding, &stages, encoding);
         }
@@ -223,7 +222,7 @@ impl MakeModel {
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {
             let mut png = Vec::new();
-            pixmesh_codec::write_png(picture_of(model)?.as_ref(), &mut png)?;
+            pixmesh_codec::write_png(&rasterize(&model.mesh, &())?, &mut png)?;
             files::write(Some(file), &png)?;
         }
         if self.history_file.is_some() {

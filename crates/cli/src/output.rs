@@ -7,8 +7,7 @@ use pixmesh_codec::{
     Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit, PngCompression, Relief,
     ReliefSource, Shading, Texture, Texturing, encode, model_comments,
 };
-use pixmesh_meshing::{Approximation, Image, Parameters, Progression, rasterize};
-use std::borrow::Cow;
+use pixmesh_meshing::{Approximation, Image, Parameters, Progression};
 use std::path::Path;
 
 /// Headings of the help.
@@ -129,14 +128,6 @@ impl OutputOptions {
         let relief = Relief::of_choices(self.relief, self.height, self.z_scale, self.invert_relief);
         let base = self.base.unwrap_or(0.0);
         Geometry { pixel_size: self.pixel_size, relief, base, unit: self.unit }
-    }
-}
-
-/// The picture that a model gives: of one colour for each face, where it is made for that.
-pub(crate) fn picture_of(model: &Approximation) -> Result<Cow<'_, Image>, CliError> {
-    match &model.flat {
-        Some(flat) => Ok(Cow::Borrowed(&flat.picture)),
-        None => Ok(Cow::Owned(rasterize(&model.mesh, &())?)),
     }
 }
 

@@ -15,8 +15,7 @@ use crate::stl::write_stl;
 use crate::surface::Geometry;
 use crate::svg::write_svg;
 use crate::wanted::{Wanted, While};
-use pixmesh_meshing::{Approximation, Fidelity, Image, Mesh, Progression, Shape, rasterize};
-use std::borrow::Cow;
+use pixmesh_meshing::{Approximation, Fidelity, Mesh, Progression, Shape, rasterize};
 use std::io::Write;
 
 /// Bytes of a file beside its vertices and faces, at most.
@@ -31,8 +30,6 @@ pub struct Encodable<'a> {
     pub comments: &'a [&'a str],
     /// The error of the mesh, which JSON states.
     pub fidelity: Option<&'a Fidelity>,
-    /// The picture of the mesh, where it is not the one that [`rasterize`] rebuilds.
-    pub picture: Option<&'a Image>,
     /// The order of the vertices, which [`Format::Progression`] needs.
     pub progression: Option<&'a Progression>,
 }
@@ -41,15 +38,14 @@ impl<'a> Encodable<'a> {
     /// A mesh alone.
     #[must_use]
     pub fn new(mesh: &'a Mesh) -> Self {
-        Self { mesh, comments: &[], fidelity: None, picture: None, progression: None }
+        Self { mesh, comments: &[], fidelity: None, progression: None }
     }
 }
 
 impl<'a> From<&'a Approximation> for Encodable<'a> {
-    /// A mesh that was made of an image, with its error and its flat picture.
+    /// A mesh that was made of an image, with its error.
     fn from(made: &'a Approximation) -> Self {
-        let picture = made.flat.as_ref().map(|flat| &flat.picture);
-        Self { fidelity: Some(&made.fidelity), picture, ..Self::new(&made.mesh) }
+        Self { fidelity: Some(&made.fidelity), ..Self::new(&made.mesh) }
     }
 }
 
@@ -99,17 +95,10 @@ pub fn encode(
             None => Err(EncodeError::NotOfPointsAlone { format: format.name() }),
         },
         Format::Png => {
-            write_png_while(&*picture(source, wanted)?, options.png_compression, out, wanted)
+            let picture = rasterize(mesh, &While(wanted))?;
+            write_png_while(&picture, options.png_compression, out, wanted)
         }
-        Format::Pnm => write_pnm(&*picture(source, wanted)?, out),
-    }
-}
-
-/// The picture of a mesh.
-fn picture<'a>(source: &Encodable<'a>, wanted: &Wanted<'_>) -> Result<Cow<'a, Image>, EncodeError> {
-    match source.picture {
-        Some(picture) => Ok(Cow::Borrowed(picture)),
-        None => Ok(Cow::Owned(rasterize(source.mesh, &While(wanted))?)),
+        Format::Pnm => write_pnm(&rasterize(mesh, &While(wanted))?, out),
     }
 }
 
@@ -128,16 +117,43 @@ pub fn estimated_bytes(mesh: &Mesh, format: Format, options: &EncodeOptions<'_>)
         _ => 0,
     };
     let [vertex, face, _] = bytes_of(format, options.shading, component_count);
-    vertices * vertex + faces * face + beside + FRAME
+    let colored_face = if mesh.face_samples().is_some() {
+        bytes_of_colored_face(format, component_count)
+    } else {
+        0
+    };
+    vertices * vertex + faces * (face + colored_face) + beside + FRAME
 }
 
 impl Format {
     /// The most bytes that writing a mesh of `component_count` components allocates per vertex with its
     /// two faces: the file and working memory. 0 for pictures, whose memory depends on their size.
+    /// Faces with colours of their own need more.
     #[must_use]
-    pub fn bytes_per_vertex(self, component_count: usize) -> u64 {
+    pub fn bytes_per_vertex(self, component_count: usize, has_face_samples: bool) -> u64 {
         let [vertex, face, work] = bytes_of(self, Shading::Gradient, component_count);
-        (vertex + 2 * face + work) as u64
+        let colored_face =
+            if has_face_samples { bytes_of_colored_face(self, component_count) } else { 0 };
+        // Six vertices with colours, two faces each with three, take the place of one.
+        let work = if has_face_samples && self.repeats_vertices() { 6 * work } else { work };
+        (vertex + 2 * (face + colored_face) + work) as u64
+    }
+
+    /// Whether each face has three vertices of its own where the faces have colours.
+    fn repeats_vertices(self) -> bool {
+        matches!(self, Self::Glb | Self::Gltf | Self::Ply | Self::Obj)
+    }
+}
+
+/// Bytes that each face with a colour of its own adds to the file.
+fn bytes_of_colored_face(format: Format, component_count: usize) -> usize {
+    let [vertex, ..] = bytes_of(format, Shading::Flat, component_count);
+    match format {
+        _ if format.repeats_vertices() => 3 * vertex,
+        Format::Model => 3 + 6 * component_count,
+        Format::Json => 16 + 6 * component_count,
+        Format::Pmesh => 2 * component_count,
+        _ => 0,
     }
 }
 

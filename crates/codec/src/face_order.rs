@@ -12,7 +12,7 @@ const NONE: u32 = u32::MAX;
 /// face shares an edge with one shortly before.
 pub(crate) fn by_neighbours(mesh: &Mesh) -> Mesh {
     let neighbours = neighbours(mesh.faces());
-    let faces = walk(mesh.faces(), &neighbours);
+    let (faces, face_order) = walk(mesh.faces(), &neighbours);
     drop(neighbours);
     let mut place = vec![NONE; mesh.points().len()];
     let mut order = Vec::with_capacity(mesh.points().len());
@@ -27,8 +27,17 @@ pub(crate) fn by_neighbours(mesh: &Mesh) -> Mesh {
     let faces = faces.into_iter().map(|face| face.map(&mut renumbered)).collect();
     let points = order.iter().map(|&vertex| mesh.points()[vertex]).collect();
     let samples = order.iter().flat_map(|&vertex| mesh.vertex_samples(vertex).to_vec()).collect();
+    let count = mesh.shape().component_count;
+    let of_face = |samples: &[u16]| {
+        face_order.iter().flat_map(|&face| samples[face * count..][..count].to_vec()).collect()
+    };
     // A valid mesh in another order is valid.
-    Mesh::new(mesh.shape(), points, samples, faces, &()).unwrap_or_else(|_| mesh.clone())
+    let ordered = Mesh::new(mesh.shape(), points, samples, faces, &());
+    let ordered = ordered.and_then(|ordered| match mesh.face_samples() {
+        Some(samples) => ordered.with_face_samples(of_face(samples)),
+        None => Ok(ordered),
+    });
+    ordered.unwrap_or_else(|_| mesh.clone())
 }
 
 /// The face beyond each edge of each face; edge `i` runs from corner `i` to the next.
@@ -51,10 +60,11 @@ fn neighbours(faces: &[Face]) -> Vec<Face> {
     neighbours
 }
 
-/// All faces, each beginning with the edge over which it was entered.
-fn walk(faces: &[Face], neighbours: &[Face]) -> Vec<Face> {
+/// All faces, each beginning with the edge over which it was entered, and their former indices.
+fn walk(faces: &[Face], neighbours: &[Face]) -> (Vec<Face>, Vec<usize>) {
     let mut seen = vec![false; faces.len()];
     let mut ordered = Vec::with_capacity(faces.len());
+    let mut order = Vec::with_capacity(faces.len());
     let mut waiting: Vec<(u32, u32)> = Vec::new();
     for first in 0..faces.len() as u32 {
         waiting.push((first, NONE));
@@ -67,6 +77,7 @@ fn walk(faces: &[Face], neighbours: &[Face]) -> Vec<Face> {
             face.rotate_left(entered.unwrap_or(0));
             beyond.rotate_left(entered.unwrap_or(0));
             ordered.push(face);
+            order.push(index as usize);
             let [first, second, third] = beyond;
             // Only the first face of a walk has a face left beyond its first edge.
             let first = if entered.is_none() { first } else { NONE };
@@ -74,7 +85,7 @@ fn walk(faces: &[Face], neighbours: &[Face]) -> Vec<Face> {
             waiting.extend(others.map(|other| (other, index)));
         }
     }
-    ordered
+    (ordered, order)
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 //! Arrays are flat, so that clients copy them into typed arrays: `positions` holds `x, y, z` of
 //! each vertex, `samples` the components of each vertex at the image's precision, `colors` red,
 //! green, blue and alpha of each vertex as sRGB of 0 to 255, `triangles` three indices of each face.
+//! Where faces have colours, `face_samples` and `face_colors` hold those of the faces that show the
+//! picture, which come before those of a base.
 
 use crate::color::Colors;
 use crate::error::EncodeError;
@@ -35,6 +37,13 @@ pub(crate) fn write_json(
     let colors = surface.samples().map(|samples| palette.rgba(samples));
     put_array(",\"colors\":[", colors, &mut lines, Lines::integer)?;
     put_array(",\"triangles\":[", surface.faces(), &mut lines, Lines::integer)?;
+    if let Some(samples) = mesh.face_samples() {
+        let of_faces = || samples.chunks_exact(component_count);
+        let samples = of_faces().map(|samples| samples.iter().copied());
+        put_array(",\"face_samples\":[", samples, &mut lines, Lines::integer)?;
+        let colors = of_faces().map(|samples| palette.rgba(samples));
+        put_array(",\"face_colors\":[", colors, &mut lines, Lines::integer)?;
+    }
     lines.end("}\n")?;
     lines.flush()?;
     Ok(())

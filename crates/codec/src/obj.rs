@@ -1,7 +1,8 @@
 //! Wavefront OBJ, out: positions with colours, and faces.
 //!
 //! A vertex line has `x y z`, then red, green and blue of 0 to 1, which most readers understand as
-//! its colour; the format has no alpha. Indices count from 1.
+//! its colour; the format has no alpha. Indices count from 1. Where faces have colours, each has
+//! three vertices of its own.
 //!
 //! Literature: Wavefront Technologies, "Object Files (.obj)", Advanced Visualizer manual, 1992; the
 //! colours are an extension by use.
@@ -20,7 +21,7 @@ pub(crate) fn write_obj(
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
-    let surface = Surface::new(mesh, geometry)?;
+    let surface = Surface::colored(mesh, geometry)?;
     let colors = Colors::new(mesh.shape());
     let mut lines = Lines::new(out);
     writeln!(lines, "# lengths in {}\no picture", geometry.unit)?;

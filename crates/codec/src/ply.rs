@@ -17,7 +17,7 @@ pub(crate) fn write_ply(
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
-    let surface = Surface::new(mesh, geometry)?;
+    let surface = Surface::colored(mesh, geometry)?;
     let colors = Colors::new(mesh.shape());
     let alpha = has_alpha(mesh.shape().component_count);
     let mut out = BufWriter::new(out);

@@ -6,7 +6,7 @@
 //! | bytes | what |
 //! |---|---|
 //! | 4 | `PMSH` |
-//! | 1 | version, 1 |
+//! | 1 | version: 2 when faces have colours, else 1 |
 //! | 1 | 1 when the order of importance is kept, else 0 |
 //! | 1 | bits per sample |
 //! | 1 | number of components |
@@ -26,6 +26,10 @@
 //! lowers that sum, as 2d or -2d - 1 as above. From these and the number of pixels, components and bits
 //! follows the PSNR of every size.
 //!
+//! Version 2 then has the samples of the faces, like those of the vertices, component by component:
+//! how each differs from the mean of the face's vertices, rounded down. Each face begins with its
+//! first vertex, by row, then column, and the faces ascend.
+//!
 //! A sample is predicted by the nearest vertex before it among the last one of each strip of
 //! columns around; components after the first by that and by how the first one differs there.
 
@@ -35,7 +39,7 @@ mod write;
 pub use read::{PmeshError, read_pmesh, read_progression, read_progression_while};
 pub use write::{write_pmesh, write_pmesh_while, write_progression};
 
-use pixmesh_meshing::{Point, Shape};
+use pixmesh_meshing::{Face, Point, Shape};
 
 /// Whether bytes begin as a pmesh does.
 #[must_use]
@@ -44,7 +48,10 @@ pub fn is_pmesh(bytes: &[u8]) -> bool {
 }
 
 const MAGIC: [u8; 4] = *b"PMSH";
+/// The version of a mesh whose vertices' samples are interpolated.
 const VERSION: u8 = 1;
+/// The version of a mesh whose faces have colours.
+const FLAT_VERSION: u8 = 2;
 const HEADER_BYTES: usize = 24;
 
 /// Bytes of a number of 64 bits in groups of 7.
@@ -87,6 +94,23 @@ impl Predictor {
         self.last[at] = Some((point, vertex));
         nearest
     }
+}
+
+/// The faces, each from its first vertex on, in ascending order; `number` gives the vertices'
+/// numbers by row, then column. With each its former index.
+fn ordered_faces(faces: &[Face], number: impl Fn(u32) -> u32) -> Vec<(Face, usize)> {
+    let turned = |face: &Face| {
+        let [a, b, c] = face.map(&number);
+        [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or([a, b, c])
+    };
+    let mut ordered: Vec<_> = faces.iter().map(turned).zip(0..).collect();
+    ordered.sort_unstable();
+    ordered
+}
+
+/// What a face's samples of a component are predicted by.
+fn mean_of_corners(corners: [u16; 3]) -> u32 {
+    corners.map(u32::from).iter().sum::<u32>() / 3
 }
 
 /// What component `c` is predicted by: the sample of the nearest vertex, raised as the first

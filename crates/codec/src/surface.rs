@@ -21,43 +21,73 @@ use pixmesh_meshing::{Face, Mesh};
 pub(crate) struct Surface<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) geometry: Geometry,
+    /// The samples of the faces, each of which has three vertices of its own then.
+    face_samples: Option<&'a [u16]>,
     /// The boundary's vertices, counter-clockwise; none without a base.
     rim: Vec<u32>,
 }
 
 impl<'a> Surface<'a> {
+    /// A surface whose faces share the vertices of the mesh.
+    ///
     /// # Errors
     /// When the relief is to follow a component that the mesh does not have.
     pub(crate) fn new(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
         geometry.check(mesh.shape().component_count)?;
         let rim = if geometry.base > 0.0 { rim::boundary(mesh) } else { Vec::new() };
-        Ok(Self { mesh, geometry: *geometry, rim })
+        Ok(Self { mesh, geometry: *geometry, face_samples: None, rim })
     }
 
-    /// Vertices: those of the mesh, then with a base one beneath each of the boundary, and one in
-    /// the middle of the bottom.
+    /// A surface whose vertices show the colours of the mesh: where faces have colours, each has
+    /// three vertices of its own.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(crate) fn colored(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
+        Ok(Self { face_samples: mesh.face_samples(), ..Self::new(mesh, geometry)? })
+    }
+
+    /// Vertices: those of the faces, then with a base those of its walls and bottom: one beneath
+    /// each of the boundary, and one in the middle of the bottom.
     pub(crate) fn vertex_count(&self) -> usize {
         let bottom = if self.rim.is_empty() { 0 } else { self.rim.len() + 1 };
-        self.mesh.points().len() + bottom
+        self.top_count() + bottom
     }
 
     pub(crate) fn face_count(&self) -> usize {
         self.mesh.faces().len() + 3 * self.rim.len()
     }
 
-    /// The vertex of the mesh whose colour a vertex has.
-    pub(crate) fn origin(&self, vertex: usize) -> usize {
-        let top = self.mesh.points().len();
-        if vertex < top {
-            return vertex;
+    /// The number of vertices that belong to faces of the mesh.
+    fn mesh_vertex_count(&self) -> usize {
+        match self.face_samples {
+            Some(_) => 3 * self.mesh.faces().len(),
+            None => self.mesh.points().len(),
         }
-        self.rim.get(vertex - top).or(self.rim.first()).map_or(0, |&origin| origin as usize)
+    }
+
+    /// The number of vertices at the height of the mesh. Walls share the vertices of the faces, or
+    /// have the boundary's once more.
+    fn top_count(&self) -> usize {
+        let walls = if self.face_samples.is_some() { self.rim.len() } else { 0 };
+        self.mesh_vertex_count() + walls
+    }
+
+    /// The vertex of the mesh whose place on the picture a vertex has.
+    pub(crate) fn origin(&self, vertex: usize) -> usize {
+        let count = self.mesh_vertex_count();
+        if vertex < count {
+            let corners = self.mesh.faces().as_flattened();
+            return self.face_samples.map_or(vertex, |_| corners[vertex] as usize);
+        }
+        let rim = (vertex - count).checked_rem(self.rim.len().max(1)).unwrap_or_default();
+        self.rim.get(rim).map_or(0, |&origin| origin as usize)
     }
 
     /// Where a vertex lies.
     pub(crate) fn position(&self, vertex: usize) -> [f64; 3] {
         let (pixel_size, base) = (self.geometry.pixel_size, self.geometry.base);
-        let top = self.mesh.points().len();
+        let top = self.top_count();
         if vertex >= top && vertex - top >= self.rim.len() {
             let shape = self.mesh.shape();
             let middle = |side: usize| (side - 1) as f64 * pixel_size / 2.0;
@@ -70,9 +100,15 @@ impl<'a> Surface<'a> {
         [f64::from(point.x) * pixel_size, f64::from(point.y) * pixel_size, z]
     }
 
-    /// The sample vectors of all vertices.
+    /// The sample vectors that all vertices show: of the face, or of the vertex of the mesh.
     pub(crate) fn samples(&self) -> impl Iterator<Item = &'a [u16]> {
-        (0..self.vertex_count()).map(|vertex| self.mesh.vertex_samples(self.origin(vertex)))
+        let count = self.mesh.shape().component_count;
+        (0..self.vertex_count()).map(move |vertex| match self.face_samples {
+            Some(samples) if vertex < self.mesh_vertex_count() => {
+                &samples[vertex / 3 * count..][..count]
+            }
+            _ => self.mesh.vertex_samples(self.origin(vertex)),
+        })
     }
 
     /// All positions.
@@ -82,15 +118,19 @@ impl<'a> Surface<'a> {
 
     /// All faces, counter-clockwise seen from outside.
     pub(crate) fn faces(&self) -> impl Iterator<Item = Face> {
-        let top = self.mesh.points().len() as u32;
+        let (own, top) = (self.mesh_vertex_count() as u32, self.top_count() as u32);
         let middle = top + self.rim.len() as u32;
+        let faces = self.mesh.faces().iter().zip(0..).map(move |(&face, index): (_, u32)| {
+            self.face_samples.map_or(face, |_| [3 * index, 3 * index + 1, 3 * index + 2])
+        });
         let sides = (0..self.rim.len()).flat_map(move |i| {
             let next = (i + 1) % self.rim.len();
+            let above = |i: usize| self.face_samples.map_or(self.rim[i], |_| own + i as u32);
             let below = |i: usize| top + i as u32;
-            let (a, b) = (self.rim[i], self.rim[next]);
+            let (a, b) = (above(i), above(next));
             [[b, a, below(i)], [b, below(i), below(next)], [below(next), below(i), middle]]
         });
-        self.mesh.faces().iter().copied().chain(sides)
+        faces.chain(sides)
     }
 
     /// Whether all of the surface lies in one plane.
@@ -147,6 +187,26 @@ mod tests {
         let beneath: f64 = mesh.faces().iter().map(|&face| prism(&surface, face)).sum();
         assert!((volume - beneath).abs() < 1e-12, "{volume} {beneath}");
         assert!(volume > 2.0);
+    }
+
+    #[test]
+    fn a_solid_with_colors_of_faces_has_their_colors_and_is_closed() {
+        let flat = mesh().with_face_samples((0..6).map(|face| 10 * face).collect()).unwrap();
+        let geometry =
+            Geometry { relief: Some(Relief::default()), base: 1.0, ..Geometry::default() };
+        let surface = Surface::colored(&flat, &geometry).unwrap();
+        let samples: Vec<&[u16]> = surface.samples().collect();
+        let faces: Vec<Face> = surface.faces().collect();
+        assert_eq!((samples.len(), faces.len()), (surface.vertex_count(), surface.face_count()));
+        for (face, color) in faces.iter().zip([0, 10, 20, 30, 40, 50]) {
+            assert!(face.iter().all(|&vertex| samples[vertex as usize] == [color]));
+        }
+        // Its positions are those of the solid that shares vertices.
+        let shared = Surface::new(&flat, &geometry).unwrap();
+        let corners = |surface: &Surface<'_>| -> Vec<[[f64; 3]; 3]> {
+            surface.faces().map(|face| face.map(|v| surface.position(v as usize))).collect()
+        };
+        assert_eq!(corners(&surface), corners(&shared));
     }
 
     fn signed_volume(surface: &Surface<'_>, face: Face) -> f64 {

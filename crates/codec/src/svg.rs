@@ -31,6 +31,8 @@ pub(crate) fn write_svg(
 ) -> Result<(), EncodeError> {
     let Shape { width, height, component_count, .. } = mesh.shape();
     let colors = Colors::new(mesh.shape());
+    // A face with a colour needs no gradient.
+    let shading = if mesh.face_samples().is_some() { Shading::Flat } else { shading };
     let mut lines = Lines::new(out);
     writeln!(
         lines,
@@ -80,7 +82,13 @@ fn put_layer<W: Write>(
     let top = mesh.shape().height as i32 - 1;
     for (index, &face) in mesh.faces().iter().enumerate() {
         let corners = mesh.corners(face).map(|point| Point::new(point.x, top - point.y));
-        let colours = face.map(|vertex| colors.rgba(mesh.vertex_samples(vertex as usize)));
+        let colours = match mesh.face_samples() {
+            Some(samples) => {
+                let count = mesh.shape().component_count;
+                [colors.rgba(&samples[index * count..][..count]); 3]
+            }
+            None => face.map(|vertex| colors.rgba(mesh.vertex_samples(vertex as usize))),
+        };
         put_fill(layer, shading, index, corners, colours, lines)?;
         put_triangle(corners, lines);
         lines.end("\"/>\n")?;

@@ -48,6 +48,21 @@ proptest! {
     }
 
     #[test]
+    fn colors_of_faces_read_back_and_are_comments_to_others(mesh in meshes(), seed in any::<u16>()) {
+        let shape = mesh.shape();
+        let largest = u32::from(u16::MAX >> (16 - shape.precision)) + 1;
+        let count = mesh.faces().len() * shape.component_count;
+        let color = |i: usize| ((i as u32 * 40_503 + u32::from(seed)) % largest) as u16;
+        let flat = mesh.clone().with_face_samples((0..count).map(color).collect()).unwrap();
+        let text = model(&flat);
+        prop_assert_eq!(read(&text).unwrap(), flat);
+        let text = String::from_utf8(text).unwrap();
+        let without: String =
+            text.lines().filter(|line| !line.starts_with('#')).map(|line| line.to_owned() + "\n").collect();
+        prop_assert_eq!(without.into_bytes(), model(&mesh));
+    }
+
+    #[test]
     fn no_bytes_make_the_reader_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
         let _ = read(bytes);
     }
@@ -156,6 +171,24 @@ fn each_defect_is_reported_with_its_line() {
         let error = defect_of(changes);
         assert_eq!(error.line, line, "{changes:?}: {error}");
         assert!(error.to_string().contains(message), "{changes:?}: {error}");
+    }
+}
+
+#[test]
+fn damaged_colors_of_faces_are_reported_with_their_line() {
+    let with = |comments: &str| read(fan_with(&[]) + comments);
+    let colors = "# any other comment\n# face samples: 4\n# 9\n# 8\n# 7\n# 255\n";
+    assert_eq!(with(colors).unwrap().face_samples(), Some(&[9, 8, 7, 255][..]));
+    assert_eq!(with("# face samples:\n").unwrap_err().line, 13);
+    for (comments, line, defect) in [
+        ("# face samples: 5\n", 13, "the number of faces with samples is 5, outside of 4 to 4"),
+        ("# face samples: 4\n# 9\n", 15, "the comment with the samples of face 1 is missing"),
+        (&colors.replace("255", "256"), 18, "the face's sample is 256, outside of 0 to 255"),
+        (&colors.replace('7', "7 7"), 17, "the face has more samples than the image components"),
+        (&colors.replace("# 8", "#"), 16, "the file ends where the face's sample is expected"),
+    ] {
+        let error = with(comments).expect_err(comments);
+        assert_eq!((error.line, &*error.defect.to_string()), (line, defect));
     }
 }
 

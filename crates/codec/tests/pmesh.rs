@@ -21,6 +21,19 @@ fn mesh(image: &Image, size: usize) -> Mesh {
     mesh_image(image, &Method::Mgprfs.parameters(Target::Size(size)), &()).unwrap().mesh
 }
 
+/// The same mesh with its vertices, faces and the corners of each face in another order.
+fn reversed(mesh: &Mesh) -> Mesh {
+    let (shape, count) = (mesh.shape(), mesh.points().len() as u32);
+    let points = mesh.points().iter().rev().copied().collect();
+    let by_vertex = mesh.samples().chunks(shape.component_count).rev();
+    let faces = mesh.faces().iter().rev().map(|&[a, b, c]| [b, c, a].map(|v| count - 1 - v));
+    let by_face = mesh.face_samples().unwrap().chunks(shape.component_count).rev();
+    Mesh::new(shape, points, by_vertex.flatten().copied().collect(), faces.collect(), &())
+        .unwrap()
+        .with_face_samples(by_face.flatten().copied().collect())
+        .unwrap()
+}
+
 fn pmesh(mesh: &Mesh) -> Vec<u8> {
     let mut bytes = Vec::new();
     write_pmesh(mesh, &mut bytes).unwrap();
@@ -51,13 +64,29 @@ proptest! {
     }
 
     #[test]
+    fn colors_of_faces_read_back_whatever_the_order_of_vertices_and_faces(
+        (components, precision) in (1usize..5, 1u8..=16),
+        seed in 0usize..99,
+    ) {
+        let image = image(12, 9, components, precision, seed);
+        let (flat, _) = mesh(&image, 30).with_flat_colors(&image, &()).unwrap();
+        prop_assert_eq!(&read_pmesh(&pmesh(&flat), &Limits::default()).unwrap(), &flat);
+        let reversed = reversed(&flat);
+        prop_assert_ne!(&reversed, &flat);
+        prop_assert_eq!(pmesh(&reversed), pmesh(&flat));
+    }
+
+    #[test]
     fn damaged_bytes_never_panic_and_what_is_read_is_a_mesh(
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in any::<prop::sample::Index>(),
-        ordered in any::<bool>(),
+        (ordered, has_colors) in any::<(bool, bool)>(),
     ) {
         let image = image(12, 9, 2, 8, 3);
-        let mesh = mesh(&image, 30);
+        let mut mesh = mesh(&image, 30);
+        if has_colors {
+            mesh = mesh.with_flat_colors(&image, &()).unwrap().0;
+        }
         let mut bytes = Vec::new();
         let progression =
             Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &()).unwrap();

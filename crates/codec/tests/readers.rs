@@ -158,6 +158,41 @@ fn check(path: &Path, mesh: &Mesh, geometry: Geometry, extension: &str, report: 
 }
 
 #[test]
+fn trimesh_shows_each_face_in_its_color() {
+    let folder = std::env::temp_dir().join(format!("pixmesh-colors-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mesh = lattice(9, 6, 3, 8);
+    let count = 3 * mesh.faces().len();
+    let samples: Vec<u16> = (0..count).map(|i| (i * 37 % 256) as u16).collect();
+    let flat = mesh.with_face_samples(samples.clone()).unwrap();
+    let formats = [Format::Ply, Format::Obj];
+    let paths = formats.map(|format| {
+        let path = folder.join(format!("flat.{format}"));
+        std::fs::write(&path, in_space(&flat, format, elevation()).unwrap()).unwrap();
+        path
+    });
+    let reports = read_by_libraries(&paths);
+    std::fs::remove_dir_all(&folder).unwrap();
+    for report in reports {
+        let shown = report["trimesh"]["face_colors"].as_array().unwrap();
+        assert_eq!(shown.len(), flat.faces().len());
+        for (shown, expected) in shown.iter().zip(samples.chunks(3)) {
+            let expected: Vec<f64> = expected.iter().map(|&sample| sample.into()).collect();
+            assert_eq!(numbers(shown)[..3], expected);
+        }
+    }
+    let mut json = Vec::new();
+    encode(&Encodable::new(&flat), Format::Json, &EncodeOptions::default(), &mut json, &|| Ok(()))
+        .unwrap();
+    let parsed: Value = serde_json::from_slice(&json).unwrap();
+    let expected: Vec<f64> = samples.iter().map(|&sample| sample.into()).collect();
+    assert_eq!(numbers(&parsed["face_samples"]), expected);
+    let colors = numbers(&parsed["face_colors"]);
+    let rgb = colors.chunks(4).flat_map(|color| color[..3].to_vec());
+    assert_eq!(rgb.collect::<Vec<f64>>(), expected);
+}
+
+#[test]
 fn a_solid_is_written_in_the_order_of_its_parts() {
     let mesh = samples::crossings(&[0, 2], &[0, 2], 1, 8, |i| [0, 255, 51, 102][i]);
     let relief = Relief { height: ReliefHeight::Total(5.0), ..Relief::default() };

@@ -42,6 +42,18 @@ fn picture(component_count: usize) -> Image {
     Image::from_bottom_up(WIDTH, HEIGHT, 8, (0..component_count).map(plane).collect()).unwrap()
 }
 
+/// Waves without edges, as in photographs out of focus.
+fn waves() -> Image {
+    let plane = |c: usize| -> Vec<u16> {
+        let sample = |x: usize, y: usize| {
+            let (x, y) = (x as f64 / 9.0, y as f64 / 13.0);
+            (128.0 + 60.0 * (x + y * (c + 1) as f64).sin() + 50.0 * (y - x).cos()) as u16
+        };
+        (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| sample(x, y))).collect()
+    };
+    Image::from_bottom_up(WIDTH, HEIGHT, 8, (0..3).map(plane).collect()).unwrap()
+}
+
 fn mesh_of(image: &Image) -> Mesh {
     let parameters = Method::Mgprfs.parameters(Target::Percent(4.0));
     mesh_image(image, &parameters, &()).unwrap().mesh
@@ -275,6 +287,47 @@ fn svg_has_no_seams_and_gradients_show_what_our_rasteriser_shows() {
             assert!(mean < bound, "{shading}, {count} components: {mean}");
         }
     }
+}
+
+#[test]
+fn faces_with_colors_look_in_svg_and_gltf_as_they_are_measured() {
+    let folder = Folder::new("flat");
+    let image = waves();
+    // Few faces: a GPU may give a pixel on an edge to the other face.
+    let made = mesh_image(&image, &Method::Flat.parameters(Target::Percent(0.5)), &()).unwrap();
+    let mut jobs = Vec::new();
+    for shading in Shading::ALL {
+        let options = EncodeOptions { shading: *shading, ..EncodeOptions::default() };
+        let name = format!("flat_{shading}.svg");
+        jobs.push((folder.write_mesh(&name, &made.mesh, Format::Svg, &options), "#fff"));
+    }
+    for compression in Compression::ALL {
+        let options = EncodeOptions { compression: *compression, ..EncodeOptions::default() };
+        let name = format!("flat_{compression}.glb");
+        jobs.push((folder.write_mesh(&name, &made.mesh, Format::Glb, &options), "#fff"));
+    }
+    let measured = psnr_db(&rasterize(&made.mesh, &()).unwrap(), &image);
+    for (drawn, (path, _)) in render(&jobs).iter().zip(&jobs) {
+        let shown = psnr_db(drawn, &image);
+        println!("{path:?}: {shown:.3} dB, measured {measured:.3} dB");
+        assert!(shown > measured - 0.1, "{path:?}: {shown} dB, measured {measured} dB");
+    }
+}
+
+/// The PSNR of a picture in colour, without the outermost pixels, whose middles lie on the mesh's
+/// border.
+fn psnr_db(drawn: &Image, expected: &Image) -> f64 {
+    let mut squared_error = 0.0;
+    for c in 0..3 {
+        for y in 1..HEIGHT - 1 {
+            for x in 1..WIDTH - 1 {
+                let off = shown(drawn, c, x, y) - i32::from(expected.sample(c, x, y));
+                squared_error += f64::from(off * off);
+            }
+        }
+    }
+    let count = (3 * (WIDTH - 2) * (HEIGHT - 2)) as f64;
+    10.0 * (255.0 * 255.0 * count / squared_error).log10()
 }
 
 /// The picture as it is seen on the background that the pages have.

@@ -45,7 +45,7 @@
 //! - `face_error`: the error of a triangle's interpolant against the image, by each metric.
 //! - `dynamic_mesh`: a triangulation with the errors of its faces, for vertices that move.
 //! - `removal`: greedy point removal; `refinement`: vertices moved and exchanged, edges flipped.
-//! - `model`: the [`Mesh`], its picture, [`Buffers`], [`Progression`] and [`FlatColors`].
+//! - `model`: the [`Mesh`], its picture and flat colours, [`Buffers`] and [`Progression`].
 //! - `quality`: [`Fidelity`] and structural similarity.
 //! - `guide`, `search`, `pipeline`: all of it in order; `error`; `serialize`: serde.
 //!
@@ -87,7 +87,6 @@ pub use density::Density;
 pub use error::MeshingError;
 pub use image::{Image, ImageError, MAX_POINTS, MAX_SIDE, Point, Shape, ShapeMismatch};
 pub use model::buffers::Buffers;
-pub use model::flat_color::FlatColors;
 pub use model::mesh::{Mesh, MeshError};
 pub use model::progression::{Progression, ProgressionError};
 pub use model::rasterize::rasterize;

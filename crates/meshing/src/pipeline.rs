@@ -8,7 +8,7 @@ use crate::face_error::metrics::mean_error;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
 use crate::image::{Image, Point};
-use crate::model::flat_color::{FlatColors, RowSums};
+use crate::model::flat_color::RowSums;
 use crate::model::mesh::Mesh;
 use crate::model::rasterize::rasterize;
 use crate::parameters::{Connectivity, ErrorMetric, Parallel, Parameters, Plan, Target, Values};
@@ -45,15 +45,12 @@ const REFINED_SEARCH_PRECISION: usize = 200;
 pub struct Approximation {
     /// The mesh.
     pub mesh: Mesh,
-    /// How close the picture rebuilt from the mesh is to the image: the one of
-    /// [`rasterize`](crate::rasterize), or that of `flat` where the parameters want flat faces.
+    /// How close the picture of the mesh, that of [`rasterize`](crate::rasterize), is to the image.
     pub fidelity: Fidelity,
     /// The numbers that the parameters mean for this image.
     pub plan: Plan,
     /// The vertices that greedy removal took out, in order, where the parameters want the list.
     pub removals: Vec<Removal>,
-    /// The best colours of the faces, where the parameters want flat faces.
-    pub flat: Option<FlatColors>,
 }
 
 /// Makes a mesh of an image: chooses the initial points, triangulates them, removes the least
@@ -108,16 +105,13 @@ fn mesh_by_plan(
     } else {
         (Mesh::of_samples(image, points, faces, control)?, squared_error)
     };
-    let flat = parameters
-        .is_flat()
-        .then(|| FlatColors::of_mesh(image, &mesh, guided.weights(), control))
-        .transpose()?;
-    let fidelity = match (&flat, squared_error) {
-        (Some(flat), _) => flat.fidelity,
-        (None, Some(known)) => Fidelity::new(known, image.shape()),
-        (None, None) => Fidelity::new(squared_error_of(&mesh, image, control)?, image.shape()),
+    let (mesh, fidelity) = if parameters.is_flat() {
+        mesh.with_weighted_colors(image, guided.weights(), control)?
+    } else {
+        let known = squared_error.map_or_else(|| squared_error_of(&mesh, image, control), Ok);
+        (mesh, Fidelity::new(known?, image.shape()))
     };
-    Ok(Approximation { mesh, fidelity, plan, removals, flat })
+    Ok(Approximation { mesh, fidelity, plan, removals })
 }
 
 struct Reduced {

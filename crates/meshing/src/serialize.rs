@@ -35,12 +35,18 @@ struct MeshParts {
     points: Vec<Point>,
     samples: Vec<u16>,
     faces: Vec<Face>,
+    face_samples: Option<Vec<u16>>,
 }
 
 impl<'de> Deserialize<'de> for Mesh {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let MeshParts { shape, points, samples, faces } = MeshParts::deserialize(deserializer)?;
-        Self::new(shape, points, samples, faces, &()).map_err(D::Error::custom)
+        let MeshParts { shape, points, samples, faces, face_samples } =
+            MeshParts::deserialize(deserializer)?;
+        let mesh = Self::new(shape, points, samples, faces, &()).map_err(D::Error::custom)?;
+        match face_samples {
+            Some(samples) => mesh.with_face_samples(samples).map_err(D::Error::custom),
+            None => Ok(mesh),
+        }
     }
 }
 

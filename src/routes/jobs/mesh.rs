@@ -29,8 +29,8 @@ use pixmesh_engine::pipeline;
 use pixmesh_engine::task::{Cost, Kept};
 use pixmesh_jobs::blobs::chunks::ChunkedBlob;
 use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
-use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;
+use pixmesh_meshing::{Fidelity, Shape};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -103,7 +103,8 @@ pub(super) async fn of(
         return Ok(answer::not_modified(headers));
     }
     let ran = options.query();
-    let job = Finished { service, record, mesh, output: options.output };
+    let is_flat = options.parameters.is_flat();
+    let job = Finished { service, record, mesh, output: options.output, is_flat };
     let (bytes, figures) = match (size, format) {
         (None, Format::Model | Format::Progression) => {
             headers.extend(answer::figures_of(&figures(mesh, ran))?);
@@ -185,6 +186,8 @@ struct Finished<'a> {
     mesh: &'a MeshFigures,
     /// How the mesh is written.
     output: Output,
+    /// Whether the faces have colours.
+    is_flat: bool,
 }
 
 impl Finished<'_> {
@@ -210,8 +213,10 @@ impl Finished<'_> {
 
     /// The mesh in another format.
     async fn converted(&self, format: Format) -> Result<Bytes, Problem> {
-        let Self { service, record, mesh, output } = *self;
-        let cost = Cost::of_conversion(self.shape(), mesh.vertices, mesh.bytes, format);
+        let Self { service, record, mesh, output, .. } = *self;
+        let (shape, is_flat) = (self.shape(), self.is_flat);
+        let cost = Cost::of_conversion(shape, mesh.vertices, mesh.bytes, format, is_flat);
+        let fidelity = Some(Fidelity::of_mse(mesh.mse, shape));
         let deadline = Instant::now() + service.deadline;
         let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
         let model = service.jobs.blobs.get_part(self.blob()?, 0..mesh.bytes).await?;
@@ -219,7 +224,7 @@ impl Finished<'_> {
         let (bytes, memory) = service
             .workers
             .run(ticket, deadline, move |watch, ticket| {
-                let bytes = pipeline::convert(model, format, &output, &limits, watch)?;
+                let bytes = pipeline::convert(model, fidelity, format, &output, &limits, watch)?;
                 let _ = watch.finish();
                 let memory = ticket.keep(bytes.len());
                 Ok((bytes, memory))
@@ -235,7 +240,7 @@ impl Finished<'_> {
         format: Format,
         parameters: String,
     ) -> Result<(Bytes, Figures), Problem> {
-        let Self { service, record, mesh, output } = *self;
+        let Self { service, record, mesh, output, .. } = *self;
         let place = self.place_of_order();
         let (shape, vertices) = (self.shape(), mesh.vertices as u64);
         let kept = Kept { shape, vertices, bytes: place.end - place.start };

@@ -51,10 +51,7 @@ pub(crate) fn measure(
             }
             let Some(model) = model else { continue };
             let (vertices, psnr_db) = (model.mesh.points().len(), model.fidelity.psnr_db());
-            let rebuilt = match model.flat {
-                Some(flat) => flat.picture,
-                None => rasterize(&model.mesh, &())?,
-            };
+            let rebuilt = rasterize(&model.mesh, &())?;
             let ssim = structural_similarity(image, &rebuilt, &())?.unwrap_or(f64::NAN);
             figures.push(Figure { series, density, vertices, psnr_db, ssim, seconds: fastest });
         }

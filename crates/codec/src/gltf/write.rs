@@ -86,7 +86,11 @@ fn assemble(
     let compressed = options.compression == Compression::Meshopt;
     // Compression lives on neighbours that follow each other.
     let ordered = compressed.then(|| face_order::by_neighbours(mesh));
-    let surface = Surface::new(ordered.as_ref().unwrap_or(mesh), &options.geometry)?;
+    let ordered = ordered.as_ref().unwrap_or(mesh);
+    let surface = match options.texture {
+        Some(_) => Surface::new(ordered, &options.geometry)?,
+        None => Surface::colored(ordered, &options.geometry)?,
+    };
     let lattice = match options.compression {
         Compression::None => None,
         Compression::Quantized | Compression::Meshopt => Lattice::of(&surface),

@@ -19,13 +19,17 @@ const COUNTS_TOKEN: usize = 5;
 /// Tokens before the first vertex.
 const VERTICES_TOKEN: usize = COUNTS_TOKEN + 3;
 
+/// The words of the comment before the samples of the faces.
+pub(super) const FACE_SAMPLES: &str = "face samples:";
+
 /// Tokens of a face.
 const FACE_TOKENS: usize = 4;
 
 /// Reads a mesh from MODEL, and checks that it is one.
 ///
 /// Any white space separates the fields, and comments run from `#` to the end of their line. The
-/// number of edges must be that of vertices and faces less one, or 0 for "not counted".
+/// number of edges must be that of vertices and faces less one, or 0 for "not counted". Comments
+/// after the last face may give the faces colours, as [`write_model`](crate::write_model) does.
 ///
 /// # Errors
 /// The first defect with its line: fields that are missing or no whole numbers, sizes over the
@@ -69,10 +73,16 @@ pub fn read_model_while(
     let (vertex_count, face_count) = read_counts(&mut tokens, shape)?;
     let (points, samples) = read_vertices(&mut tokens, shape, vertex_count)?;
     let faces = read_faces(&mut tokens, vertex_count, face_count)?;
+    let face_samples = read_face_samples(&mut tokens, shape, face_count)?;
     if let Some(token) = tokens.next() {
         return Err(token.malformed(&format!("'{}' follows the last face", token.quote())));
     }
-    Mesh::new(shape, points, samples, faces, &While(wanted)).map_err(|defect| match defect {
+    let mesh = Mesh::new(shape, points, samples, faces, &While(wanted));
+    let mesh = mesh.and_then(|mesh| match face_samples {
+        Some(samples) => mesh.with_face_samples(samples),
+        None => Ok(mesh),
+    });
+    mesh.map_err(|defect| match defect {
         MeshError::Cancelled(cancelled) => tokens.error(cancelled.into()),
         defect => {
             let token = token_of(&defect, shape, vertex_count);
@@ -203,6 +213,41 @@ fn read_faces(
         faces.push(face);
     }
     Ok(faces)
+}
+
+/// Reads the samples of the faces from the comments after the last face, if they are there: a title
+/// and a comment for each face.
+fn read_face_samples(
+    tokens: &mut Tokens<'_>,
+    shape: Shape,
+    face_count: usize,
+) -> Result<Option<Vec<u16>>, ModelError> {
+    let largest = u64::from(u16::MAX >> (16 - shape.precision));
+    while let Some(mut title) = tokens.comment()? {
+        if !FACE_SAMPLES
+            .split(' ')
+            .all(|word| title.next().is_some_and(|t| t.text == word.as_bytes()))
+        {
+            continue;
+        }
+        let count = face_count as u64;
+        title.number("the number of faces with samples", count, count)?;
+        let mut samples = Vec::new();
+        for face in 0..face_count {
+            let missing = || format!("the comment with the samples of face {face} is missing");
+            let comment = tokens.comment()?;
+            let mut numbers =
+                comment.ok_or_else(|| tokens.error(ModelDefect::Malformed(missing())))?;
+            for _ in 0..shape.component_count {
+                samples.push(numbers.number("the face's sample", 0, largest)? as u16);
+            }
+            if let Some(token) = numbers.next() {
+                return Err(token.malformed("the face has more samples than the image components"));
+            }
+        }
+        return Ok(Some(samples));
+    }
+    Ok(None)
 }
 
 /// Reads the index of one of `count` vertices.

@@ -89,23 +89,49 @@ impl<'a> Tokens<'a> {
         }
     }
 
+    /// The words and numbers of the next comment; `None` where anything else comes next.
+    ///
+    /// # Errors
+    /// [`ModelDefect::Cancelled`] when the file is no longer wanted.
+    pub(super) fn comment(&mut self) -> Result<Option<Self>, ModelError> {
+        if self.position >= self.poll_at {
+            self.poll()?;
+        }
+        if self.skip_blanks() != Some(b'#') {
+            return Ok(None);
+        }
+        let text = self.skip_comment().get(1..).unwrap_or_default();
+        Ok(Some(Self { bytes: text, position: 0, poll_at: usize::MAX, ..*self }))
+    }
+
     /// Skips white space and comments, and counts the lines.
     fn skip_space(&mut self) {
+        while self.skip_blanks() == Some(b'#') {
+            self.skip_comment();
+        }
+    }
+
+    /// Skips white space, counts the lines, and returns the byte after it.
+    fn skip_blanks(&mut self) -> Option<u8> {
         while let Some(&byte) = self.bytes.get(self.position) {
             match byte {
-                b'#' => {
-                    let rest = self.bytes.get(self.position..).unwrap_or_default();
-                    let end = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r');
-                    self.position += end.unwrap_or(rest.len());
-                    continue;
-                }
                 b'\n' => self.line += 1,
                 b'\r' if self.bytes.get(self.position + 1) != Some(&b'\n') => self.line += 1,
                 _ if is_space(byte) => {}
-                _ => break,
+                _ => return Some(byte),
             }
             self.position += 1;
         }
+        None
+    }
+
+    /// Skips the rest of the line, and returns it.
+    fn skip_comment(&mut self) -> &'a [u8] {
+        let rest = self.bytes.get(self.position..).unwrap_or_default();
+        let end = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r');
+        let comment = &rest[..end.unwrap_or(rest.len())];
+        self.position += comment.len();
+        comment
     }
 }
 

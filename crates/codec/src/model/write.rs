@@ -1,12 +1,15 @@
 //! The MODEL writer.
 
+use super::read::FACE_SAMPLES;
 use crate::lines::Lines;
 use pixmesh_meshing::parameters::{Connectivity, Values};
 use pixmesh_meshing::{Mesh, Parameters};
 use std::io::{self, Write};
 
 /// Writes a mesh as MODEL: the shape on the first line, `OFF` on the second, the numbers of
-/// vertices, faces and edges on the third, then a line for each vertex and each face.
+/// vertices, faces and edges on the third, then a line for each vertex and each face. Colours of
+/// faces follow as comments, which other readers skip: `# face samples: `, the number of faces, and
+/// a comment with the samples of each face.
 ///
 /// # Errors
 /// Whatever `out` fails with.
@@ -19,11 +22,9 @@ pub fn write_model(mesh: &Mesh, out: &mut impl Write) -> io::Result<()> {
 pub fn model_comments(parameters: &Parameters) -> Vec<&'static str> {
     let free = "connectivity free: the faces need not be those of the Delaunay triangulation";
     let fitted = "values fitted: the values need not be the image's samples";
-    let flat = "reconstruction flat: made for one colour in each face";
     let free = (parameters.connectivity == Connectivity::Free).then_some(free);
     let fitted = (parameters.values == Values::Fitted).then_some(fitted);
-    let flat = parameters.is_flat().then_some(flat);
-    free.into_iter().chain(fitted).chain(flat).collect()
+    free.into_iter().chain(fitted).collect()
 }
 
 /// Writes a mesh as [`write_model`] does, with comments, one line each, after the word `OFF`.
@@ -53,6 +54,16 @@ pub fn write_model_with_comments(
     for &[i, j, k] in mesh.faces() {
         put_line([3, i, j, k], &mut lines)?;
     }
+    if let Some(samples) = mesh.face_samples() {
+        lines.text("# ");
+        lines.text(FACE_SAMPLES);
+        lines.text(" ");
+        put_line([mesh.faces().len()], &mut lines)?;
+        for samples in samples.chunks_exact(components) {
+            lines.text("# ");
+            put_line(samples.iter().copied(), &mut lines)?;
+        }
+    }
     lines.flush()
 }
 
@@ -81,8 +92,7 @@ mod tests {
         assert_eq!(model_comments(&plain), [] as [&str; 0]);
         let free = plain.clone().connectivity(Connectivity::Free);
         let fitted = plain.values(Values::Fitted);
-        let flat = Method::Flat.parameters(Target::Size(50));
-        for (parameters, word) in [(&free, "connectivity"), (&fitted, "values"), (&flat, "flat")] {
+        for (parameters, word) in [(&free, "connectivity"), (&fitted, "values")] {
             let comments = model_comments(parameters);
             assert!(comments.len() == 1 && comments[0].contains(word), "{comments:?}");
         }

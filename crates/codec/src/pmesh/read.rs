@@ -1,6 +1,9 @@
 //! The pmesh reader.
 
-use super::{HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION, predicted};
+use super::{
+    FLAT_VERSION, HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION,
+    mean_of_corners, ordered_faces, predicted,
+};
 use crate::error::DecodeError;
 use crate::leb128::{take, unfolded};
 use crate::limits::Limits;
@@ -26,7 +29,7 @@ pub enum PmeshError {
     #[error("this is no pmesh: the header is wrong")]
     Header,
     /// A later version of the format.
-    #[error("pmesh version {0} is not supported: 1 is")]
+    #[error("pmesh version {0} is not supported: 1 and 2 are")]
     Version(u8),
     /// The image is larger than the limits allow.
     #[error(transparent)]
@@ -61,7 +64,7 @@ pub enum PmeshError {
 /// # Errors
 /// When the bytes are no pmesh, or one beyond the limits.
 pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
-    let Contents { shape, points, samples, .. } = read(bytes, limits, &always)?;
+    let Contents { shape, points, samples, face_differences, .. } = read(bytes, limits, &always)?;
     // Only points with the corners among them can be triangulated.
     let (right, top) = (shape.width as i32 - 1, shape.height as i32 - 1);
     for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
@@ -70,7 +73,14 @@ pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
         }
     }
     let faces = triangulate(&points);
-    Ok(Mesh::new(shape, points, samples, faces, &())?)
+    let mesh = Mesh::new(shape, points, samples, faces, &())?;
+    match face_differences {
+        Some(differences) => {
+            let samples = read_face_samples(&mesh, &differences).ok_or(PmeshError::Stream)?;
+            Ok(mesh.with_face_samples(samples)?)
+        }
+        None => Ok(mesh),
+    }
 }
 
 /// Reads a progression from pmesh.
@@ -90,7 +100,7 @@ pub fn read_progression_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Progression, PmeshError> {
-    let Contents { shape, points, samples, order } = read(bytes, limits, wanted)?;
+    let Contents { shape, points, samples, order, .. } = read(bytes, limits, wanted)?;
     let Order { ranks, squared_errors } = order.ok_or(PmeshError::NoOrder)?;
     let count = shape.component_count;
     let mut order = vec![usize::MAX; points.len()];
@@ -116,6 +126,8 @@ struct Contents {
     points: Vec<Point>,
     samples: Vec<u16>,
     order: Option<Order>,
+    /// How the samples of the faces differ from those predicted.
+    face_differences: Option<Vec<u8>>,
 }
 
 /// The order of importance.
@@ -130,7 +142,8 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
     if header[..4] != MAGIC {
         return Err(PmeshError::Header);
     }
-    if header[4] != VERSION {
+    let is_flat = header[4] == FLAT_VERSION;
+    if header[4] != VERSION && !is_flat {
         return Err(PmeshError::Version(header[4]));
     }
     let number = |at: usize| {
@@ -139,7 +152,7 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
     };
     let (width, height) = limits.check(number(8).into(), number(12).into())?;
     let (ordered, precision, component_count) = (header[5], header[6], usize::from(header[7]));
-    if ordered > 1 || !(1..=16).contains(&precision) || component_count == 0 {
+    if ordered > u8::from(!is_flat) || !(1..=16).contains(&precision) || component_count == 0 {
         return Err(PmeshError::Header);
     }
     let shape = Shape { width, height, component_count, precision };
@@ -149,8 +162,10 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
     }
     let planes = component_count * if precision > 8 { 2 } else { 1 };
     let ordering = if ordered == 1 { RANK_BYTES + NUMBER_BYTES } else { 0 };
+    // A mesh has fewer than twice as many faces as vertices.
+    let of_faces = if is_flat { 2 * planes } else { 0 };
     let length = number(20) as usize;
-    if length > count * (GAP_BYTES + planes + ordering) {
+    if length > count * (GAP_BYTES + planes + ordering + of_faces) {
         return Err(PmeshError::Stream);
     }
     let stream = inflated(deflated, length, wanted)?;
@@ -158,13 +173,37 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
     wanted()?;
     let (differences, rest) = rest.split_at_checked(count * planes).ok_or(PmeshError::Stream)?;
     let order = match ordered {
-        0 if rest.is_empty() => None,
+        0 if is_flat || rest.is_empty() => None,
         0 => return Err(PmeshError::Stream),
         _ => Some(read_order(count, rest).ok_or(PmeshError::Stream)?),
     };
     wanted()?;
     let samples = read_samples(shape, &points, differences, wanted)?;
-    Ok(Contents { shape, points, samples, order })
+    let face_differences = is_flat.then(|| rest.to_vec());
+    Ok(Contents { shape, points, samples, order, face_differences })
+}
+
+/// The samples of the faces of a mesh whose vertices are in order; `None` when there are too few
+/// differences, or too many.
+fn read_face_samples(mesh: &Mesh, differences: &[u8]) -> Option<Vec<u16>> {
+    let Shape { component_count, precision, .. } = mesh.shape();
+    let (faces, modulus) = (mesh.faces().len(), 1i64 << precision);
+    let planes_each = if precision > 8 { 2 } else { 1 };
+    if differences.len() != faces * component_count * planes_each {
+        return None;
+    }
+    let mut samples = vec![0; faces * component_count];
+    for (number, (corners, face)) in ordered_faces(mesh.faces(), |v| v).into_iter().enumerate() {
+        for c in 0..component_count {
+            let byte =
+                |plane: usize| u64::from(differences[(c * planes_each + plane) * faces + number]);
+            let folded = if planes_each == 2 { byte(0) | byte(1) << 8 } else { byte(0) };
+            let expected = mean_of_corners(corners.map(|v| mesh.vertex_samples(v as usize)[c]));
+            let sum = i64::from(expected) + unfolded(folded);
+            samples[face * component_count + c] = sum.rem_euclid(modulus) as u16;
+        }
+    }
+    Some(samples)
 }
 
 /// The stream, which must have this length.

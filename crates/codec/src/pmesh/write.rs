@@ -1,12 +1,14 @@
 //! The pmesh writer.
 
-use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
+use super::{
+    FLAT_VERSION, MAGIC, Predictor, RANK_BYTES, VERSION, mean_of_corners, ordered_faces, predicted,
+};
 use crate::error::EncodeError;
 use crate::leb128::{append, folded};
 use crate::wanted::{Wanted, While, always};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
-use pixmesh_meshing::{Mesh, Point, Progression, Shape};
+use pixmesh_meshing::{Face, Mesh, Point, Progression, Shape};
 use std::io::Write;
 
 /// The format's name in errors.
@@ -35,7 +37,7 @@ pub fn write_pmesh_while(
     if !mesh.is_preferred_delaunay(&While(wanted))? {
         return Err(EncodeError::Connectivity { format: NAME });
     }
-    write(mesh.shape(), mesh.points(), mesh.samples(), None, out)
+    write(mesh.shape(), mesh.points(), mesh.samples(), Beside::Faces(mesh), out)
 }
 
 /// Writes a progression as pmesh, its order and squared errors kept: about seven bytes a vertex
@@ -48,16 +50,25 @@ pub fn write_progression(
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let errors = progression.squared_errors();
-    write(progression.shape(), progression.points(), progression.samples(), Some(errors), out)
+    let beside = Beside::Order(errors);
+    write(progression.shape(), progression.points(), progression.samples(), beside, out)
 }
 
-/// Writes header and stream of points in any order, which is kept with the squared errors of all
-/// sizes if these are given.
+/// What a pmesh keeps beside vertices.
+#[derive(Clone, Copy)]
+enum Beside<'a> {
+    /// The samples of the faces of this mesh, if there are any.
+    Faces(&'a Mesh),
+    /// The order of the points, and the squared errors of all sizes.
+    Order(&'a [u64]),
+}
+
+/// Writes header and stream of points in any order.
 fn write(
     shape: Shape,
     points: &[Point],
     samples: &[u16],
-    squared_errors: Option<&[u64]>,
+    beside: Beside<'_>,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let actual = shape.component_count;
@@ -67,18 +78,28 @@ fn write(
     order.sort_unstable_by_key(|&v| points[v]);
     let mut stream = gaps(shape, points, &order);
     append_samples(shape, points, samples, &order, &mut stream);
-    if let Some(errors) = squared_errors {
-        for byte in 0..RANK_BYTES {
-            stream.extend(order.iter().map(|&rank| (rank >> (8 * byte)) as u8));
+    let (mut version, mut is_ordered) = (VERSION, 0);
+    match beside {
+        Beside::Order(errors) => {
+            is_ordered = 1;
+            for byte in 0..RANK_BYTES {
+                stream.extend(order.iter().map(|&rank| (rank >> (8 * byte)) as u8));
+            }
+            append_errors(errors, &mut stream);
         }
-        append_errors(errors, &mut stream);
+        Beside::Faces(mesh) => {
+            if let Some(samples) = mesh.face_samples() {
+                version = FLAT_VERSION;
+                append_face_samples(mesh, samples, &order, &mut stream);
+            }
+        }
     }
     let fits = |number: usize| {
         let (bytes, limit) = (number as u64, u32::MAX.into());
         u32::try_from(number).map_err(|_| EncodeError::TooLarge { format: NAME, bytes, limit })
     };
     let mut header = MAGIC.to_vec();
-    header.extend([VERSION, u8::from(squared_errors.is_some()), shape.precision, components]);
+    header.extend([version, is_ordered, shape.precision, components]);
     for number in [shape.width, shape.height, points.len(), stream.len()] {
         header.extend(fits(number)?.to_le_bytes());
     }
@@ -125,12 +146,40 @@ fn append_samples(
         let nearest = predictor.predict(points[v], number).map_or(&[][..], |n| of(order[n]));
         for (c, differences) in differences.iter_mut().enumerate() {
             let expected = predicted(c, nearest, of(v)[0], modulus);
-            let difference = (u32::from(of(v)[c]) + modulus - expected) % modulus;
-            let wrapped = if difference < modulus / 2 { 0 } else { i64::from(modulus) };
-            differences.push(folded(i64::from(difference) - wrapped));
+            differences.push(difference(of(v)[c], expected, modulus));
         }
     }
-    for differences in &differences {
+    append_planes(&differences, shape, stream);
+}
+
+/// Appends how the samples of the faces differ from the means of their vertices, component by
+/// component.
+fn append_face_samples(mesh: &Mesh, samples: &[u16], order: &[usize], stream: &mut Vec<u8>) {
+    let shape = mesh.shape();
+    let (count, modulus) = (shape.component_count, 1u32 << shape.precision);
+    let mut numbers = vec![0; order.len()];
+    order.iter().zip(0..).for_each(|(&v, number)| numbers[v] = number);
+    let faces = ordered_faces(mesh.faces(), |v| numbers[v as usize]);
+    let of_component = |c: usize| {
+        let difference = |&(_, face): &(Face, usize)| {
+            let corners = mesh.faces()[face].map(|v| mesh.vertex_samples(v as usize)[c]);
+            difference(samples[face * count + c], mean_of_corners(corners), modulus)
+        };
+        faces.iter().map(difference).collect()
+    };
+    append_planes(&(0..count).map(of_component).collect::<Vec<_>>(), shape, stream);
+}
+
+/// How a sample differs from the one expected, the shorter way around, folded.
+fn difference(sample: u16, expected: u32, modulus: u32) -> u64 {
+    let difference = (u32::from(sample) + modulus - expected) % modulus;
+    let wrapped = if difference < modulus / 2 { 0 } else { i64::from(modulus) };
+    folded(i64::from(difference) - wrapped)
+}
+
+/// Appends the differences of each component: of more than 8 bits first the low bytes.
+fn append_planes(components: &[Vec<u64>], shape: Shape, stream: &mut Vec<u8>) {
+    for differences in components {
         stream.extend(differences.iter().map(|&difference| difference as u8));
         if shape.precision > 8 {
             stream.extend(differences.iter().map(|&difference| (difference >> 8) as u8));

@@ -10,7 +10,7 @@ use super::Surface;
 /// that the relief is lit up to its rim.
 pub(super) fn vertex_normals(surface: &Surface<'_>) -> Vec<[f64; 3]> {
     let mut normals = vec![[0.0; 3]; surface.vertex_count()];
-    let top_vertices = surface.mesh.points().len();
+    let top_vertices = surface.mesh_vertex_count();
     let top_faces = surface.mesh.faces().len();
     for (index, face) in surface.faces().enumerate() {
         let normal = cross_product(face.map(|vertex| surface.position(vertex as usize)));

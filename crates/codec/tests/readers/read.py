@@ -22,7 +22,19 @@ def by_trimesh(path):
         "winding": bool(mesh.is_winding_consistent),
         "volume": float(mesh.volume),
         "color": None if colors is None else [int(part) for part in colors[0]],
+        "face_colors": face_colors(path),
     }
+
+
+def face_colors(path):
+    """The colour of each face whose three vertices have the same, else None for the face."""
+    # Vertices at the same position stay apart.
+    mesh = trimesh.load(path, force="mesh", process=False)
+    colors = getattr(mesh.visual, "vertex_colors", None)
+    if colors is None:
+        return None
+    corners = [[tuple(int(part) for part in colors[v]) for v in face] for face in mesh.faces]
+    return [face[0] if face[0] == face[1] == face[2] else None for face in corners]
 
 
 def by_meshio(path):

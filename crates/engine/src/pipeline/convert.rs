@@ -5,13 +5,16 @@ use crate::context::Context;
 use crate::error::EngineError;
 use crate::params::Output;
 use pixmesh_codec::{Encodable, Format, Limits, read_model_while};
+use pixmesh_meshing::Fidelity;
 
-/// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format.
+/// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format. JSON states the
+/// fidelity where it is known.
 ///
 /// # Errors
 /// When the bytes are no MODEL, the format cannot hold the result, or the context stops the work.
 pub fn convert(
     model: impl AsRef<[u8]>,
+    fidelity: Option<Fidelity>,
     format: Format,
     output: &Output,
     limits: &Limits,
@@ -22,5 +25,6 @@ pub fn convert(
     let mesh = read_model_while(model.as_ref(), limits, &|| context.check())?;
     drop(model);
     context.check()?;
-    encode(&Encodable::new(&mesh), format, &output.writing(None), context)
+    let source = Encodable { fidelity: fidelity.as_ref(), ..Encodable::new(&mesh) };
+    encode(&source, format, &output.writing(None), context)
 }

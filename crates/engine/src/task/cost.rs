@@ -25,10 +25,17 @@ impl Cost {
         Self { mib, effort: Effort::of_mesh(header, plan, parameters) }
     }
 
-    /// The cost of writing a mesh, whose MODEL has so many bytes, in a format.
+    /// The cost of writing a mesh, whose MODEL has so many bytes, in a format; `is_flat` if its faces
+    /// may have colours.
     #[must_use]
-    pub fn of_conversion(shape: Shape, vertices: usize, model_bytes: u64, format: Format) -> Self {
-        let bytes = footprint::of_conversion(shape, vertices as u64, model_bytes, format);
+    pub fn of_conversion(
+        shape: Shape,
+        vertices: usize,
+        model_bytes: u64,
+        format: Format,
+        is_flat: bool,
+    ) -> Self {
+        let bytes = footprint::of_conversion(shape, vertices as u64, model_bytes, format, is_flat);
         Self { mib: 1, effort: Effort::of_samples(shape) }.with_file(bytes)
     }
 

@@ -219,7 +219,8 @@ impl<'a> Footprint<'a> {
 
     /// The mesh, and the answer with what it is made from; the image is gone.
     fn encoding(&self) -> u64 {
-        let mesh = self.most * (VERTEX + SAMPLE * self.components);
+        let of_faces = if self.parameters.is_flat() { 2 } else { 0 };
+        let mesh = self.most * (VERTEX + SAMPLE * self.components * (1 + of_faces));
         let removals = if self.simplifies { self.initial * REMOVAL } else { 0 };
         let rebuilt_with_its_file = if self.format.is_picture() { 2 * self.image() } else { 0 };
         mesh + removals + self.written() + rebuilt_with_its_file
@@ -227,18 +228,19 @@ impl<'a> Footprint<'a> {
 
     /// An answer that holds the mesh; a job keeps an order of vertices beside the MODEL.
     fn written(&self) -> u64 {
+        let is_flat = self.parameters.is_flat();
         let kept = if self.format == Format::Progression {
-            written(Format::Model, self.header.shape(), self.most)
+            written(Format::Model, self.header.shape(), self.most, is_flat)
         } else {
             0
         };
-        kept + written(self.format, self.header.shape(), self.most)
+        kept + written(self.format, self.header.shape(), self.most, is_flat)
     }
 }
 
 /// Bytes that writing a mesh of so many vertices takes, without those of a picture.
-fn written(format: Format, shape: Shape, vertices: u64) -> u64 {
-    vertices * format.bytes_per_vertex(shape.component_count)
+fn written(format: Format, shape: Shape, vertices: u64, is_flat: bool) -> u64 {
+    vertices * format.bytes_per_vertex(shape.component_count, is_flat)
 }
 
 /// Bytes of an image's samples.
@@ -247,15 +249,24 @@ pub(crate) fn image_bytes(shape: Shape) -> u64 {
 }
 
 /// Bytes that writing a mesh takes, the picture that it is rebuilt to with its file too.
-fn written_or_rebuilt(format: Format, shape: Shape, vertices: u64) -> u64 {
-    if format.is_picture() { 2 * image_bytes(shape) } else { written(format, shape, vertices) }
+fn written_or_rebuilt(format: Format, shape: Shape, vertices: u64, is_flat: bool) -> u64 {
+    match format.is_picture() {
+        true => 2 * image_bytes(shape),
+        false => written(format, shape, vertices, is_flat),
+    }
 }
 
 /// Bytes that writing a mesh in a format takes, where the mesh is read from so much MODEL.
-pub(super) fn of_conversion(shape: Shape, vertices: u64, model: u64, format: Format) -> u64 {
+pub(super) fn of_conversion(
+    shape: Shape,
+    vertices: u64,
+    model: u64,
+    format: Format,
+    is_flat: bool,
+) -> u64 {
     let out = match format {
         Format::Model => model,
-        format => written_or_rebuilt(format, shape, vertices),
+        format => written_or_rebuilt(format, shape, vertices, is_flat),
     };
     read_model_bytes(model).saturating_add(out)
 }
@@ -264,8 +275,8 @@ pub(super) fn of_conversion(shape: Shape, vertices: u64, model: u64, format: For
 /// writing it in a format: the order as it is read, the triangulation and the file.
 pub(super) fn of_resizing(kept: Kept, size: u64, format: Format) -> u64 {
     let Kept { shape, vertices, bytes } = kept;
-    let read = bytes + written(Format::Progression, shape, vertices);
-    let out = written_or_rebuilt(format, shape, size);
+    let read = bytes + written(Format::Progression, shape, vertices, false);
+    let out = written_or_rebuilt(format, shape, size, false);
     read.saturating_add(size * (POINT + VERTEX)).saturating_add(out)
 }
 

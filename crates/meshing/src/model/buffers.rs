@@ -1,9 +1,10 @@
 //! A mesh as the buffers that a GPU draws.
 
-use crate::image::Shape;
+use crate::image::{Point, Shape};
 use crate::model::mesh::Mesh;
 
-/// The vertex and index buffers of a mesh.
+/// The vertex and index buffers of a mesh. Where the faces have
+/// [samples](Mesh::face_samples), each face has three vertices of its own in its colour.
 ///
 /// ```
 /// use pixmesh_meshing::{Buffers, Image, Method, Target, mesh_image};
@@ -38,14 +39,28 @@ impl Buffers {
     pub fn new(mesh: &Mesh) -> Self {
         let Shape { width, height, component_count, precision } = mesh.shape();
         let largest = crate::image::largest_sample(precision);
-        let (points, samples) = (mesh.points(), mesh.samples());
+        let count = component_count;
+        let (vertices, samples, indices): (Vec<u32>, Vec<&[u16]>, Vec<u32>) =
+            match mesh.face_samples() {
+                None => (
+                    (0..mesh.points().len() as u32).collect(),
+                    mesh.samples().chunks_exact(count).collect(),
+                    mesh.faces().as_flattened().to_vec(),
+                ),
+                Some(samples) => (
+                    mesh.faces().as_flattened().to_vec(),
+                    samples.chunks_exact(count).flat_map(|samples| [samples; 3]).collect(),
+                    (0..3 * mesh.faces().len() as u32).collect(),
+                ),
+            };
+        let points: Vec<Point> = vertices.iter().map(|&v| mesh.points()[v as usize]).collect();
         let [columns, rows] = [width, height].map(|side| side as f32);
         let uv = |x: i32, y: i32| [(x as f32 + 0.5) / columns, (rows - y as f32 - 0.5) / rows];
         Self {
             positions: points.iter().map(|p| [p.x as f32, p.y as f32, 0.0]).collect(),
-            colors: samples.chunks_exact(component_count).map(|s| color(s, largest)).collect(),
+            colors: samples.iter().map(|samples| color(samples, largest)).collect(),
             uvs: points.iter().map(|p| uv(p.x, p.y)).collect(),
-            indices: mesh.faces().as_flattened().to_vec(),
+            indices,
         }
     }
 }

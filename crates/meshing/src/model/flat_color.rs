@@ -12,56 +12,48 @@ use crate::model::mesh::Mesh;
 use crate::parameters::choices::ErrorMetric;
 use crate::quality::fidelity::Fidelity;
 
-/// An image in which every face of a mesh has one colour, and how close it is to the original.
-///
-/// ```
-/// use pixmesh_meshing::{FlatColors, Image, Method, Target, mesh_image};
-///
-/// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 10, 10, 90]])?;
-/// let mesh = mesh_image(&image, &Method::Med.parameters(Target::Size(4)), &())?.mesh;
-/// let flat = FlatColors::new(&image, &mesh, &())?;
-/// assert_eq!(flat.colors.len(), mesh.faces().len());
-/// assert_eq!(flat.fidelity.squared_error, 80 * 80 / 2);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct FlatColors {
-    /// Face by face in the mesh's order: component `c` of face `f` is `colors[f * components + c]`.
-    /// A face without pixels of its own has the colour of its first vertex.
-    pub colors: Vec<u16>,
-    /// The image of these colours.
-    pub picture: Image,
-    /// How close it is to the original.
-    pub fidelity: Fidelity,
-}
-
-impl FlatColors {
-    /// The best colour of each face of a mesh for an image of its shape.
+impl Mesh {
+    /// Gives each face its best colour for an image of the mesh's shape; returns how close the
+    /// picture of these colours is to the image. A face without pixels of its own has the colour of
+    /// its first vertex.
     ///
     /// # Errors
     /// When the image has another shape than the mesh's, or the control cancels.
-    pub fn new(image: &Image, mesh: &Mesh, control: &dyn Control) -> Result<Self, MeshingError> {
-        ShapeMismatch::check(image.shape(), mesh.shape())?;
-        Ok(Self::of_mesh(image, mesh, None, control)?)
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Image, Method, Target, mesh_image};
+    ///
+    /// let image = Image::from_top_down(2, 2, 8, vec![vec![10, 10, 10, 90]])?;
+    /// let mesh = mesh_image(&image, &Method::Med.parameters(Target::Size(4)), &())?.mesh;
+    /// let (flat, fidelity) = mesh.with_flat_colors(&image, &())?;
+    /// assert_eq!(flat.face_samples().map(|samples| samples.len()), Some(flat.faces().len()));
+    /// assert_eq!(fidelity.squared_error, 80 * 80 / 2);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn with_flat_colors(
+        self,
+        image: &Image,
+        control: &dyn Control,
+    ) -> Result<(Self, Fidelity), MeshingError> {
+        ShapeMismatch::check(image.shape(), self.shape())?;
+        Ok(self.with_weighted_colors(image, None, control)?)
     }
 
-    /// The colours for an image of the mesh's shape, weighted where there are weights.
-    pub(crate) fn of_mesh(
+    /// The same with weights where there are any.
+    pub(crate) fn with_weighted_colors(
+        self,
         image: &Image,
-        mesh: &Mesh,
         weights: Option<&[u8]>,
         control: &dyn Control,
-    ) -> Result<Self, Cancelled> {
+    ) -> Result<(Self, Fidelity), Cancelled> {
         let (count, width) = (image.component_count(), image.width());
-        let mut poller = Poller::new(control, Stage::Rasterize, 0, mesh.faces().len());
-        let mut colors = Vec::with_capacity(mesh.faces().len() * count);
-        let mut components: Vec<_> = (0..count).map(|_| vec![0; image.pixel_count()]).collect();
+        let mut poller = Poller::new(control, Stage::Rasterize, 0, self.faces().len());
+        let mut colors = Vec::with_capacity(self.faces().len() * count);
         let mut squared_error = 0;
-        for (f, &face) in mesh.faces().iter().enumerate() {
-            let corners = mesh.corners(face);
+        for (f, &face) in self.faces().iter().enumerate() {
+            let corners = self.corners(face);
             poller.done = f;
-            for (c, component) in components.iter_mut().enumerate() {
+            for c in 0..count {
                 let mut sum = Sum::default();
                 try_for_each_row(corners, |y, first, end| {
                     poller.step((end - first) as usize)?;
@@ -73,22 +65,20 @@ impl FlatColors {
                     }
                     Ok(())
                 })?;
-                let color = sum.mean().unwrap_or_else(|| mesh.vertex_samples(face[0] as usize)[c]);
+                let color = sum.mean().unwrap_or_else(|| self.vertex_samples(face[0] as usize)[c]);
                 colors.push(color);
                 poller.step(STEPS_PER_FACE)?;
                 try_for_each_row(corners, |y, first, end| {
                     poller.step((end - first) as usize)?;
-                    let columns = first as usize..end as usize;
                     let square = |sample: &u16| u64::from(sample.abs_diff(color)).pow(2);
-                    let row = &image.row(c, y as usize)[columns.clone()];
+                    let row = &image.row(c, y as usize)[first as usize..end as usize];
                     squared_error += row.iter().map(square).sum::<u64>();
-                    component[y as usize * width..][columns].fill(color);
                     Ok(())
                 })?;
             }
         }
-        let picture = image.with_components(components);
-        Ok(Self { colors, picture, fidelity: Fidelity::new(squared_error, image.shape()) })
+        let fidelity = Fidelity::new(squared_error, image.shape());
+        Ok((self.with_kernel_face_samples(colors), fidelity))
     }
 }
 
@@ -211,6 +201,7 @@ mod tests {
     use crate::control::tests::{Recorder, poller};
     use crate::face_error::scan_conversion::for_each_row;
     use crate::image::corner_points;
+    use crate::model::rasterize::rasterize;
     use crate::triangulation::{Face, triangulate};
     use proptest::prelude::*;
     use std::collections::BTreeSet;
@@ -219,7 +210,7 @@ mod tests {
     fn polls_within_large_faces() {
         let image = Image::from_bottom_up(2000, 1000, 8, vec![vec![9; 2_000_000]]).unwrap();
         let (mesh, recorder) = (mesh_of(&image, &[]), Recorder::default());
-        FlatColors::new(&image, &mesh, &recorder).unwrap();
+        mesh.with_flat_colors(&image, &recorder).unwrap();
         // Once for the sums along rows, once for the colours.
         let count = recorder.reports().len();
         assert!(count > 2 * 2_000_000 / 70_000, "{count} polls");
@@ -253,8 +244,10 @@ mod tests {
             let image = Image::from_bottom_up(width, height, 16, components).unwrap();
             let weights = weights.as_ref().map(|weights| &weights[..count]);
             let mesh = mesh_of(&image, &inner);
-            let flat = FlatColors::of_mesh(&image, &mesh, weights, &()).unwrap();
-            prop_assert_eq!(Fidelity::between(&image, &flat.picture, &()).unwrap(), flat.fidelity);
+            let (mesh, fidelity) = mesh.with_weighted_colors(&image, weights, &()).unwrap();
+            let picture = rasterize(&mesh, &()).unwrap();
+            prop_assert_eq!(Fidelity::between(&image, &picture, &()).unwrap(), fidelity);
+            let colors = mesh.face_samples().unwrap();
             let sums = RowSums::new(&image, weights, Stage::Refine, &()).unwrap();
             for (f, &face) in mesh.faces().iter().enumerate() {
                 let (corners, mut error) = (mesh.corners(face), 0);
@@ -267,7 +260,7 @@ mod tests {
                             owned.push((weight, image.sample(c, x, y as usize)));
                         }
                     });
-                    let color = flat.colors[2 * f + c];
+                    let color = colors[2 * f + c];
                     let error_of = |color: u16| {
                         let squared = |&(weight, s): &(u64, u16)| {
                             weight * u64::from(s.abs_diff(color)).pow(2)

@@ -28,6 +28,9 @@ pub struct Mesh {
     points: Vec<Point>,
     samples: Vec<u16>,
     faces: Vec<Face>,
+    /// The samples of the faces; empty where the vertices' samples are interpolated.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    face_samples: Vec<u16>,
 }
 
 /// The first defect found in what should be a mesh. Indices count from 0.
@@ -58,6 +61,12 @@ pub enum MeshError {
     /// A sample is larger than the precision allows.
     #[error("vertex {vertex} has the sample {sample}, more than the maximum {maximum}")]
     SampleRange { vertex: usize, sample: u16, maximum: u16 },
+    /// The number of samples of faces is not the number of faces times that of components.
+    #[error("{actual} samples of faces where {expected} are needed")]
+    FaceSampleCount { actual: usize, expected: usize },
+    /// A sample of a face is larger than the precision allows.
+    #[error("face {face} has the sample {sample}, more than the maximum {maximum}")]
+    FaceSampleRange { face: usize, sample: u16, maximum: u16 },
     /// A corner of the image is not a vertex.
     #[error("the image's corner ({x}, {y}) is not a vertex")]
     CornerMissing { x: i32, y: i32 },
@@ -105,9 +114,52 @@ impl Mesh {
         faces: Vec<Face>,
         control: &dyn Control,
     ) -> Result<Self, MeshError> {
-        let mesh = Self { shape, points, samples, faces };
+        let mesh = Self { shape, points, samples, faces, face_samples: Vec::new() };
         mesh.check(control)?;
         Ok(mesh)
+    }
+
+    /// Gives each face one colour: component `c` of face `f` is
+    /// `face_samples[f * component_count + c]`. The picture of such a mesh shows these colours, and
+    /// does not interpolate the vertices' samples.
+    ///
+    /// # Errors
+    /// When the number of samples is wrong, or a sample is larger than the precision allows.
+    ///
+    /// ```
+    /// use pixmesh_meshing::{Mesh, Point, Shape, rasterize};
+    /// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
+    /// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
+    /// let faces = vec![[0, 1, 3], [0, 3, 2]];
+    /// let mesh = Mesh::new(shape, corners.to_vec(), vec![0, 9, 0, 9], faces, &())?;
+    /// let flat = mesh.with_face_samples(vec![7, 5])?;
+    /// assert_eq!(flat.face_samples(), Some(&[7, 5][..]));
+    /// assert_eq!(rasterize(&flat, &())?.row(0, 0), [7, 7, 7]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn with_face_samples(mut self, face_samples: Vec<u16>) -> Result<Self, MeshError> {
+        let (count, maximum) = (self.shape.component_count, largest_sample(self.shape.precision));
+        let (actual, expected) = (face_samples.len(), self.faces.len() * count);
+        if actual != expected {
+            return Err(MeshError::FaceSampleCount { actual, expected });
+        }
+        if let Some(i) = face_samples.iter().position(|&sample| sample > maximum) {
+            let (face, sample) = (i / count, face_samples[i]);
+            return Err(MeshError::FaceSampleRange { face, sample, maximum });
+        }
+        self.face_samples = face_samples;
+        Ok(self)
+    }
+
+    /// Gives the faces samples that a kernel has made valid.
+    pub(crate) fn with_kernel_face_samples(self, face_samples: Vec<u16>) -> Self {
+        Self { face_samples, ..self }
+    }
+
+    /// The same mesh without colours of its faces.
+    #[must_use]
+    pub fn without_face_samples(self) -> Self {
+        Self { face_samples: Vec::new(), ..self }
     }
 
     /// Makes a mesh of parts that a kernel of this crate has made valid.
@@ -117,7 +169,7 @@ impl Mesh {
         samples: Vec<u16>,
         faces: Vec<Face>,
     ) -> Self {
-        let mesh = Self { shape, points, samples, faces };
+        let mesh = Self { shape, points, samples, faces, face_samples: Vec::new() };
         debug_assert_eq!(mesh.validate(), Ok(()));
         mesh
     }
@@ -177,6 +229,13 @@ impl Mesh {
     #[must_use]
     pub fn faces(&self) -> &[Face] {
         &self.faces
+    }
+
+    /// The samples of the faces, face by face, where each face has one colour; see
+    /// [`Self::with_face_samples`].
+    #[must_use]
+    pub fn face_samples(&self) -> Option<&[u16]> {
+        Some(&self.face_samples[..]).filter(|samples| !samples.is_empty())
     }
 
     /// Number of edges, by Euler's formula `vertices + faces - 1`.

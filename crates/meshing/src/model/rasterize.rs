@@ -14,7 +14,8 @@ const FACES_PER_POLL: usize = 64;
 const LANES: usize = 8;
 
 /// Rebuilds the image that a mesh models: in each face each component is the linear interpolant
-/// of its vertices' samples, rounded to the nearest integer, halves up.
+/// of its vertices' samples, rounded to the nearest integer, halves up; or the face's sample where
+/// the faces have [samples](Mesh::face_samples).
 ///
 /// # Errors
 /// When the control cancels.
@@ -42,7 +43,10 @@ pub fn rasterize(mesh: &Mesh, control: &dyn Control) -> Result<Image, Cancelled>
     for (chunk, faces) in mesh.faces().chunks(FACES_PER_POLL).enumerate() {
         canvas.poller.done = chunk * FACES_PER_POLL;
         control.poll(Stage::Rasterize, canvas.poller.done, total)?;
-        if precision <= PLANE_PRECISION {
+        if let Some(samples) = mesh.face_samples() {
+            let samples = samples.chunks_exact(component_count).skip(canvas.poller.done);
+            faces.iter().zip(samples).try_for_each(|(&face, s)| canvas.fill_flat_face(face, s))?;
+        } else if precision <= PLANE_PRECISION {
             dispatch!(level, simd => canvas.fill_small_faces(simd, faces))?;
         } else {
             faces.iter().try_for_each(|&face| canvas.fill_face(face))?;
@@ -62,6 +66,19 @@ struct Canvas<'a> {
 }
 
 impl Canvas<'_> {
+    fn fill_flat_face(&mut self, face: Face, face_samples: &[u16]) -> Result<(), Cancelled> {
+        let corners = self.mesh.corners(face);
+        for (samples, &sample) in self.components.iter_mut().zip(face_samples) {
+            try_for_each_row(corners, |y, first, end| {
+                self.poller.step((end - first) as usize)?;
+                let row = &mut samples[y as usize * self.width..];
+                row[first as usize..end as usize].fill(sample);
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+
     fn fill_face(&mut self, face: Face) -> Result<(), Cancelled> {
         let corners = self.mesh.corners(face);
         for (c, samples) in self.components.iter_mut().enumerate() {

@@ -36,6 +36,13 @@ impl Fidelity {
         Self { squared_error, sample_count, precision: shape.precision }
     }
 
+    /// The fidelity of an approximation whose [`Self::mse`] is known.
+    #[must_use]
+    pub fn of_mse(mse: f64, shape: Shape) -> Self {
+        let none = Self::new(0, shape);
+        Self { squared_error: (mse * none.sample_count as f64).round() as u64, ..none }
+    }
+
     /// Compares two images of the same shape sample by sample.
     ///
     /// # Errors

@@ -4,9 +4,8 @@ use crate::pictures::{gray, image, methods_for, model, noise};
 use crate::twin::interpolation::rasterise;
 use pixmesh_meshing::parameters::{Boundary, Generator, Policy};
 use pixmesh_meshing::{
-    Cancelled, Control, Fidelity, FlatColors, Image, ImageError, MeshingError, Method,
-    ParameterError, Parameters, Progression, Shape, Stage, Target, mesh_image, rasterize,
-    structural_similarity,
+    Cancelled, Control, Fidelity, Image, ImageError, MeshingError, Method, ParameterError,
+    Parameters, Progression, Shape, Stage, Target, mesh_image, rasterize, structural_similarity,
 };
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -250,7 +249,7 @@ fn refuses_other_shape() {
     assert!(matches!(error, MeshingError::Shape(_)));
     let refused = Err(error.clone());
     assert_eq!(Progression::new(&other, &mesh, &parameters, &()).map(|_| ()), refused);
-    assert_eq!(FlatColors::new(&other, &mesh, &()).map(|_| ()), refused);
+    assert_eq!(mesh.with_flat_colors(&other, &()).map(|_| ()), refused);
     assert_eq!(structural_similarity(&other, &picture, &()).map(|_| ()), refused);
     assert_eq!(
         error.to_string(),

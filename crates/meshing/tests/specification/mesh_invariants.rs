@@ -100,7 +100,6 @@ fn check_face_order(mesh: &Mesh) {
 fn check_fidelity(model: &Approximation, image: &Image) {
     let rebuilt = rasterize(&model.mesh, &()).unwrap();
     assert_eq!(rebuilt.components(), rasterise(&model.mesh));
-    let rebuilt = model.flat.as_ref().map_or(rebuilt, |flat| flat.picture.clone());
     assert_eq!(Fidelity::between(image, &rebuilt, &()), Ok(model.fidelity));
     let pairs = image.components().iter().flatten().zip(rebuilt.components().iter().flatten());
     let squared_error: u64 = pairs.map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2)).sum();

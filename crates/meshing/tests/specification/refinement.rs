@@ -5,8 +5,7 @@ use crate::twin::interpolation::rasterise;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::parameters::{Connectivity, ErrorMetric, Values, Weights};
 use pixmesh_meshing::{
-    Approximation, Fidelity, FlatColors, Image, Mesh, Method, Parameters, Target, mesh_image,
-    rasterize,
+    Approximation, Fidelity, Image, Mesh, Method, Parameters, Target, mesh_image, rasterize,
 };
 use proptest::prelude::*;
 
@@ -206,8 +205,7 @@ fn heavier_pixels_have_smaller_errors() {
     for parameters in every_metric.chain(others) {
         let [with, without] = [Some(weights.clone()), None].map(|weights| {
             let made = model(&image, &parameters.clone().weights(weights));
-            let picture = made.flat.map(|flat| flat.picture);
-            let picture = picture.unwrap_or_else(|| rasterize(&made.mesh, &()).unwrap());
+            let picture = rasterize(&made.mesh, &()).unwrap();
             error_of_left_half(&image, &picture)
         });
         assert!(with < without, "{with}, {without}: {parameters:?}");
@@ -219,10 +217,13 @@ fn flat_method_wins_for_flat_faces() {
     let image = noise(24);
     let with = |method: Method| {
         let made = model(&image, &method.parameters(Target::Size(80)));
-        FlatColors::new(&image, &made.mesh, &()).unwrap().fidelity.mse()
+        made.mesh.with_flat_colors(&image, &()).unwrap().1.mse()
     };
     assert!(with(Method::Flat) < with(Method::Optimal));
     let made = model(&image, &Method::Flat.parameters(Target::Size(80)));
-    assert_eq!(made.flat.unwrap().fidelity, made.fidelity);
     assert_eq!(made.mesh.points().len(), 80);
+    assert_eq!(
+        made.mesh.clone().with_flat_colors(&image, &()).unwrap(),
+        (made.mesh, made.fidelity)
+    );
 }

@@ -25,7 +25,10 @@ pub(crate) fn rasterise(mesh: &Mesh) -> Vec<Vec<u16>> {
             let owner = owner(&triangles, p);
             for (c, samples) in components.iter_mut().enumerate() {
                 let z = mesh.faces()[owner].map(|v| mesh.vertex_samples(v as usize)[c]);
-                samples.push(value(triangles[owner], z, p) as u16);
+                samples.push(match mesh.face_samples() {
+                    Some(colors) => colors[owner * shape.component_count + c],
+                    None => value(triangles[owner], z, p) as u16,
+                });
             }
         }
     }
