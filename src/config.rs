@@ -82,7 +82,7 @@ pub struct JobSettings {
     #[command(flatten)]
     pub queue: QueueSettings,
     /// Store of pictures and results: `file` in the data folder of one process; file:///FOLDER or
-    /// s3://BUCKET for many nodes.
+    /// s3://BUCKET, gs://BUCKET or az://CONTAINER for many nodes.
     #[arg(long, env = "PIXMESH_BLOBS", default_value = "file")]
     pub blobs: BlobEngine,
     /// Take jobs in and do none: workers of the same queue do them.

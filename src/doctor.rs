@@ -9,7 +9,9 @@ mod machine;
 mod meshing;
 
 use crate::config::Settings;
-use pixmesh_jobs::Jobs;
+use pixmesh_jobs::blobs::{BlobEngine, Blobs};
+use pixmesh_jobs::postgres::Postgres;
+use pixmesh_jobs::settings::QueueEngine;
 use std::error::Error;
 use std::io::{self, Write};
 
@@ -23,7 +25,7 @@ type Check = fn(&Settings) -> Finding;
 /// # Errors
 /// When a finding is bad.
 pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
-    let checks: [(&str, Check); 9] = [
+    let checks: [(&str, Check); 10] = [
         ("settings", |settings| {
             let checked = settings.clone().checked().map_err(|error| error.to_string())?;
             Ok(format!("{} workers", checked.worker_count()))
@@ -32,6 +34,7 @@ pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
         ("codec", |_| meshing::check_codec()),
         ("data folder", machine::check_data_folder),
         ("queue", check_queue),
+        ("blobs", check_blobs),
         ("memory", machine::check_memory),
         ("processors", machine::check_processors),
         ("public address", |settings| machine::check_address(settings.listen)),
@@ -53,16 +56,27 @@ pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Opens the shared database and the store of blobs, where the settings name them.
+/// Opens the shared database, where the settings name one.
 fn check_queue(settings: &Settings) -> Finding {
-    let jobs = &settings.jobs;
-    if !jobs.queue.is_shared() {
-        return Ok("embedded".into());
+    let queue = &settings.jobs.queue;
+    let QueueEngine::Postgres(url) = &queue.queue else { return Ok("embedded".into()) };
+    let opened = wait_for(Postgres::open(url, &queue.postgres, settings.of_jobs().terms))?;
+    opened
+        .map(|_| format!("{queue} answers, and its tables can be used"))
+        .map_err(|error| format!("--queue {queue}: {error}"))
+}
+
+/// Writes and deletes a blob in the shared store, where the settings name one.
+fn check_blobs(settings: &Settings) -> Finding {
+    let engine = &settings.jobs.blobs;
+    if *engine == BlobEngine::File {
+        return Ok("in the data folder".into());
     }
+    let opened = wait_for(Blobs::shared(engine))?;
+    opened.map(|_| format!("--blobs {engine} can be written to")).map_err(|error| error.to_string())
+}
+
+fn wait_for<T>(future: impl Future<Output = T>) -> Result<T, String> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(|error| error.to_string())?;
-    runtime
-        .block_on(Jobs::open(&settings.of_jobs()))
-        .map(|_| format!("{} and --blobs {} answer", jobs.queue, jobs.blobs))
-        .map_err(|error| error.to_string())
+    Ok(runtime.map_err(|error| error.to_string())?.block_on(future))
 }

@@ -58,9 +58,12 @@ impl From<EngineError> for Problem {
 impl From<QueueError> for Problem {
     fn from(error: QueueError) -> Self {
         let problem = match &error {
-            QueueError::StorageFull(_) => {
-                Self::new(Kind::StorageFull, "there is no room left for jobs").setting("--data-dir")
-            }
+            QueueError::StorageFull(_) => Self::new(
+                Kind::StorageFull,
+                "the disk with the jobs is full: delete jobs, or give the disk more room",
+            )
+            .setting("--data-dir")
+            .retry_after_s(RETRY_AFTER_S),
             QueueError::Storage(_) => {
                 Self::new(Kind::StorageUnavailable, "jobs can be neither stored nor read now")
                     .setting("--data-dir")
@@ -74,10 +77,12 @@ impl From<QueueError> for Problem {
             )
             .setting("--blobs")
             .retry_after_s(RETRY_AFTER_S),
-            QueueError::DatabaseFull(_) => {
-                Self::new(Kind::StorageFull, "the database has no room left for jobs")
-                    .setting("--queue")
-            }
+            QueueError::DatabaseFull(_) => Self::new(
+                Kind::StorageFull,
+                "the disk of the database is full: delete jobs, or give the database more room",
+            )
+            .setting("--queue")
+            .retry_after_s(RETRY_AFTER_S),
             QueueError::Database(_) => Self::new(
                 Kind::StorageUnavailable,
                 "the database can neither store nor read jobs now",

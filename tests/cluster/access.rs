@@ -6,7 +6,7 @@ use crate::cluster::Cluster;
 use crate::node::{Node, program};
 use crate::pictures::disc;
 use crate::start::refused;
-use pixmesh_test_support::postgres::{PostgresServer, free_port};
+use pixmesh_test_support::postgres::{Pooler, PostgresServer, free_port};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -140,6 +140,30 @@ fn a_database_that_requires_certificates_accepts_nodes_that_have_one() {
     database.refuses(&queue, &["--queue-ca", &ca], &["--queue-cert"]);
     let theirs = flags(&theirs);
     database.refuses(&queue, &theirs.each_ref().map(String::as_str), &["refuses", "--queue-cert"]);
+}
+
+#[test]
+fn a_pooler_and_a_direct_connection_are_used_with_tls() {
+    let (authority, stranger) = (Authority::new(), Authority::new());
+    let database = Database::start(&authority, "127.0.0.1", "");
+    let Identity { certificate, key } = authority.identity("127.0.0.1");
+    let [certificate, key] = [certificate, key].map(|path| std::fs::read_to_string(path).unwrap());
+    let pooler = Pooler::start_with_tls(&database.server, &certificate, &key);
+    let (ca, direct, blobs) =
+        (authority.path(), database.url("pixmesh", ""), database.blob_address());
+    let flags = ["--queue-ca", &ca, "--queue-direct", &direct, "--blobs", &blobs];
+    let node = Node::serve(program(), &pooler.url(), &flags);
+    let _worker = Node::work(program(), &pooler.url(), &flags);
+    let listeners = "SELECT count(*) FROM pg_stat_activity JOIN pg_stat_ssl USING (pid)
+                     WHERE query LIKE 'LISTEN%' AND ssl AND client_addr IS NOT NULL";
+    assert_eq!(database.server.run_sql(listeners), "2");
+    let job = node.job("size=50", &disc(50, 50, 1));
+    node.wait_for(&job, "completed");
+    assert!(!node.log().contains("no notifications"), "{}", node.log());
+    let other = Database::start(&stranger, "127.0.0.1", "");
+    let elsewhere = other.url("pixmesh", "");
+    let flags = ["--queue-ca", &ca, "--queue-direct", &elsewhere];
+    database.refuses(&pooler.url(), &flags, &["--queue-direct: no known authority", "--queue-ca"]);
 }
 
 #[test]

@@ -1,13 +1,18 @@
 //! A database that hangs, is slow, full, out of connections, restarted, or replaced by its standby.
 
+use crate::client::send;
 use crate::cluster::Cluster;
 use crate::ledger::{Ledger, Work};
 use crate::node::Node;
-use crate::pictures::disc;
+use crate::pictures::{disc, noise};
 use crate::proxy::Proxy;
-use std::process::Stdio;
+use pixmesh_test_support::postgres::PostgresServer;
+use std::fs::File;
+use std::io::Write;
+use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 /// How soon nodes accept jobs after the database is back.
 const ACCEPTED_AGAIN: Duration = Duration::from_secs(2);
@@ -94,6 +99,80 @@ fn a_slow_database_delays_jobs_and_loses_none() {
     proxy.delay(Duration::ZERO);
     ledger.check(&node);
     assert_eq!(ledger.attempts(&node), ledger.len());
+}
+
+#[test]
+fn a_full_disk_of_the_database_refuses_jobs_until_there_is_room() {
+    const MIB: u32 = 128;
+    let server = PostgresServer::start_on_disk(MIB, &["max_wal_size=8MB", "min_wal_size=2MB"]);
+    let mut cluster = Cluster { server, blobs: TempDir::new().unwrap() };
+    let node = cluster.serve(&LEASE);
+    let worker = cluster.work(&LEASE);
+    let mut ledger = Ledger::of(SMALL);
+    ledger.submit(&[&node], 0..5);
+    let ballast = cluster.server.folder().join("ballast");
+    let fill = |bytes: u64| File::create(&ballast).unwrap().write_all(&vec![1; bytes as usize]);
+    // As much as there is room for.
+    assert!(fill(u64::from(MIB) << 20).is_err());
+    let mut number = 5;
+    let refused = loop {
+        let answer = ledger.submit_once(&node, number).unwrap();
+        if answer.status != 202 {
+            break answer;
+        }
+        number += 1;
+        assert!(number < 5000, "the disk does not fill up");
+    };
+    match refused.status {
+        507 => refused.problem(507, "storage-full"),
+        _ => refused.problem(503, "storage-unavailable"),
+    };
+    assert!(!refused.header("retry-after").is_empty());
+    let direct = send(node.public, "POST", "/v1/meshes?size=40", &[], &disc(40, 40, 1));
+    assert_eq!(direct.status, 200, "requests without a job need no database");
+    // Longer than a lease.
+    thread::sleep(Duration::from_secs(8));
+    std::fs::remove_file(&ballast).unwrap();
+    // A server that cannot write its log ends.
+    if !cluster.server.is_running() {
+        cluster.server.restart();
+    }
+    ledger.submit(&[&node], number..number + 5);
+    ledger.check(&node);
+    drop(worker);
+}
+
+/// A dump that was made while jobs were waiting and running, and a copy of the blobs that was made
+/// after it.
+#[test]
+fn a_restored_database_has_every_mesh_and_continues_every_job() {
+    let cluster = Cluster::start();
+    let node = cluster.serve(&LEASE);
+    let worker = cluster.work(&LEASE);
+    let small = disc(40, 40, 1);
+    let done = node.job("size=40", &small);
+    node.wait_for(&done, "completed");
+    let mesh = node.get(&format!("{done}/mesh"));
+    let running = node.job("method=mgpr&density=1", &noise(300));
+    node.wait_for(&running, "running");
+    worker.pause();
+    let waiting = node.job("size=41", &small);
+    let dump = cluster.server.dump();
+    let blobs = TempDir::new().unwrap();
+    let mut copy = Command::new("cp");
+    copy.arg("-a").arg(cluster.blobs.path().join(".")).arg(blobs.path());
+    assert!(copy.status().unwrap().success());
+    drop((node, worker, cluster));
+    let server = PostgresServer::start(&[]);
+    server.restore(&dump);
+    let cluster = Cluster { server, blobs };
+    let node = cluster.serve(&LEASE);
+    assert_eq!(node.get(&format!("{done}/mesh")).body, mesh.body);
+    assert_eq!(node.get(&waiting).json()["state"], "queued");
+    let _worker = cluster.work(&LEASE);
+    node.wait_for(&waiting, "completed");
+    assert_eq!(node.wait_for(&running, "completed")["attempt"], 2);
+    assert_eq!(node.get("/v1/jobs").json()["jobs"].as_array().unwrap().len(), 3);
 }
 
 #[test]

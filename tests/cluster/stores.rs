@@ -1,7 +1,7 @@
 //! The stores of pictures and meshes that many nodes share.
 
 use crate::cluster::Cluster;
-use crate::emulator::{S3Emulator, with_store_at};
+use crate::emulator::{Protocol, StoreEmulator};
 use crate::ledger::Ledger;
 use crate::node::{Node, program};
 use crate::pictures::disc;
@@ -20,12 +20,38 @@ fn a_shared_folder_stores_blobs() {
 }
 
 #[test]
-fn an_s3_bucket_stores_blobs_and_its_failure_is_503() {
-    let (cluster, mut store) = (Cluster::start(), S3Emulator::start());
-    let command = || with_store_at(program(), store.port);
-    let flags = ["--blobs", "s3://pixmesh/jobs"];
-    let node = Node::serve(command(), &cluster.server.url(), &flags);
-    let _worker = Node::work(command(), &cluster.server.url(), &flags);
+fn s3_stores_blobs_and_its_failure_is_503() {
+    a_bucket_stores_blobs_and_its_failure_is_503(Protocol::S3);
+}
+
+#[test]
+fn google_cloud_storage_stores_blobs_and_its_failure_is_503() {
+    a_bucket_stores_blobs_and_its_failure_is_503(Protocol::Google);
+}
+
+#[test]
+fn azure_stores_blobs_and_its_failure_is_503() {
+    a_bucket_stores_blobs_and_its_failure_is_503(Protocol::Azure);
+}
+
+fn a_bucket_stores_blobs_and_its_failure_is_503(protocol: Protocol) {
+    let (cluster, mut store) = (Cluster::start(), StoreEmulator::start(protocol));
+    let command = || store.at_port(program(), store.port);
+    let (bucket, queue) = (format!("{}/jobs", store.bucket()), cluster.server.url());
+    let flags = ["--blobs", &bucket];
+    let doctor = |bucket: &str| {
+        let mut command = command();
+        command.args(["doctor", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"]);
+        let output = command.args(["--queue", &queue, "--blobs", bucket]).output().unwrap();
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let found = doctor(&bucket);
+    assert!(found.contains("ok    queue") && found.contains("ok    blobs"), "{found}");
+    let other = bucket.replace("pixmesh", "missing");
+    let found = doctor(&other);
+    assert!(found.contains(&format!("BAD   blobs: --blobs {other} cannot be written to")));
+    let node = Node::serve(command(), &queue, &flags);
+    let _worker = Node::work(command(), &queue, &flags);
     let job = node.job("size=50", &disc(50, 50, 1));
     node.wait_for(&job, "completed");
     let mesh = node.get(&format!("{job}/mesh"));
@@ -49,9 +75,9 @@ fn an_s3_bucket_stores_blobs_and_its_failure_is_503() {
 #[test]
 fn a_store_that_is_slow_and_then_down_costs_no_job_and_no_attempt() {
     const LEASE: [&str; 4] = ["--blobs", "s3://pixmesh", "--job-lease", "5s"];
-    let (cluster, store) = (Cluster::start(), S3Emulator::start());
+    let (cluster, store) = (Cluster::start(), StoreEmulator::start(Protocol::S3));
     let proxy = Proxy::to(store.port);
-    let command = || with_store_at(program(), proxy.port);
+    let command = || store.at_port(program(), proxy.port);
     let node = Node::serve(command(), &cluster.server.url(), &LEASE);
     let workers = [(); 2].map(|()| Node::work(command(), &cluster.server.url(), &LEASE));
     let mut ledger = Ledger::default();

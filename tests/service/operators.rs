@@ -21,7 +21,7 @@ fn the_doctor_finds_a_good_installation_well() {
     let output = doctor(&["--memory-budget", "256MiB", "--workers", "1"]);
     let findings = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success(), "{findings}");
-    assert_eq!(findings.lines().filter(|line| line.starts_with("ok ")).count(), 9, "{findings}");
+    assert_eq!(findings.lines().filter(|line| line.starts_with("ok ")).count(), 10, "{findings}");
     for fact in ["mgprfs", "independent library", "MODEL", "is free", "can be written to"] {
         assert!(findings.contains(fact), "{fact}: {findings}");
     }

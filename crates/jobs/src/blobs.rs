@@ -24,6 +24,8 @@ use futures_util::StreamExt;
 use futures_util::stream::{self, BoxStream};
 use health::Health;
 use object_store::aws::AmazonS3Builder;
+use object_store::azure::MicrosoftAzureBuilder;
+use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as BlobPath;
 use object_store::prefix::PrefixStore;
@@ -92,23 +94,28 @@ impl Blobs {
     /// # Errors
     /// When the store cannot be used, or is not shared.
     pub async fn shared(engine: &BlobEngine) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let store: Arc<dyn ObjectStore> = match engine {
-            BlobEngine::File => return Err("--blobs file is a store of one node".into()),
-            BlobEngine::Folder(path) => {
-                let named = |error| format!("--blobs {engine}: {error}");
-                fs::create_dir_all(path).map_err(|error| named(error.to_string()))?;
-                let store = LocalFileSystem::new_with_prefix(path);
-                Arc::new(store.map_err(|error| named(error.to_string()))?.with_fsync(true))
-            }
-            BlobEngine::S3(address) => s3(address).await?,
-        };
-        let (pins, health) = (Arc::default(), Arc::default());
-        let blobs = Self { store, folder: None, pins, health };
-        // A request for a blob that does not exist tests the store and the credentials.
-        match blobs.meta(Digest::of(b"")).await {
-            Ok(_) => Ok(blobs),
-            Err(error) => Err(format!("--blobs {engine}: {error}").into()),
+        let store = Self::store(engine).map_err(|error| format!("--blobs {engine}: {error}"))?;
+        // Tests the bucket, the credentials and the right to write and to delete.
+        let path = BlobPath::from(PROBE);
+        let written = store.put(&path, Bytes::from_static(b"probe").into()).await;
+        match written.map(|_| store.delete(&path)) {
+            Ok(deleted) => deleted.await,
+            Err(error) => Err(error),
         }
+        .map_err(|error| format!("--blobs {engine} cannot be written to: {error}"))?;
+        let (pins, health) = (Arc::default(), Arc::default());
+        Ok(Self { store, folder: None, pins, health })
+    }
+
+    fn store(engine: &BlobEngine) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync>> {
+        Ok(match engine {
+            BlobEngine::File => return Err("this is a store of one node".into()),
+            BlobEngine::Folder(path) => {
+                fs::create_dir_all(path)?;
+                Arc::new(LocalFileSystem::new_with_prefix(path)?.with_fsync(true))
+            }
+            BlobEngine::Bucket(address) => bucket(address)?,
+        })
     }
 
     /// Whether nodes share the store.
@@ -281,30 +288,37 @@ impl Collector<'_> {
     }
 }
 
-/// A bucket of an S3-compatible store, with the credentials, region and endpoint in the environment
-/// variables of AWS.
-async fn s3(address: &str) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync>> {
+/// A bucket of a store on the network, with the credentials, region and endpoint in the environment
+/// variables of its provider, as `object_store` reads them.
+fn bucket(address: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
     // Fails if a provider is installed already, which is the same one.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    let endpoint = std::env::var("AWS_ENDPOINT_URL").unwrap_or_default();
-    let options = ClientOptions::new()
+    let endpoints = ["AWS_ENDPOINT_URL", "GOOGLE_BASE_URL", "AZURE_STORAGE_ENDPOINT"];
+    let is_plain = |name| std::env::var(name).is_ok_and(|url| url.starts_with("http://"));
+    let client = ClientOptions::new()
         .with_timeout(REQUEST_TIME)
         .with_connect_timeout(CONNECT_TIME)
-        .with_allow_http(endpoint.starts_with("http://"));
+        .with_allow_http(endpoints.into_iter().any(is_plain));
     let retry = RetryConfig {
         backoff: BackoffConfig::default(),
         max_retries: 3,
         retry_timeout: RETRY_TIME,
     };
-    let builder = AmazonS3Builder::from_env().with_url(address);
-    let store = builder.with_client_options(options).with_retry(retry).build();
-    let store = store.map_err(|error| format!("--blobs {address}: {error}"))?;
-    if let Some(Err(error)) = store.list(None).next().await {
-        return Err(format!("--blobs {address}: {error}").into());
+    macro_rules! store {
+        ($builder:ident) => {{
+            let builder = $builder::from_env().with_url(address);
+            Arc::new(builder.with_client_options(client).with_retry(retry).build()?)
+        }};
     }
-    let path = address.trim_start_matches("s3://").split_once('/').map_or("", |(_, path)| path);
-    Ok(match path.trim_matches('/') {
-        "" => Arc::new(store),
+    let (scheme, path) = address.split_once("://").unwrap_or_default();
+    let store: Arc<dyn ObjectStore> = match scheme {
+        "gs" => store!(GoogleCloudStorageBuilder),
+        "az" => store!(MicrosoftAzureBuilder),
+        _ => store!(AmazonS3Builder),
+    };
+    let prefix = path.split_once('/').map_or("", |(_, path)| path.trim_matches('/'));
+    Ok(match prefix {
+        "" => store,
         prefix => Arc::new(PrefixStore::new(store, prefix)),
     })
 }

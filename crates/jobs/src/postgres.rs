@@ -88,7 +88,11 @@ impl Postgres {
         terms: Terms,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let direct_url = settings.queue_direct.as_ref().unwrap_or(url);
-        let connection = listen_connection(settings, direct_url.reveal()).await?;
+        let connection = listen_connection(settings, direct_url.reveal()).await;
+        let connection = connection.map_err(|error| match settings.queue_direct {
+            Some(_) => format!("--queue-direct: {error}").into(),
+            None => error,
+        })?;
         let is_pooled = settings.queue_direct.is_some() || connection.is_none();
         let options = settings.options(url.reveal())?;
         let database = Arc::new(Database::new(options, settings, is_pooled));

@@ -34,10 +34,32 @@ fn programs() -> PathBuf {
 pub struct PostgresServer {
     programs: PathBuf,
     child: Child,
+    /// A file system of its own, which is unmounted before the folder is removed.
+    disk: Option<Disk>,
     folder: TempDir,
     /// The port on 127.0.0.1.
     pub port: u16,
     settings: Vec<String>,
+}
+
+/// A file system in memory.
+#[derive(Debug)]
+struct Disk(PathBuf);
+
+impl Disk {
+    /// Mounts a file system of so many MiB.
+    fn mount(path: &Path, mib: u32) -> Self {
+        let options = format!("size={mib}m");
+        succeed(Command::new("mount").args(["-t", "tmpfs", "-o", &options, "tmpfs"]).arg(path));
+        give_to_server_user(path);
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg("--lazy").arg(&self.0).status();
+    }
 }
 
 impl PostgresServer {
@@ -56,11 +78,34 @@ impl PostgresServer {
     /// When PostgreSQL is not installed or the server does not start.
     #[must_use]
     pub fn start_with(settings: &[&str], files: &[(&str, &str)]) -> Self {
-        let programs = programs();
+        Self::start_in(server_folder(), None, settings, files)
+    }
+
+    /// Starts a server on a disk of so many MiB, with segments of the log of 1 MiB.
+    ///
+    /// # Panics
+    /// When PostgreSQL is not installed, the server does not start, or the user may not mount file
+    /// systems.
+    #[must_use]
+    pub fn start_on_disk(mib: u32, settings: &[&str]) -> Self {
         let folder = server_folder();
+        let disk = Disk::mount(folder.path(), mib);
+        Self::start_in(folder, Some(disk), settings, &[])
+    }
+
+    fn start_in(
+        folder: TempDir,
+        disk: Option<Disk>,
+        settings: &[&str],
+        files: &[(&str, &str)],
+    ) -> Self {
+        let programs = programs();
         let data = folder.path().join("data");
         let mut initdb = as_server_user(&programs.join("initdb"));
         initdb.args(["--no-sync", "--auth=trust", "--encoding=UTF8", "--username=pixmesh"]);
+        if disk.is_some() {
+            initdb.arg("--wal-segsize=1");
+        }
         succeed(initdb.arg("--pgdata").arg(&data).stdout(Stdio::null()));
         for (name, text) in files {
             let path = data.join(name);
@@ -69,7 +114,9 @@ impl PostgresServer {
             give_to_server_user(&path);
         }
         let settings = settings.iter().map(|&setting| setting.to_owned()).collect();
-        Self::run_in(&programs, folder, settings)
+        let mut server = Self::run_in(&programs, folder, settings);
+        server.disk = disk;
+        server
     }
 
     /// Starts a synchronous standby of this server: a commit returns when both have it.
@@ -105,7 +152,8 @@ impl PostgresServer {
     fn run_in(programs: &Path, folder: TempDir, settings: Vec<String>) -> Self {
         let port = free_port();
         let child = run(programs, folder.path(), port, &settings);
-        let mut server = Self { programs: programs.to_owned(), child, folder, port, settings };
+        let programs = programs.to_owned();
+        let mut server = Self { programs, child, folder, port, settings, disk: None };
         server.wait_until_it_answers();
         server
     }
@@ -140,6 +188,43 @@ impl PostgresServer {
         let run = self.psql(sql).output().unwrap();
         assert!(run.status.success(), "{sql}: {}", String::from_utf8_lossy(&run.stderr));
         String::from_utf8_lossy(&run.stdout).trim().to_owned()
+    }
+
+    /// All tables and their rows as statements.
+    ///
+    /// # Panics
+    /// When `pg_dump` fails.
+    #[must_use]
+    pub fn dump(&self) -> String {
+        let run = Command::new(self.programs.join("pg_dump")).arg(self.url()).output().unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        String::from_utf8(run.stdout).unwrap()
+    }
+
+    /// Executes a dump.
+    ///
+    /// # Panics
+    /// When a statement fails.
+    pub fn restore(&self, dump: &str) {
+        let file = self.folder.path().join("dump.sql");
+        fs::write(&file, dump).unwrap();
+        let mut psql = Command::new(self.programs.join("psql"));
+        psql.args(["--no-psqlrc", "--quiet", "--set=ON_ERROR_STOP=1", "--file"]);
+        succeed(psql.arg(file).arg(self.url()).stdout(Stdio::null()));
+    }
+
+    /// The folder of the server's files.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Whether the server's process runs.
+    ///
+    /// # Panics
+    /// Never in practice.
+    pub fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
     }
 
     /// A command that runs statements.
@@ -179,6 +264,7 @@ impl PostgresServer {
 impl Drop for PostgresServer {
     fn drop(&mut self) {
         self.kill();
+        self.disk = None;
     }
 }
 
@@ -197,6 +283,21 @@ impl Pooler {
     /// When PgBouncer is not installed or does not start.
     #[must_use]
     pub fn start(server: &PostgresServer) -> Self {
+        Self::start_with(server, "", &[])
+    }
+
+    /// Starts a pooler that requires TLS, with a certificate and its key as PEM.
+    ///
+    /// # Panics
+    /// When PgBouncer is not installed or does not start.
+    #[must_use]
+    pub fn start_with_tls(server: &PostgresServer, certificate: &str, key: &str) -> Self {
+        let settings = "client_tls_sslmode = require\nclient_tls_cert_file = pooler.crt\n\
+                        client_tls_key_file = pooler.key\n";
+        Self::start_with(server, settings, &[("pooler.crt", certificate), ("pooler.key", key)])
+    }
+
+    fn start_with(server: &PostgresServer, more: &str, files: &[(&str, &str)]) -> Self {
         assert!(Path::new(POOLER).exists(), "{POOLER} is missing; ./test installs it");
         let (folder, port) = (server_folder(), free_port());
         let file = folder.path().join("pgbouncer.ini");
@@ -204,12 +305,17 @@ impl Pooler {
             "[databases]\n* = host=127.0.0.1 port={} user=pixmesh\n[pgbouncer]\n\
              listen_addr = 127.0.0.1\nlisten_port = {port}\nunix_socket_dir =\nauth_type = any\n\
              pool_mode = transaction\nmax_client_conn = 500\ndefault_pool_size = 20\n\
-             logfile = {}\n",
+             logfile = {}\n{more}",
             server.port,
             folder.path().join("log").display()
         );
         fs::write(&file, settings).unwrap();
+        for (name, text) in files {
+            fs::write(folder.path().join(name), text).unwrap();
+            give_to_server_user(&folder.path().join(name));
+        }
         let child = as_server_user(Path::new(POOLER))
+            .current_dir(folder.path())
             .arg("--quiet")
             .arg(&file)
             .stdout(Stdio::null())

@@ -11,8 +11,9 @@ pub enum BlobEngine {
     File,
     /// Files in a folder that all nodes share.
     Folder(PathBuf),
-    /// An S3-compatible store, by `s3://BUCKET` with or without a prefix.
-    S3(String),
+    /// A store on the network, with or without a prefix: `s3://BUCKET` (S3 and compatible),
+    /// `gs://BUCKET` (Google Cloud Storage) or `az://CONTAINER` (Azure Blob Storage).
+    Bucket(String),
 }
 
 impl FromStr for BlobEngine {
@@ -22,10 +23,15 @@ impl FromStr for BlobEngine {
         match text.split_once("://") {
             None if text == "file" => Ok(Self::File),
             Some(("file", path)) if path.starts_with('/') => Ok(Self::Folder(path.into())),
-            Some(("s3", bucket)) if !bucket.is_empty() && !bucket.starts_with('/') => {
-                Ok(Self::S3(text.to_owned()))
+            Some(("s3" | "gs" | "az", bucket))
+                if !bucket.is_empty() && !bucket.starts_with('/') =>
+            {
+                Ok(Self::Bucket(text.to_owned()))
             }
-            _ => Err("must be file, file:///FOLDER or s3://BUCKET".into()),
+            _ => {
+                Err("must be file, file:///FOLDER, s3://BUCKET, gs://BUCKET or az://CONTAINER"
+                    .into())
+            }
         }
     }
 }
@@ -35,7 +41,7 @@ impl fmt::Display for BlobEngine {
         match self {
             Self::File => formatter.write_str("file"),
             Self::Folder(path) => write!(formatter, "file://{}", path.display()),
-            Self::S3(address) => formatter.write_str(address),
+            Self::Bucket(address) => formatter.write_str(address),
         }
     }
 }
@@ -46,13 +52,15 @@ mod tests {
 
     #[test]
     fn stores_round_trip_through_text() {
-        for text in ["file", "file:///srv/blobs", "s3://bucket", "s3://bucket/prefix"] {
+        for text in
+            ["file", "file:///srv/blobs", "s3://bucket", "gs://bucket/prefix", "az://container"]
+        {
             assert_eq!(
                 text.parse::<BlobEngine>().map(|engine| engine.to_string()),
                 Ok(text.into())
             );
         }
-        for wrong in ["", "files", "file://relative", "s3://", "http://a", "nats"] {
+        for wrong in ["", "files", "file://relative", "s3://", "gs:///a", "http://a"] {
             assert!(wrong.parse::<BlobEngine>().is_err(), "{wrong}");
         }
     }
