@@ -4,6 +4,7 @@ use crate::client::send;
 use crate::cluster::Cluster;
 use crate::node::Node;
 use crate::pictures::{disc, noise};
+use crate::proxy::Proxy;
 use std::thread;
 use std::time::Duration;
 
@@ -78,6 +79,28 @@ fn queued_work_s(node: &Node) -> Option<f64> {
     let metrics = node.operate("/metrics").text();
     let line = metrics.lines().find_map(|l| l.strip_prefix("pixmesh_jobs_queued_work_seconds "))?;
     Some(line.parse().unwrap())
+}
+
+#[test]
+fn nodes_poll_a_database_without_notifications() {
+    let cluster = Cluster::start();
+    let proxy = Proxy::to(cluster.server.port);
+    proxy.replace("LISTEN", "LISTEX");
+    proxy.replace("pg_notify", "pg_nobody");
+    let (one, other) = (cluster.serve_at(proxy.port, &[]), cluster.serve_at(proxy.port, &[]));
+    let worker = cluster.work_at(proxy.port, &[]);
+    for node in [&one, &other, &worker] {
+        assert!(node.log().contains("has no LISTEN and NOTIFY"), "{}", node.log());
+    }
+    let job = one.job(SLOW, &noise(700));
+    other.wait_for(&job, "running");
+    assert_eq!(send(other.public, "DELETE", &job, &[], &[]).status, 202);
+    one.wait_for(&job, "cancelled");
+    let job = one.job("size=50", &disc(50, 50, 1));
+    other.wait_for(&job, "completed");
+    for node in [&one, &other, &worker] {
+        assert_eq!(node.operate("/readyz").status, 200, "{}", node.log());
+    }
 }
 
 #[test]

@@ -21,6 +21,8 @@ pub(crate) struct Proxy {
     refuses: Arc<AtomicBool>,
     delay_ms: Arc<AtomicU64>,
     trigger: Arc<Mutex<Option<Trigger>>>,
+    /// A text in requests, and one of the same length that takes its place.
+    replacements: Arc<Mutex<Vec<(&'static str, &'static str)>>>,
 }
 
 /// A sequence of texts in requests after which the proxy holds all traffic.
@@ -57,6 +59,7 @@ impl Proxy {
             refuses: Arc::default(),
             delay_ms: Arc::default(),
             trigger: Arc::default(),
+            replacements: Arc::default(),
         };
         let shared = proxy.clone();
         thread::spawn(move || {
@@ -70,6 +73,12 @@ impl Proxy {
             }
         });
         proxy
+    }
+
+    /// Replaces a text in requests by another of the same length.
+    pub(crate) fn replace(&self, text: &'static str, by: &'static str) {
+        assert_eq!(text.len(), by.len());
+        self.replacements.lock().unwrap().push((text, by));
     }
 
     /// Holds all traffic: connections stay open and no bytes pass.
@@ -127,6 +136,7 @@ impl Proxy {
             thread::sleep(Duration::from_millis(self.delay_ms.load(Ordering::SeqCst)));
             let holds = match direction {
                 Direction::ToServer => {
+                    self.replace_in(&mut buffer[..count]);
                     self.check_trigger(&buffer[..count]);
                     &self.holds_requests
                 }
@@ -141,6 +151,18 @@ impl Proxy {
         }
         let _ = to.shutdown(Shutdown::Both);
         let _ = from.shutdown(Shutdown::Both);
+    }
+
+    fn replace_in(&self, bytes: &mut [u8]) {
+        for (text, by) in self.replacements.lock().unwrap().iter() {
+            let end = bytes.len().saturating_sub(text.len());
+            for start in 0..end {
+                let part = &mut bytes[start..start + text.len()];
+                if part == text.as_bytes() {
+                    part.copy_from_slice(by.as_bytes());
+                }
+            }
+        }
     }
 
     /// Holds traffic if these bytes of a request complete the trigger.

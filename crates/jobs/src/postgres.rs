@@ -48,7 +48,7 @@ use batches::Batcher;
 use database::Database;
 use leases::HeldLeases;
 use node::Node;
-use notifications::{ListenConnection, Notifications};
+use notifications::{ListenConnection, Listening, Notifications};
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use std::collections::HashSet;
@@ -88,18 +88,18 @@ impl Postgres {
         terms: Terms,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let direct_url = settings.queue_direct.as_ref().unwrap_or(url);
-        let connection = listen_connection(settings, direct_url.reveal()).await;
-        let connection = connection.map_err(|error| match settings.queue_direct {
+        let listening = listen(settings, direct_url.reveal()).await;
+        let listening = listening.map_err(|error| match settings.queue_direct {
             Some(_) => format!("--queue-direct: {error}").into(),
             None => error,
         })?;
-        let is_pooled = settings.queue_direct.is_some() || connection.is_none();
+        let is_pooled = settings.queue_direct.is_some() || matches!(listening, Listening::Pooled);
         let options = settings.options(url.reveal())?;
         let database = Arc::new(Database::new(options, settings, is_pooled));
         schema::migrate(&database, settings).await?;
         let watchers = Arc::new(Watchers::default());
         let notifications =
-            Notifications::start(&database, &watchers, &settings.queue_schema, connection);
+            Notifications::start(&database, &watchers, &settings.queue_schema, listening);
         let node = Arc::new(Node {
             terms,
             database,
@@ -132,23 +132,27 @@ impl Postgres {
     }
 }
 
-/// Connects for notifications, and waits for a database that is starting; `None` if the address is
-/// that of a pooler in transaction mode.
-async fn listen_connection(
+/// Connects for notifications, and waits for a database that is starting.
+async fn listen(
     settings: &PostgresSettings,
     url: &str,
-) -> Result<Option<ListenConnection>, Box<dyn Error + Send + Sync>> {
+) -> Result<Listening, Box<dyn Error + Send + Sync>> {
     let (until, options) = (Instant::now() + START_TIME, settings.options(url)?);
     loop {
         match ListenConnection::open(&options, &settings.queue_schema).await {
-            Ok(None) => {
-                tracing::warn!(
-                    "no notifications through this pooler: nodes poll every second; name the \
-                     database itself with --queue-direct"
-                );
-                return Ok(None);
+            Ok(listening) => {
+                match listening {
+                    Listening::Connection(_) => {}
+                    Listening::Pooled => tracing::warn!(
+                        "no notifications through this pooler: this node polls every second; name \
+                         the database itself with --queue-direct"
+                    ),
+                    Listening::Unsupported => tracing::warn!(
+                        "this database has no LISTEN and NOTIFY: this node polls every second"
+                    ),
+                }
+                return Ok(listening);
             }
-            Ok(connection) => return Ok(connection),
             Err(error) => {
                 if let Some(advice) = settings.explain(&error) {
                     return Err(advice.into());

@@ -33,8 +33,20 @@ const WORK: &str = "work";
 pub(super) struct Notifications {
     sender: Batcher<Arc<Changes>, ()>,
     watchers: Arc<Watchers>,
+    are_supported: bool,
     are_received: Arc<AtomicBool>,
     receiver: JoinHandle<()>,
+}
+
+/// How a node learns of the changes of other nodes.
+pub(super) enum Listening {
+    /// By notifications.
+    Connection(ListenConnection),
+    /// By polling: the address is that of a pooler in transaction mode, which does not pass
+    /// notifications on.
+    Pooled,
+    /// By polling: the database has no notifications.
+    Unsupported,
 }
 
 /// A connection that listens for notifications.
@@ -45,27 +57,28 @@ pub(super) struct ListenConnection {
 }
 
 impl ListenConnection {
-    /// Connects; `None` if the address is that of a pooler in transaction mode, which does not pass
-    /// on the parameters of connections.
-    pub(super) async fn open(
-        options: &PgConnectOptions,
-        schema: &str,
-    ) -> sqlx::Result<Option<Self>> {
+    /// Connects, and listens where that is possible. A pooler in transaction mode is recognized
+    /// because it does not pass on the parameters of connections.
+    pub(super) async fn open(options: &PgConnectOptions, schema: &str) -> sqlx::Result<Listening> {
         let (mark, channel) = ("pixmesh.direct", schema.to_owned());
         let mut connection = match options.clone().options([(mark, "on")]).connect().await {
-            Err(sqlx::Error::Database(error)) if error.code().as_deref() == Some("08P01") => {
-                return Ok(None);
-            }
+            Err(error) if is_refused_as(&error, &["08P01"]) => return Ok(Listening::Pooled),
             connected => connected?,
         };
         let query = sqlx::raw_sql("SELECT current_setting('pixmesh.direct', true)");
         let value: Option<String> = query.fetch_one(&mut connection).await?.try_get(0)?;
         connection.close().await?;
         if value.as_deref() != Some("on") {
-            return Ok(None);
+            return Ok(Listening::Pooled);
         }
-        let listener = listen(options, &channel).await?;
-        Ok(Some(Self { options: options.clone(), channel, listener }))
+        match listen(options, &channel).await {
+            Ok(listener) => {
+                Ok(Listening::Connection(Self { options: options.clone(), channel, listener }))
+            }
+            // The feature is not supported, or unknown.
+            Err(error) if is_refused_as(&error, &["0A000", "42601"]) => Ok(Listening::Unsupported),
+            Err(error) => Err(error),
+        }
     }
 
     /// Passes the notifications of other nodes on to the watchers. When some may have been lost,
@@ -104,9 +117,14 @@ impl Notifications {
         database: &Arc<Database>,
         watchers: &Arc<Watchers>,
         channel: &str,
-        connection: Option<ListenConnection>,
+        listening: Listening,
     ) -> Self {
         let node = Uuid::now_v7().simple().to_string();
+        let are_supported = !matches!(listening, Listening::Unsupported);
+        let connection = match listening {
+            Listening::Connection(connection) => Some(connection),
+            Listening::Pooled | Listening::Unsupported => None,
+        };
         let are_received = Arc::new(AtomicBool::new(connection.is_some()));
         let (receiving, flag) = (Arc::clone(watchers), Arc::clone(&are_received));
         let receiver = tokio::spawn({
@@ -132,14 +150,16 @@ impl Notifications {
                 Ok(vec![(); changes.len()])
             }
         });
-        Self { sender, watchers: Arc::clone(watchers), are_received, receiver }
+        Self { sender, watchers: Arc::clone(watchers), are_supported, are_received, receiver }
     }
 
     /// Notifies this node and all others of changes that are committed.
     pub(super) fn send(&self, changes: Changes) {
         if changes.work || !changes.jobs.is_empty() {
             self.watchers.notify(&changes);
-            self.sender.send(Arc::new(changes));
+            if self.are_supported {
+                self.sender.send(Arc::new(changes));
+            }
         }
     }
 
@@ -158,6 +178,12 @@ impl Drop for Notifications {
     fn drop(&mut self) {
         self.receiver.abort();
     }
+}
+
+/// Whether the database refuses a request with one of these codes.
+fn is_refused_as(error: &sqlx::Error, codes: &[&str]) -> bool {
+    let code = error.as_database_error().and_then(|error| error.code());
+    code.is_some_and(|code| codes.contains(&&*code))
 }
 
 /// Payloads are words: the id of the sending node, and then `work` or ids of jobs.
