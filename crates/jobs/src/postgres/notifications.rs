@@ -41,7 +41,7 @@ pub(super) struct Notifications {
 /// How a node learns of the changes of other nodes.
 pub(super) enum Listening {
     /// By notifications.
-    Connection(ListenConnection),
+    Connection(Box<ListenConnection>),
     /// By polling: the address is that of a pooler in transaction mode, which does not pass
     /// notifications on.
     Pooled,
@@ -73,7 +73,8 @@ impl ListenConnection {
         }
         match listen(options, &channel).await {
             Ok(listener) => {
-                Ok(Listening::Connection(Self { options: options.clone(), channel, listener }))
+                let connection = Self { options: options.clone(), channel, listener };
+                Ok(Listening::Connection(Box::new(connection)))
             }
             // The feature is not supported, or unknown.
             Err(error) if is_refused_as(&error, &["0A000", "42601"]) => Ok(Listening::Unsupported),
