@@ -66,14 +66,16 @@ fn check_queue(settings: &Settings) -> Finding {
         .map_err(|error| format!("--queue {queue}: {error}"))
 }
 
-/// Writes and deletes a blob in the shared store, where the settings name one.
+/// Writes, reads and deletes an object in the shared store, where the settings name one.
 fn check_blobs(settings: &Settings) -> Finding {
     let engine = &settings.jobs.blobs;
     if *engine == BlobEngine::File {
         return Ok("in the data folder".into());
     }
     let opened = wait_for(Blobs::shared(engine))?;
-    opened.map(|_| format!("--blobs {engine} can be written to")).map_err(|error| error.to_string())
+    opened
+        .map(|_| format!("--blobs {engine} can be written to and read"))
+        .map_err(|error| error.to_string())
 }
 
 fn wait_for<T>(future: impl Future<Output = T>) -> Result<T, String> {

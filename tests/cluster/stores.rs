@@ -49,7 +49,7 @@ fn a_bucket_stores_blobs_and_its_failure_is_503(protocol: Protocol) {
     assert!(found.contains("ok    queue") && found.contains("ok    blobs"), "{found}");
     let other = bucket.replace("pixmesh", "missing");
     let found = doctor(&other);
-    assert!(found.contains(&format!("BAD   blobs: --blobs {other} cannot be written to")));
+    assert!(found.contains(&format!("BAD   blobs: --blobs {other}: an object cannot be written")));
     let node = Node::serve(command(), &queue, &flags);
     let _worker = Node::work(command(), &queue, &flags);
     let job = node.job("size=50", &disc(50, 50, 1));

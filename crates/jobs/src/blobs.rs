@@ -41,6 +41,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
+use uuid::Uuid;
 
 /// How long a request to a store on the network may take.
 const REQUEST_TIME: Duration = Duration::from_secs(60);
@@ -95,14 +96,7 @@ impl Blobs {
     /// When the store cannot be used, or is not shared.
     pub async fn shared(engine: &BlobEngine) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let store = Self::store(engine).map_err(|error| format!("--blobs {engine}: {error}"))?;
-        // Tests the bucket, the credentials and the right to write and to delete.
-        let path = BlobPath::from(PROBE);
-        let written = store.put(&path, Bytes::from_static(b"probe").into()).await;
-        match written.map(|_| store.delete(&path)) {
-            Ok(deleted) => deleted.await,
-            Err(error) => Err(error),
-        }
-        .map_err(|error| format!("--blobs {engine} cannot be written to: {error}"))?;
+        try_out(&*store).await.map_err(|error| format!("--blobs {engine}: {error}"))?;
         let (pins, health) = (Arc::default(), Arc::default());
         Ok(Self { store, folder: None, pins, health })
     }
@@ -323,6 +317,17 @@ fn bucket(address: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
     })
 }
 
+/// Tests the bucket, the credentials, and the rights to write, read and delete.
+async fn try_out(store: &dyn ObjectStore) -> Result<(), String> {
+    // Nodes that start at the same time would delete an object that they share.
+    let path = BlobPath::from(format!("{PROBE}-{}", Uuid::now_v7()));
+    let cannot = |what| move |error| format!("an object cannot be {what}: {error}");
+    store.put(&path, Bytes::from_static(b"probe").into()).await.map_err(cannot("written"))?;
+    let read = async { store.get(&path).await?.bytes().await }.await;
+    store.delete(&path).await.map_err(cannot("deleted"))?;
+    read.map(|_| ()).map_err(cannot("read"))
+}
+
 /// The path of a blob, in one of 256 folders.
 fn path_of(digest: Digest) -> BlobPath {
     let name = digest.to_string();
@@ -362,6 +367,21 @@ mod tests {
     use super::*;
     use crate::testing::blobs;
     use std::io::ErrorKind;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+    async fn nodes_that_start_together_use_one_store() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let engine = BlobEngine::Folder(folder.path().to_owned());
+        let starts = (0..64).map(|_| {
+            let engine = engine.clone();
+            tokio::spawn(async move { Blobs::shared(&engine).await.map(|_| ()) })
+        });
+        let started = futures_util::future::join_all(starts.collect::<Vec<_>>()).await;
+        for start in started {
+            start.unwrap().unwrap();
+        }
+        assert_eq!(folder.path().read_dir().unwrap().count(), 0, "every probe is deleted");
+    }
 
     #[tokio::test]
     async fn stored_blob_is_read_until_deleted() {
