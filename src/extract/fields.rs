@@ -40,6 +40,11 @@ impl Few {
         Ok(few)
     }
 
+    /// The names and texts given, in their order.
+    pub fn pairs(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.given.iter().map(|(name, text)| (*name, text.as_str()))
+    }
+
     /// The text given for one.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&str> {

@@ -18,12 +18,19 @@ use std::ops::{Bound, Range};
 pub(super) struct Figures {
     pub(super) vertices: usize,
     pub(super) faces: usize,
-    pub(super) psnr_db: f64,
-    pub(super) mse: f64,
+    /// How close the mesh is to the image; `None` where that is not known.
+    pub(super) error: Option<MeshError>,
     /// What was run, as a query.
     pub(super) parameters: String,
     /// The value of `Server-Timing`.
     pub(super) timing: String,
+}
+
+/// The error of a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeshError {
+    pub(super) psnr_db: f64,
+    pub(super) mse: f64,
 }
 
 /// The bytes of an answer, which hold their memory until the client has taken them or gone.
@@ -61,14 +68,19 @@ pub(super) fn headers_of(representation: Representation, tag: &str) -> Result<He
 
 /// The headers with the figures of a mesh.
 pub(super) fn figures_of(figures: &Figures) -> Result<HeaderMap, Problem> {
-    collected([
+    let mut headers = collected([
         (HeaderName::from_static("mesh-vertices"), figures.vertices.to_string()),
         (HeaderName::from_static("mesh-faces"), figures.faces.to_string()),
-        (HeaderName::from_static("mesh-psnr"), figures.psnr_db.to_string()),
-        (HeaderName::from_static("mesh-mse"), figures.mse.to_string()),
         (HeaderName::from_static("mesh-parameters"), figures.parameters.clone()),
         (HeaderName::from_static("server-timing"), figures.timing.clone()),
-    ])
+    ])?;
+    if let Some(MeshError { psnr_db, mse }) = figures.error {
+        headers.extend(collected([
+            (HeaderName::from_static("mesh-psnr"), psnr_db.to_string()),
+            (HeaderName::from_static("mesh-mse"), mse.to_string()),
+        ])?);
+    }
+    Ok(headers)
 }
 
 fn collected<const N: usize>(headers: [(HeaderName, String); N]) -> Result<HeaderMap, Problem> {

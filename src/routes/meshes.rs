@@ -1,6 +1,6 @@
 //! `POST /v1/meshes`: an image in, its mesh out; or a job, where the client prefers one.
 
-use super::answer::{self, Figures};
+use super::answer::{self, Figures, MeshError};
 use super::jobs;
 use super::openapi::answers::{Accepted, Mesh, Problems, ProblemsOf, UploadProblems};
 use super::openapi::bodies::{Binary, MeshForm};
@@ -123,8 +123,7 @@ fn respond(
     headers.extend(answer::figures_of(&Figures {
         vertices: answer.vertices,
         faces: answer.faces,
-        psnr_db: answer.psnr_db,
-        mse: answer.mse,
+        error: Some(MeshError { psnr_db: answer.psnr_db, mse: answer.mse }),
         parameters: ran,
         timing: answer.server_timing(),
     })?);

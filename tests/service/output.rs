@@ -3,10 +3,10 @@
 use crate::pictures::{disc, disc_image};
 use crate::server::Server;
 use pixmesh_codec::{
-    DecodeOptions, Encodable, EncodeOptions, Format, Geometry, Relief, ReliefHeight, encode,
-    write_png,
+    DecodeOptions, Encodable, EncodeOptions, Format, Geometry, Limits, Relief, ReliefHeight,
+    encode, read_model, write_png,
 };
-use pixmesh_meshing::{Image, Method, Target, mesh_image};
+use pixmesh_meshing::{Image, Method, Target, mesh_image, rasterize};
 use serde_json::Value;
 
 fn number(bytes: &[u8], at: usize) -> f32 {
@@ -121,4 +121,74 @@ fn what_cannot_be_is_refused_before_any_work() {
     assert_eq!(refused("pixel_size=0", 422, "parameter-out-of-range"), "pixel_size");
     assert_eq!(refused("unit=inch", 422, "unknown-value"), "unit");
     assert_eq!(refused("compression=draco", 422, "unknown-value"), "compression");
+}
+
+#[test]
+fn a_jobs_mesh_is_written_by_the_parameters_of_the_request() {
+    let server = Server::start(&[]);
+    let image = disc(60, 50, 3);
+    let job = server.job("size=60&height=2&shading=gradient", &image);
+    server.wait_for(&job, "completed");
+    let mesh = |query: &str| server.get(&format!("{job}/mesh?{query}"));
+    for query in [
+        "format=stl&height=3&base=2",
+        "format=svg&shading=flat",
+        "format=glb&height=2&compression=meshopt",
+        "format=png&png_compression=small",
+        "format=ply&relief=c1&height=9&pixel_size=0.5",
+        "format=obj&z_scale=0.1&unit=mm&invert_relief=true",
+        "format=model&z_scale=1",
+    ] {
+        let (stored, direct) = (mesh(query), server.mesh(&format!("size=60&{query}"), &[], &image));
+        assert_eq!(stored.status, 200, "{query}: {}", stored.text());
+        assert!(stored.body == direct.body, "{query}");
+        assert_eq!(stored.header("mesh-psnr"), direct.header("mesh-psnr"));
+    }
+    let tags = ["", "&shading=flat", "&shading=gradient", "&unit=mm", "&reconstruction=flat"]
+        .map(|query| mesh(&format!("format=svg{query}")).header("etag").to_owned());
+    for (i, tag) in tags.iter().enumerate() {
+        assert!(!tags[..i].contains(tag), "{tags:?}");
+    }
+    for (query, status, slug, name) in [
+        ("relief=c3", 422, "format-not-possible", "relief"),
+        ("height=-1", 422, "parameter-out-of-range", "height"),
+        ("height=1&z_scale=1", 422, "conflicting-parameters", "z_scale"),
+        ("reconstruction=smooth", 422, "unknown-value", "reconstruction"),
+        ("texture=embed", 400, "unknown-parameter", "texture"),
+    ] {
+        let problem = mesh(&format!("format=glb&{query}")).problem(status, slug);
+        assert!(problem.to_string().contains(name), "{problem}");
+    }
+    server.wait_until_idle();
+}
+
+#[test]
+fn a_jobs_mesh_of_any_method_can_be_shown_flat_or_smooth() {
+    let server = Server::start(&[]);
+    let image = disc(60, 50, 3);
+    let server = &server;
+    let mesh = |query: &str| {
+        let job = server.job(query, &image);
+        server.wait_for(&job, "completed");
+        move |query: &str| server.get(&format!("{job}/mesh?{query}"))
+    };
+    let read = |bytes: &[u8]| read_model(bytes, &Limits::default()).unwrap();
+    let (smooth, flat) = (mesh("size=60&initial_size=240"), mesh("method=flat&size=60"));
+    let made_flat = smooth("format=model&reconstruction=flat");
+    assert_eq!(made_flat.header("mesh-psnr"), "", "the error of this picture is not known");
+    let picture = rasterize(&read(&smooth("format=model").body), &()).unwrap();
+    let expected = read(&smooth("format=model").body).with_flat_colors(&picture, &()).unwrap().0;
+    assert_eq!(read(&made_flat.body), expected);
+    let json = smooth("format=json&reconstruction=flat").json();
+    assert!(json["psnr_db"].is_null() && json["face_colors"].is_array(), "{json}");
+    let small = smooth("format=model&size=30&reconstruction=flat");
+    assert!(read(&small.body).face_samples().is_some() && small.header("mesh-psnr").is_empty());
+    let made_smooth = flat("format=model&reconstruction=linear");
+    let expected = read(&flat("format=model").body).without_face_samples();
+    assert_eq!(read(&made_smooth.body), expected);
+    for (of_job, own) in [(&smooth, "linear"), (&flat, "flat")] {
+        let same = of_job(&format!("format=png&reconstruction={own}"));
+        assert!(same.body == of_job("format=png").body && !same.header("mesh-psnr").is_empty());
+    }
+    server.wait_until_idle();
 }

@@ -13,7 +13,7 @@ mod stored;
 mod table;
 
 pub use grammar::whole_between;
-pub use output::Output;
+pub use output::{Output, WRITING};
 pub use sources::{MOST_MEMBERS, pairs_of_json, pairs_of_query, skip_rest};
 pub use table::{Parameter, TABLE, Takes};
 
@@ -234,6 +234,31 @@ impl MeshOptions {
         let removes = self.parameters.simplifies(plan);
         self.parameters.is_of_points_alone()
             && (removes || self.format == Some(Format::Progression))
+    }
+
+    /// The options of the same mesh written in another way. The pairs name parameters of
+    /// [`WRITING`], and take precedence over those of these options.
+    ///
+    /// # Errors
+    /// As [`ParameterSet::add`] and [`ParameterSet::finish`].
+    pub fn written_by<'a>(
+        &self,
+        pairs: impl Iterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, EngineError> {
+        let mut set = ParameterSet::default();
+        pairs.into_iter().try_for_each(|(name, text)| set.add(name, text))?;
+        let given = set.seen.clone();
+        // Each of these two excludes the other.
+        let is_height = |name: &str| matches!(name, "height" | "z_scale");
+        let has_height = given.iter().any(|name| is_height(name));
+        for pair in pairs_of_query(Some(&self.query())) {
+            let (name, text) = pair?;
+            let is_replaced = given.contains(&&*name) || has_height && is_height(&name);
+            if !is_replaced {
+                set.add(&name, &text)?;
+            }
+        }
+        set.finish()
     }
 
     /// What was run, as a query that asks for the same.

@@ -14,7 +14,7 @@ use pixmesh_jobs::queue::Lookup;
 use pixmesh_jobs::record::{JobId, Record};
 
 /// Seconds after which a client may look again at a job that has not ended.
-pub(super) const LOOK_AGAIN_S: u64 = 1;
+pub(super) const POLL_AFTER_S: u64 = 1;
 
 /// The owner's job of the path.
 pub(super) async fn find(
@@ -53,7 +53,7 @@ pub(super) fn answer(status: StatusCode, record: &Record) -> Response {
     let headers = response.headers_mut();
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     if !record.state.is_final() {
-        headers.insert(RETRY_AFTER, LOOK_AGAIN_S.into());
+        headers.insert(RETRY_AFTER, POLL_AFTER_S.into());
     }
     response
 }

@@ -1,16 +1,16 @@
 //! `GET /v1/jobs/{id}/mesh`: what became of the image, in any format and any size.
 //!
-//! The mesh is kept as MODEL and sent as it lies there; what is asked for in another format is made
-//! anew each time, through the gate that all work passes. So are the meshes of fewer vertices, from
-//! the order of vertices that is kept behind the MODEL; they cost a triangulation. The same version
-//! makes the same bytes, and so the entity tag of another format is the digest of the MODEL with the
-//! format's name and the version, and that of another size the digest of both with the size too.
+//! The service stores the mesh as MODEL, and sends the stored bytes for that format. It converts the
+//! mesh to every other format on each request, as a task of the scheduler. Meshes of fewer vertices
+//! are made from the order of the vertices, which is stored behind the MODEL; each costs a
+//! triangulation. The same version makes the same bytes, so the entity tag of another representation
+//! is the digest of what is stored with the parameters of the request and the version.
 
 use super::found;
 use crate::extract::accept;
 use crate::extract::fields::Few;
 use crate::problem::{Kind, Problem};
-use crate::routes::answer::{self, Figures};
+use crate::routes::answer::{self, Figures, MeshError};
 use crate::routes::openapi::answers::{Mesh, MeshPart, Problems, ProblemsOf};
 use crate::routes::openapi::parameters::{JobPath, KeptMeshParameters};
 use crate::service::Service;
@@ -24,7 +24,8 @@ use bytes::Bytes;
 use pixmesh_codec::Format;
 use pixmesh_engine::MeshOptions;
 use pixmesh_engine::Owner;
-use pixmesh_engine::params::{Output, whole_between};
+use pixmesh_engine::digest::Digest;
+use pixmesh_engine::params::{Output, WRITING, whole_between};
 use pixmesh_engine::pipeline;
 use pixmesh_engine::task::{Cost, Kept};
 use pixmesh_jobs::blobs::chunks::ChunkedBlob;
@@ -35,17 +36,22 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The parameters.
-pub(in crate::routes) const PARAMETERS: &[&str] = &["format", "size"];
-
-/// What a request may ask for of a job's mesh.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Wish {
-    /// The format, by its name.
-    pub(super) format: Option<Format>,
-    /// The number of vertices, as it is written.
-    pub(super) size: Option<String>,
-}
+/// The parameters: the last ten are [`WRITING`](pixmesh_engine::params::WRITING).
+pub(in crate::routes) const PARAMETERS: &[&str] = &[
+    "format",
+    "size",
+    "reconstruction",
+    "relief",
+    "height",
+    "z_scale",
+    "invert_relief",
+    "base",
+    "pixel_size",
+    "unit",
+    "compression",
+    "shading",
+    "png_compression",
+];
 
 /// Answers with the mesh, or a part of it.
 ///
@@ -56,7 +62,8 @@ pub(super) struct Wish {
     get, path = "/v1/jobs/{id}/mesh", operation_id = "getJobMesh",
     summary = "The mesh of a completed job, in any format and size",
     description = "The service stores the mesh once, and writes it in the format of the query, of \
-                   Accept, or of the job's parameters, in this order. With a size: the mesh of that \
+                   Accept, or of the job's parameters, in this order. Parameters of writing \
+                   take precedence over those of the job. With a size: the mesh of that \
                    many vertices that removal passes through on its way down from the job's mesh. \
                    That needs a method that ends with removal, or a job with format=progression. The \
                    format progression has all of these meshes at once, with their squared errors.",
@@ -77,42 +84,57 @@ pub async fn show(
 ) -> Result<Response, Problem> {
     let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
     let record = found::find(&service, &owner, path).await?;
-    let format = parameters.get("format").map(str::parse).transpose()?;
-    let wish = Wish { format, size: parameters.get("size").map(str::to_owned) };
-    of(&service, &record, wish, request.headers()).await
+    of(&service, &record, &parameters, request.headers()).await
 }
 
-/// The answer with a job's mesh.
+/// The response with a job's mesh, by parameters of [`PARAMETERS`].
 pub(super) async fn of(
     service: &Service,
     record: &Record,
-    wish: Wish,
+    parameters: &Few,
     request: &HeaderMap,
 ) -> Result<Response, Problem> {
     let mesh = mesh_of(record)?;
-    let size = smaller_size(mesh, wish.size.as_deref())?;
-    let options = MeshOptions::of_stored(&record.options)?;
-    let representation = accept::choose_rather(options.format, wish.format, request)?;
+    let size = smaller_size(mesh, parameters.get("size"))?;
+    let format = parameters.get("format").map(str::parse).transpose()?;
+    let stored = MeshOptions::of_stored(&record.options)?;
+    let representation = accept::choose_rather(stored.format, format, request)?;
     let format = representation.format;
+    let writing = || parameters.pairs().filter(|(name, _)| WRITING.contains(name));
+    let mut options = stored.written_by(writing())?;
+    options.output.check(shape_of(record))?;
+    let own = options.parameters.reconstruction;
+    let reconstruction = parameters.get("reconstruction").map(str::parse).transpose()?;
+    options.output.reconstruction = reconstruction.filter(|&asked| asked != own);
+    let is_rebuilt_otherwise = options.output.reconstruction.is_some();
     if (size.is_some() || format == Format::Progression) && mesh.progression.is_none() {
         return Err(without_order());
     }
-    let tag = tag(mesh, size, format);
+    let mut variant: String = writing().map(|(name, text)| format!("{name}={text}&")).collect();
+    if is_rebuilt_otherwise {
+        variant += "reconstruction";
+    }
+    let tag = tag(mesh, size, format, &variant);
     let mut headers = answer::headers_of(representation, &tag)?;
     if answer::is_known(request, &tag) {
         return Ok(answer::not_modified(headers));
     }
     let ran = options.query();
-    let is_flat = options.parameters.is_flat();
+    let is_flat = is_rebuilt_otherwise || options.parameters.is_flat();
     let job = Finished { service, record, mesh, output: options.output, is_flat };
-    let (bytes, figures) = match (size, format) {
-        (None, Format::Model | Format::Progression) => {
+    let (bytes, mut figures) = match (size, format) {
+        (None, Format::Model | Format::Progression)
+            if !is_rebuilt_otherwise || format == Format::Progression =>
+        {
             headers.extend(answer::figures_of(&figures(mesh, ran))?);
             return job.stored(format, headers, request, &tag).await;
         }
         (None, format) => (job.converted(format).await?, figures(mesh, ran)),
         (Some(size), format) => job.resized(size, format, ran).await?,
     };
+    if is_rebuilt_otherwise {
+        figures.error = None;
+    }
     headers.extend(answer::figures_of(&figures)?);
     let length = bytes.len() as u64;
     let part = answer::part(request, &tag, length)?;
@@ -132,9 +154,9 @@ fn smaller_size(mesh: &MeshFigures, text: Option<&str>) -> Result<Option<usize>,
 }
 
 fn without_order() -> Problem {
-    let detail = "this job keeps no order of its mesh's vertices, of which smaller meshes are made: \
-                  it is kept where removal ends the method, or format=progression is submitted, and \
-                  not of connectivity=free, values=fitted or reconstruction=flat";
+    let detail = "this job's mesh has one size only, because the order of its vertices is not \
+                  stored: submit a job whose method ends with removal, or with format=progression, \
+                  and without connectivity=free, values=fitted or reconstruction=flat";
     Problem::new(Kind::JobWithoutOrder, detail).param("size")
 }
 
@@ -144,7 +166,7 @@ fn mesh_of(record: &Record) -> Result<&MeshFigures, Problem> {
     match record.state {
         JobState::Queued | JobState::Running => {
             let detail = format!("the job is {}", record.state.name());
-            Err(Problem::new(Kind::JobUnfinished, detail).retry_after_s(found::LOOK_AGAIN_S))
+            Err(Problem::new(Kind::JobUnfinished, detail).retry_after_s(found::POLL_AFTER_S))
         }
         JobState::Completed => record.mesh.as_ref().ok_or_else(|| without("the mesh is not there")),
         JobState::Failed => Err(without("the job failed: its 'error' says why")),
@@ -152,9 +174,15 @@ fn mesh_of(record: &Record) -> Result<&MeshFigures, Problem> {
     }
 }
 
-fn tag(mesh: &MeshFigures, size: Option<usize>, format: Format) -> String {
+/// The entity tag; `variant` names the parameters of writing in the request.
+fn tag(mesh: &MeshFigures, size: Option<usize>, format: Format, variant: &str) -> String {
     let (model, version) = (mesh.model_digest(), env!("CARGO_PKG_VERSION"));
     match (size, format) {
+        _ if !variant.is_empty() => {
+            let (size, name) = (size.unwrap_or(mesh.vertices), format.name());
+            let request = Digest::of(format!("{size}.{name}.{variant}.{version}").as_bytes());
+            answer::tag(format_args!("{}.{request}", mesh.digest))
+        }
         (None, Format::Model) => answer::tag(model),
         // The order is another one where the image is.
         (None, Format::Progression) => {
@@ -172,8 +200,7 @@ fn figures(mesh: &MeshFigures, ran: String) -> Figures {
     Figures {
         vertices: mesh.vertices,
         faces: mesh.faces,
-        psnr_db: mesh.psnr_db.unwrap_or(f64::INFINITY),
-        mse: mesh.mse,
+        error: Some(MeshError { psnr_db: mesh.psnr_db.unwrap_or(f64::INFINITY), mse: mesh.mse }),
         parameters: ran,
         timing: mesh.timings_ms.iter().map(timing).collect::<Vec<_>>().join(", "),
     }
@@ -191,7 +218,7 @@ struct Finished<'a> {
 }
 
 impl Finished<'_> {
-    /// The MODEL, or the order, as it lies there, read as fast as the client takes it.
+    /// The stored MODEL or order, read as fast as the client takes it.
     async fn stored(
         &self,
         format: Format,
@@ -216,7 +243,7 @@ impl Finished<'_> {
         let Self { service, record, mesh, output, .. } = *self;
         let (shape, is_flat) = (self.shape(), self.is_flat);
         let cost = Cost::of_conversion(shape, mesh.vertices, mesh.bytes, format, is_flat);
-        let fidelity = Some(Fidelity::of_mse(mesh.mse, shape));
+        let fidelity = output.reconstruction.is_none().then(|| Fidelity::of_mse(mesh.mse, shape));
         let deadline = Instant::now() + service.deadline;
         let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
         let model = service.jobs.blobs.get_part(self.blob()?, 0..mesh.bytes).await?;
@@ -244,7 +271,7 @@ impl Finished<'_> {
         let place = self.place_of_order();
         let (shape, vertices) = (self.shape(), mesh.vertices as u64);
         let kept = Kept { shape, vertices, bytes: place.end - place.start };
-        let cost = Cost::of_resizing(kept, size, format);
+        let cost = Cost::of_resizing(kept, size, format, self.is_flat);
         let deadline = Instant::now() + service.deadline;
         let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
         let pmesh = service.jobs.blobs.get_part(self.blob()?, place).await?;
@@ -261,8 +288,10 @@ impl Finished<'_> {
         let figures = Figures {
             vertices: size,
             faces: resized.faces,
-            psnr_db: resized.fidelity.psnr_db(),
-            mse: resized.fidelity.mse(),
+            error: Some(MeshError {
+                psnr_db: resized.fidelity.psnr_db(),
+                mse: resized.fidelity.mse(),
+            }),
             parameters,
             timing,
         };
@@ -281,9 +310,13 @@ impl Finished<'_> {
         self.mesh.bytes..self.mesh.bytes + bytes
     }
 
-    /// The shape of the image.
     fn shape(&self) -> Shape {
-        let PictureShape { width, height, components, precision, .. } = self.record.picture.shape;
-        Shape { width, height, component_count: components, precision }
+        shape_of(self.record)
     }
+}
+
+/// The shape of a job's image.
+fn shape_of(record: &Record) -> Shape {
+    let PictureShape { width, height, components, precision, .. } = record.picture.shape;
+    Shape { width, height, component_count: components, precision }
 }

@@ -2,6 +2,7 @@
 //! whose clients prefer one.
 
 use super::{document, found, mesh};
+use crate::extract::fields::{Few, Fields};
 use crate::extract::idempotency;
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE_OF_JOB, Upload};
@@ -135,8 +136,11 @@ impl Submission {
             JobState::Queued | JobState::Running => Ok(self.accepted()),
             JobState::Failed => Err(failure(&self.record)),
             JobState::Completed | JobState::Cancelled => {
-                let wish = mesh::Wish { format, size: None };
-                let mut response = mesh::of(service, &self.record, wish, headers).await?;
+                let mut parameters = Few::of(mesh::PARAMETERS);
+                if let Some(format) = format {
+                    parameters.add("format", format.name())?;
+                }
+                let mut response = mesh::of(service, &self.record, &parameters, headers).await?;
                 let path =
                     HeaderValue::try_from(format!("{}/mesh", document::path(self.record.id)));
                 let path = path.map_err(|error| internal("a path is not valid", &error))?;

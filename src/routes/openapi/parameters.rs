@@ -2,7 +2,7 @@
 
 use super::examples;
 use crate::extract::accept::pictures;
-use pixmesh_engine::params::{Parameter as Row, TABLE, Takes};
+use pixmesh_engine::params::{Parameter as Row, TABLE, Takes, WRITING};
 use pixmesh_jobs::record::State;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use utoipa::IntoParams;
@@ -74,6 +74,15 @@ parameters! {
     ]
     .into_iter()
     .chain(TABLE.iter().filter(|row| row.name == "format").map(mesh_parameter))
+    .chain(TABLE.iter().filter(|row| WRITING.contains(&row.name)).map(mesh_parameter))
+    .chain(TABLE.iter().filter(|row| row.name == "reconstruction").map(|row| {
+        let about = "How a picture is rebuilt: by linear interpolation, or with one colour for \
+                     each face. Another way than that of the job has no figures of its error. \
+                     Default: that of the job.";
+        let mut parameter = mesh_parameter(row);
+        parameter.description = Some(about.into());
+        parameter
+    }))
     .chain([query(
         "size",
         "Vertices of the mesh, up to those of the job's. Default: all.",

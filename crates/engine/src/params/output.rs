@@ -8,6 +8,21 @@ use pixmesh_codec::{
     Relief, Shading, Texture, Texturing,
 };
 use pixmesh_meshing::Shape;
+use pixmesh_meshing::parameters::Reconstruction;
+
+/// The parameters that change how a mesh is written, and not the mesh.
+pub const WRITING: [&str; 10] = [
+    "relief",
+    "height",
+    "z_scale",
+    "invert_relief",
+    "base",
+    "pixel_size",
+    "unit",
+    "compression",
+    "shading",
+    "png_compression",
+];
 
 /// How the image is read and the mesh is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +41,8 @@ pub struct Output {
     pub shading: Shading,
     /// How much time a PNG may take.
     pub png_compression: PngCompression,
+    /// How a picture of the mesh is rebuilt; `None` as the mesh was made for.
+    pub reconstruction: Option<Reconstruction>,
 }
 
 impl Output {
@@ -50,7 +67,10 @@ impl Output {
     }
 
     /// Checks what is asked for against the image.
-    pub(super) fn check(&self, shape: Shape) -> Result<(), EngineError> {
+    ///
+    /// # Errors
+    /// When the relief is to follow a component that the image does not have.
+    pub fn check(&self, shape: Shape) -> Result<(), EngineError> {
         Ok(self.geometry.check(shape.component_count)?)
     }
 }
@@ -74,6 +94,7 @@ impl Choices {
             texture: self.texture.unwrap_or_default(),
             shading: self.shading.unwrap_or_default(),
             png_compression: self.png_compression.unwrap_or_default(),
+            reconstruction: None,
         }
     }
 }

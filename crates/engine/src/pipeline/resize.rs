@@ -1,5 +1,6 @@
 //! From the order of vertices that a job keeps to the mesh of any size, in any format.
 
+use super::convert::rebuilt_by;
 use super::encode::encode;
 use crate::context::Context;
 use crate::error::EngineError;
@@ -38,9 +39,10 @@ pub fn resize(
     context.check()?;
     context.begin("triangulate");
     let mesh = progression.mesh(size, context)?;
+    let mesh = rebuilt_by(mesh, output.reconstruction, context)?;
     let fidelity = progression.fidelity(size)?;
     let source = Encodable {
-        fidelity: Some(&fidelity),
+        fidelity: mesh.face_samples().is_none().then_some(&fidelity),
         progression: Some(&progression),
         ..Encodable::new(&mesh)
     };

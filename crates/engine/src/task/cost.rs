@@ -40,10 +40,10 @@ impl Cost {
     }
 
     /// The cost of making a mesh of some size of the order of vertices that a job keeps, and of
-    /// writing it in a format.
+    /// writing it in a format; `is_flat` if its faces get colours.
     #[must_use]
-    pub fn of_resizing(kept: Kept, size: usize, format: Format) -> Self {
-        let bytes = footprint::of_resizing(kept, size as u64, format);
+    pub fn of_resizing(kept: Kept, size: usize, format: Format, is_flat: bool) -> Self {
+        let bytes = footprint::of_resizing(kept, size as u64, format, is_flat);
         Self { mib: 1, effort: Effort::of_samples(kept.shape) }.with_file(bytes)
     }
 

@@ -268,15 +268,17 @@ pub(super) fn of_conversion(
         Format::Model => model,
         format => written_or_rebuilt(format, shape, vertices, is_flat),
     };
-    read_model_bytes(model).saturating_add(out)
+    let colored = if is_flat { image_bytes(shape) } else { 0 };
+    read_model_bytes(model).saturating_add(out).saturating_add(colored)
 }
 
 /// Bytes that making a mesh of some size takes of the order of vertices that a job keeps, and
 /// writing it in a format: the order as it is read, the triangulation and the file.
-pub(super) fn of_resizing(kept: Kept, size: u64, format: Format) -> u64 {
+pub(super) fn of_resizing(kept: Kept, size: u64, format: Format, is_flat: bool) -> u64 {
     let Kept { shape, vertices, bytes } = kept;
     let read = bytes + written(Format::Progression, shape, vertices, false);
-    let out = written_or_rebuilt(format, shape, size, false);
+    let colored = if is_flat { image_bytes(shape) } else { 0 };
+    let out = written_or_rebuilt(format, shape, size, is_flat) + colored;
     read.saturating_add(size * (POINT + VERTEX)).saturating_add(out)
 }
 
