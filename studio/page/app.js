@@ -451,7 +451,10 @@ export class Studio {
     const [track] = this.tracks;
     try {
       if (track.stage !== "final") throw new Error("There is no mesh yet. Wait for it, or make one.");
-      const response = await api.request(panels.meshPathOf(track, "glb"));
+      /** @type {api.Parameters} */
+      const relief = track.job?.parameters?.relief ? {} : { relief: "luma" };
+      const path = panels.meshPathOf(track, "glb", { ...relief, compression: "none" });
+      const response = await api.request(path);
       this.stage.renderer.relief?.set(readGlb(await response.arrayBuffer()));
       this.stage.redraw();
     } catch (error) {

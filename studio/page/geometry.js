@@ -19,37 +19,48 @@
 const NONE = 0xffffffff;
 
 /**
+ * Where faces have colours, each has three vertices of its own behind those of the points.
  * @param {Points} points @param {Triangulation} triangulation
  * @returns {Geometry}
  */
 export function geometryOf(points, { origins, twins }) {
-  const count = points.xs.length;
+  const count = points.xs.length, { samples, faceSamples } = points;
   const border = [], edges = [];
   for (let h = 0; h < origins.length; h++) {
     const to = h % 3 === 2 ? origins[h - 2] : origins[h + 1];
-    if (twins[h] === NONE) border.push(origins[h], to);
+    if (twins[h] === NONE) border.push(h);
     if (twins[h] === NONE || h < twins[h]) edges.push(origins[h], to);
   }
-  const all = count + border.length;
+  const all = count + 2 * border.length + (faceSamples ? origins.length : 0);
   const positions = new Float32Array(2 * all), values = new Uint16Array(4 * all);
   for (let v = 0; v < count; v++) {
     positions[2 * v] = points.xs[v];
     positions[2 * v + 1] = points.ys[v];
-    putColor(points, v, values, v);
+    putColor(points, samples, v, values, v);
   }
-  const rim = [];
-  for (let i = 0; i < border.length; i += 2) {
-    const outer = count + i;
-    for (const k of [0, 1]) {
-      const v = border[i + k];
-      positions[2 * (outer + k)] = outward(points.xs[v], points.width);
-      positions[2 * (outer + k) + 1] = outward(points.ys[v], points.height);
-      putColor(points, v, values, outer + k);
+  const corners = faceSamples ? new Uint32Array(origins.length) : origins;
+  if (faceSamples) {
+    for (let h = 0; h < origins.length; h++) {
+      const corner = all - origins.length + h;
+      corners[h] = corner;
+      positions[2 * corner] = points.xs[origins[h]];
+      positions[2 * corner + 1] = points.ys[origins[h]];
+      putColor(points, faceSamples, Math.floor(h / 3), values, corner);
     }
-    rim.push(border[i], outer, border[i + 1], border[i + 1], outer, outer + 1);
   }
+  /** @type {number[]} */
+  const rim = [];
+  border.forEach((h, i) => {
+    const ends = [corners[h], corners[h % 3 === 2 ? h - 2 : h + 1]], outer = count + 2 * i;
+    for (const k of [0, 1]) {
+      positions[2 * (outer + k)] = outward(positions[2 * ends[k]], points.width);
+      positions[2 * (outer + k) + 1] = outward(positions[2 * ends[k] + 1], points.height);
+      values.copyWithin(4 * (outer + k), 4 * ends[k], 4 * ends[k] + 4);
+    }
+    rim.push(ends[0], outer, ends[1], ends[1], outer, outer + 1);
+  });
   const triangles = new Uint32Array(origins.length + rim.length);
-  triangles.set(origins);
+  triangles.set(corners);
   triangles.set(rim, origins.length);
   const faceCount = origins.length / 3;
   return { vertexCount: count, faceCount, positions, values, triangles, edges: new Uint32Array(edges) };
@@ -61,11 +72,12 @@ function outward(at, side) {
 }
 
 /**
- * Writes the samples of a vertex as red, green, blue and alpha.
- * @param {Points} points @param {number} v @param {Uint16Array} values @param {number} to
+ * Writes a sample vector as red, green, blue and alpha.
+ * @param {Points} points @param {Uint16Array} samples @param {number} i
+ * @param {Uint16Array} values @param {number} to
  */
-function putColor({ components, precision, samples }, v, values, to) {
-  const at = v * components, most = 2 ** precision - 1;
+function putColor({ components, precision }, samples, i, values, to) {
+  const at = i * components, most = 2 ** precision - 1;
   const isColor = components >= 3;
   for (let k = 0; k < 3; k++) values[4 * to + k] = samples[at + (isColor ? k : 0)];
   const hasAlpha = components === 2 || components === 4;

@@ -27,9 +27,6 @@ export function readGlb(buffer) {
   if (view.getUint32(0, true) !== 0x46546c67) throw new Error("The service sent no GLB.");
   const length = view.getUint32(12, true);
   const json = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 20, length)));
-  if (json.extensionsRequired?.includes("EXT_meshopt_compression")) {
-    throw new Error("The 3D view cannot read a compressed GLB. Set the parameter compression to none.");
-  }
   const binary = 20 + length + 8;
   const primitive = json.meshes[0].primitives[0];
   const { POSITION, COLOR_0 } = primitive.attributes;

@@ -2,12 +2,17 @@
 
 /** @typedef {import("./pmesh.js").Points} Points */
 
+/** The comment before those with the samples of the faces. */
+const FACE_SAMPLES = /^# face samples: \d+$/m;
+
 /**
  * The points in the file's order, with the file's faces: they need not follow from the points.
  * @param {string} text
  * @returns {Points & { faces: Uint32Array }}
  */
 export function readModel(text) {
+  const comments = text.split(FACE_SAMPLES)[1];
+  const faceSamples = comments && Uint16Array.from(comments.replaceAll("#", "").trim().split(/\s+/), Number);
   const numbers = text
     .replace(/#.*/g, "")
     .split(/\s+/)
@@ -27,7 +32,8 @@ export function readModel(text) {
   for (let f = 0; f < faceCount; f++, at += 4) {
     for (let k = 0; k < 3; k++) faces[3 * f + k] = numbers[at + 1 + k];
   }
-  return { width, height, components, precision, xs, ys, samples, ranks: null, squaredErrors: null, faces };
+  const mesh = { width, height, components, precision, xs, ys, samples, ranks: null, squaredErrors: null, faces };
+  return faceSamples ? { ...mesh, faceSamples } : mesh;
 }
 
 /**

@@ -76,10 +76,13 @@ function downloadOf(format, onFailure) {
   return make("li", {}, link);
 }
 
-/** Where the mesh that is seen is. @param {Track} track @param {string} format */
-export function meshPathOf({ job, size, most }, format) {
+/**
+ * Where the mesh that is seen is.
+ * @param {Track} track @param {string} format @param {api.Parameters} [writing]  How it is written.
+ */
+export function meshPathOf({ job, size, most }, format, writing = {}) {
   /** @type {api.Parameters} */
-  const parameters = size < most ? { size: String(size), format } : { format };
+  const parameters = { ...(size < most ? { size: String(size) } : {}), format, ...writing };
   return api.meshPath(job?.id ?? "", parameters);
 }
 

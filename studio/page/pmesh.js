@@ -16,6 +16,7 @@
  * @property {Uint32Array | null} ranks
  * @property {Float64Array | null} squaredErrors  Of each size from 4 up, where there are ranks.
  * @property {Uint32Array} [faces]  Where they do not follow from the points.
+ * @property {Uint16Array} [faceSamples]  Of each face, where each has one colour.
  */
 
 const HEADER_BYTES = 24;

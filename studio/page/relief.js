@@ -28,11 +28,10 @@ export class Relief {
   /** @param {Surface} surface */
   set({ positions, colors, triangles }) {
     const { gl } = this;
-    const raised = raise(positions, colors);
     if (this.array) gl.deleteVertexArray(this.array);
     this.array = gl.createVertexArray();
     gl.bindVertexArray(this.array);
-    bufferOf(gl, gl.ARRAY_BUFFER, raised);
+    bufferOf(gl, gl.ARRAY_BUFFER, positions);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
     bufferOf(gl, gl.ARRAY_BUFFER, colors);
@@ -41,7 +40,7 @@ export class Relief {
     bufferOf(gl, gl.ELEMENT_ARRAY_BUFFER, triangles);
     gl.bindVertexArray(null);
     this.count = triangles.length;
-    const [low, high] = bounds(raised);
+    const [low, high] = bounds(positions);
     this.middle = low.map((least, k) => (least + high[k]) / 2);
     this.span = Math.max(high[0] - low[0], high[1] - low[1], 1e-9);
   }
@@ -94,19 +93,6 @@ export class Relief {
     ];
     return Float32Array.from([0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
   }
-}
-
-/** A flat surface raised by its luma to a tenth of its longer side; a relief as it is. @param {Float32Array} positions @param {Float32Array} colors */
-function raise(positions, colors) {
-  const [low, high] = bounds(positions);
-  if (high[2] > low[2]) return positions;
-  const height = Math.max(high[0] - low[0], high[1] - low[1]) / 10;
-  const raised = positions.slice();
-  for (let v = 0; v < raised.length / 3; v++) {
-    const luma = 0.2126 * colors[4 * v] + 0.7152 * colors[4 * v + 1] + 0.0722 * colors[4 * v + 2];
-    raised[3 * v + 2] = height * luma ** (1 / 2.2);
-  }
-  return raised;
 }
 
 /** @param {Float32Array} positions */

@@ -65,6 +65,15 @@ pub enum CliError {
         /// What is wrong with it.
         source: pixmesh_codec::PmeshError,
     },
+    /// No format has the ending of the file to write.
+    #[error(
+        "--output: no format has the ending .{ending}: use one of model, glb, gltf, svg, ply, obj, \
+         stl, json, pmesh, png, pnm, pgm, ppm and pam, or name the format with --format"
+    )]
+    Ending {
+        /// The ending, without its dot.
+        ending: String,
+    },
     /// The picture cannot be written in this format.
     #[error(transparent)]
     Encode(#[from] pixmesh_codec::EncodeError),

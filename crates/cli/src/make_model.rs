@@ -23,8 +23,8 @@ use std::time::{Duration, Instant};
 /// standard output, as MODEL text: width, height, number of components and bits per sample, then the
 /// mesh as OFF. --format and the ending of --output choose glTF, SVG, PLY, OBJ, STL, JSON or the
 /// rebuilt picture instead.
-/// One of --density, --size, --psnr, --error and --max-error says how large or how good the mesh
-/// is to be.
+/// One of --density, --size, --target-psnr, --target-error and --max-error says how large or how good
+/// the mesh is to be. Without one the mesh has 2 % of the picture's points as vertices.
 ///
 /// Points are chosen by error diffusion of a density that follows the picture's second derivatives,
 /// connected by the preferred-directions Delaunay triangulation, and removed one by one, the least
@@ -84,6 +84,8 @@ const FILES: &str = "Input and output";
 /// What the long help and the manual page end with.
 const MANUAL: &str = "\
 Examples:
+  The good method MGPRFS at 2 %, the defaults:
+    make_model --input picture.png --output picture.glb
   The fast method MED at 2 %:
     make_model --method med --density 2 < picture.ppm > picture.model
   The good method MGPRFS, which starts with 4 times the points:
@@ -93,7 +95,7 @@ Examples:
       --ed-strategy max_comp_mmsodd_ed --ed-initial-error-mode mirror \\
       --bad-point-removal 0 < picture.ppm > picture.model
   The smallest mesh on the way down that has at least 30 dB:
-    make_model --method mgprfs --psnr 30 --stats < picture.ppm > picture.model
+    make_model --target-psnr 30 --stats < picture.ppm > picture.model
 
   A watertight lithophane of 100 mm width for a printer, from a picture 400 pixels wide:
     make_model --method mgprfs --density 20 --invert-relief --height 2.2 --base 0.8 \
@@ -127,6 +129,8 @@ impl MakeModel {
         if let Some(text) = self.document.text(&mut Self::command())? {
             return files::write(None, &text);
         }
+        // A wrong ending is refused before any work.
+        self.written.format(self.output.as_deref())?;
         let input = self.input.as_deref();
         let bytes = files::read(input)?;
         let start = Instant::now();
@@ -178,7 +182,7 @@ impl MakeModel {
         parameters: &Parameters,
         model: &Approximation,
     ) -> Result<Option<Progression>, CliError> {
-        let format = self.written.format(self.output.as_deref());
+        let format = self.written.format(self.output.as_deref())?;
         if format != Format::Progression && self.progressive.is_none() {
             return Ok(None);
         }

@@ -1,4 +1,5 @@
-//! What the words of `make_model` mean: the names and defaults of the thesis's program.
+//! The options of `make_model` that decide the mesh: those of the thesis's program, and those of the
+//! service where both have the same values.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
@@ -10,29 +11,30 @@ use pixmesh_meshing::{Method, ParameterError, Parameters, Target};
 
 /// The choices that decide the mesh.
 ///
-/// Each option that is not given has the value that `--method` gives it, or without a method the
-/// default that its help names.
+/// Each option that is not given has the value that `--method` gives it. Without a method that is
+/// mgprfs; but where an option of the thesis's program chooses the initial points, it is the default
+/// that its help names, so that the thesis's command lines keep their meaning.
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("target")
-    .args(["density", "size", "psnr", "error", "max_error"]))]
+    .args(["density", "size", "target_psnr", "target_error", "max_error"]))]
 pub struct MeshOptions {
     /// Method whose parameters are the defaults of all other options: preview and
-    /// med are fast, mgprfs is good, optimal best
+    /// med are fast, mgprfs is good, optimal best [default: mgprfs]
     #[arg(long, help_heading = SIZE, value_parser = named(Method::NAMES, Method::ALL))]
     pub method: Option<Method>,
     /// Vertices of the mesh, in percent of the picture's points (over 0, at most 100)
-    #[arg(long, help_heading = SIZE, value_name = "PERCENT",
-        required_unless_present_any = ["size", "psnr", "error", "max_error", "completions", "man_page"])]
+    /// [default: 2, without another target]
+    #[arg(long, help_heading = SIZE, value_name = "PERCENT")]
     pub density: Option<f64>,
     /// Vertices of the mesh (at least 4)
     #[arg(long, help_heading = SIZE, value_name = "COUNT")]
     pub size: Option<usize>,
     /// Least PSNR of the mesh: removal stops before it would fall below
-    #[arg(long, help_heading = SIZE, value_name = "DECIBELS")]
-    pub psnr: Option<f64>,
+    #[arg(long, visible_alias = "psnr", help_heading = SIZE, value_name = "DECIBELS")]
+    pub target_psnr: Option<f64>,
     /// Largest mean error per point, by --error-metric: removal stops before it would be exceeded
-    #[arg(long, help_heading = SIZE, value_name = "ERROR")]
-    pub error: Option<f64>,
+    #[arg(long, visible_alias = "error", help_heading = SIZE, value_name = "ERROR")]
+    pub target_error: Option<f64>,
     /// Largest difference of any sample between the picture and its model, 0 to 65535
     #[arg(long, help_heading = SIZE, value_name = "DIFFERENCE")]
     pub max_error: Option<u16>,
@@ -57,10 +59,11 @@ pub struct MeshOptions {
     pub ed_strategy: Option<Strategy>,
     /// How many points more or fewer than asked for error diffusion may choose [default: 10, of
     /// three united components 15]
-    #[arg(long, help_heading = DIFFUSION, value_name = "COUNT")]
+    #[arg(long, visible_alias = "tolerance", help_heading = DIFFUSION, value_name = "COUNT")]
     pub ed_size_tolerance: Option<usize>,
     /// The direction in which error diffusion visits the rows [default: serpentine]
-    #[arg(long, help_heading = DIFFUSION, value_parser = named(Scan::NAMES, Scan::ALL))]
+    #[arg(long, visible_alias = "scan", help_heading = DIFFUSION,
+        value_parser = named(Scan::NAMES, Scan::ALL))]
     pub ed_scan_order: Option<Scan>,
     /// Whether error that would go to points outside the picture is lost [default: no_leaky]
     #[arg(long, help_heading = DIFFUSION, value_parser = choice(LEAKAGES))]
@@ -73,14 +76,15 @@ pub struct MeshOptions {
     #[arg(long, help_heading = DIFFUSION, value_parser = named(PscTie::NAMES, PscTie::ALL))]
     pub psc_tie: Option<PscTie>,
     /// Order of the smoothing filter, odd; 1 is none [default: 3]
-    #[arg(long, help_heading = FILTERS, value_name = "ORDER")]
+    #[arg(long, visible_alias = "smoothing-order", help_heading = FILTERS, value_name = "ORDER")]
     pub smooth_order: Option<usize>,
     /// The smoothing filter [default: binomial]
-    #[arg(long, help_heading = FILTERS, value_parser = named(Smoothing::NAMES, Smoothing::ALL))]
+    #[arg(long, visible_alias = "smoothing", help_heading = FILTERS,
+        value_parser = named(Smoothing::NAMES, Smoothing::ALL))]
     pub smooth_operator: Option<Smoothing>,
     /// Whether the picture is smoothed in both directions, or only at right angles to the
     /// derivative [default: both]
-    #[arg(long, help_heading = FILTERS,
+    #[arg(long, visible_alias = "smoothing-direction", help_heading = FILTERS,
         value_parser = named(SmoothingDirection::NAMES, SmoothingDirection::ALL))]
     pub smooth_direction: Option<SmoothingDirection>,
     /// What the smoothing filter sees beyond the border, with double convolution
@@ -129,6 +133,9 @@ pub struct MeshOptions {
         value_parser = named(Reconstruction::NAMES, Reconstruction::ALL))]
     pub reconstruction: Option<Reconstruction>,
 }
+
+/// The density in percent without a target, that of the service.
+const DEFAULT_DENSITY: f64 = 2.0;
 
 /// Headings of the help, in order.
 const SIZE: &str = "Method and size of the mesh";
@@ -230,11 +237,12 @@ impl MeshOptions {
     /// When the method is not defined for so many components.
     pub fn parameters(&self, component_count: usize) -> Result<Parameters, ParameterError> {
         let mut parameters = match self.method {
-            Some(method) => {
+            None if self.is_of_thesis() => self.thesis_defaults(),
+            method => {
+                let method = method.unwrap_or(Method::Mgprfs);
                 method.check_component_count(component_count)?;
                 method.parameters(self.target())
             }
-            None => self.program_defaults(),
         };
         self.set_initial_points(&mut parameters, component_count);
         self.set_filters(&mut parameters);
@@ -243,18 +251,30 @@ impl MeshOptions {
         Ok(parameters)
     }
 
-    /// How large or good the mesh is to be; one of the five is given.
+    /// How large or good the mesh is to be.
     fn target(&self) -> Target {
-        let density = self.density.map(Target::Percent);
         let size = self.size.map(Target::Size);
-        let psnr_db = self.psnr.map(Target::Psnr);
+        let psnr_db = self.target_psnr.map(Target::Psnr);
+        let error = self.target_error.map(Target::MeanError);
         let largest = self.max_error.map(Target::MaxError);
-        let error = || Target::MeanError(self.error.unwrap_or_default());
-        density.or(size).or(psnr_db).or(largest).unwrap_or_else(error)
+        let density = Target::Percent(self.density.unwrap_or(DEFAULT_DENSITY));
+        size.or(psnr_db).or(error).or(largest).unwrap_or(density)
     }
 
-    /// What the thesis's program does when nothing but the target is given.
-    fn program_defaults(&self) -> Parameters {
+    /// Whether an option of the thesis's program chooses the initial points.
+    fn is_of_thesis(&self) -> bool {
+        self.initial_generator.is_some()
+            || self.initial_density.is_some()
+            || self.relative_initial_density.is_some()
+            || self.ed_strategy.is_some()
+            || self.ed_size_tolerance.is_some()
+            || self.ed_scan_order.is_some()
+            || self.ed_leaky_mode.is_some()
+            || self.ed_initial_error_mode.is_some()
+    }
+
+    /// The defaults of the thesis's program.
+    fn thesis_defaults(&self) -> Parameters {
         Parameters::default()
             .target(self.target())
             .initial_size(InitialSize::Percent(100.0))

@@ -8,6 +8,7 @@ use pixmesh_codec::{
     ReliefSource, Shading, Texture, Texturing, encode, model_comments,
 };
 use pixmesh_meshing::{Approximation, Image, Parameters, Progression};
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// Headings of the help.
@@ -68,11 +69,19 @@ pub struct OutputOptions {
 }
 
 impl OutputOptions {
-    /// The format: the one named, else that of the file's ending, else MODEL.
-    #[must_use]
-    pub fn format(&self, path: Option<&Path>) -> Format {
-        let of_path = || path.and_then(Path::extension)?.to_str().and_then(Format::of_file_ending);
-        self.format.or_else(of_path).unwrap_or_default()
+    /// The format: the one named, else that of the file's ending; MODEL for a file without an
+    /// ending.
+    ///
+    /// # Errors
+    /// When no format has the ending.
+    pub fn format(&self, path: Option<&Path>) -> Result<Format, CliError> {
+        let ending = path.and_then(Path::extension).and_then(OsStr::to_str);
+        match (self.format, ending) {
+            (Some(format), _) => Ok(format),
+            (None, None) => Ok(Format::default()),
+            (None, Some(ending)) => Format::of_file_ending(ending)
+                .ok_or_else(|| CliError::Ending { ending: ending.to_owned() }),
+        }
     }
 
     /// The picture to embed, if that is asked for.
@@ -85,7 +94,7 @@ impl OutputOptions {
         picture: &[u8],
         image: &Image,
     ) -> Result<Option<Texture>, CliError> {
-        let wanted = self.format(path).holds_texture() && self.texture == Texturing::Embed;
+        let wanted = self.format(path)?.holds_texture() && self.texture == Texturing::Embed;
         Ok(wanted.then(|| Texture::of_file_while(picture, image, &|| Ok(()))).transpose()?)
     }
 
@@ -119,7 +128,7 @@ impl OutputOptions {
             png_compression: self.png_compression,
         };
         let mut bytes = Vec::new();
-        encode(&source, self.format(path), &options, &mut bytes, &|| Ok(()))?;
+        encode(&source, self.format(path)?, &options, &mut bytes, &|| Ok(()))?;
         Ok(bytes)
     }
 

@@ -179,10 +179,45 @@ fn files_are_read_and_written_by_name() {
 }
 
 #[test]
+fn the_default_is_mgprfs_at_2_percent_unless_the_thesis_chooses_initial_points() {
+    let model = |words: &str| succeed(MAKE_MODEL, words, &gray_pgm());
+    assert_eq!(model(""), model("--method mgprfs --density 2"));
+    assert_eq!(model("--size 50"), model("--method mgprfs --size 50"));
+    assert_eq!(model("--target-psnr 30"), model("--method mgprfs --psnr 30"));
+    assert_eq!(model("--target-error 20"), model("--method mgprfs --error 20"));
+    let of_thesis = "--size 50 --initial-density 100 --bad-point-removal 1 --initial-generator ed \
+                     --ed-initial-error-mode mirror --ed-scan-order serpentine";
+    for option in [
+        "--initial-generator ed",
+        "--initial-density 100",
+        "--ed-strategy max_comp_mmsodd_ed",
+        "--ed-initial-error-mode mirror",
+        "--ed-scan-order serpentine",
+        "--ed-leaky-mode no_leaky",
+    ] {
+        assert_eq!(model(&format!("--size 50 {option}")), model(of_thesis), "{option}");
+    }
+}
+
+#[test]
+fn an_ending_that_no_format_has_is_refused_before_any_work() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    for ending in ["jpg", "webp", "dae", "svgz"] {
+        let path = folder.join(format!("refused.{ending}"));
+        let message = fail(MAKE_MODEL, &format!("--output {}", path.display()), b"no picture");
+        assert!(message.contains(&format!("ending .{ending}")), "{message}");
+        assert!(message.contains("--format") && !path.exists(), "{message}");
+    }
+    let path = folder.join("named.data");
+    let words = format!("--size 50 --format svg --output {}", path.display());
+    succeed(MAKE_MODEL, &words, &gray_pgm());
+    assert!(std::fs::read(path).unwrap().starts_with(b"<svg"));
+}
+
+#[test]
 fn what_is_wrong_is_said_by_name() {
     let picture = gray_pgm();
     for (words, expected) in [
-        ("", "--density"),
         ("--density 2 --size 50", "cannot be used with"),
         ("--density 0", "density is 0"),
         ("--density 101", "density is 101, but must lie in 0.000001 to 100"),

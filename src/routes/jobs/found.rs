@@ -44,7 +44,8 @@ pub(super) fn unknown() -> Problem {
 }
 
 pub(super) fn gone() -> Problem {
-    Problem::new(Kind::Gone, "the job is no longer kept").setting("--result-ttl")
+    Problem::new(Kind::Gone, "the job has expired: submit the picture again")
+        .setting("--result-ttl")
 }
 
 /// The answer with a job.

@@ -33,25 +33,12 @@ use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState}
 use pixmesh_meshing::parameters::MIN_SIZE;
 use pixmesh_meshing::{Fidelity, Shape};
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-/// The parameters: the last ten are [`WRITING`](pixmesh_engine::params::WRITING).
-pub(in crate::routes) const PARAMETERS: &[&str] = &[
-    "format",
-    "size",
-    "reconstruction",
-    "relief",
-    "height",
-    "z_scale",
-    "invert_relief",
-    "base",
-    "pixel_size",
-    "unit",
-    "compression",
-    "shading",
-    "png_compression",
-];
+/// The names of the parameters.
+pub(in crate::routes) static PARAMETERS: LazyLock<Vec<&str>> =
+    LazyLock::new(|| [&["format", "size", "reconstruction"][..], &WRITING[..]].concat());
 
 /// Answers with the mesh, or a part of it.
 ///
@@ -82,7 +69,7 @@ pub async fn show(
     path: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let parameters = Few::of_query(PARAMETERS, request.uri().query())?;
+    let parameters = Few::of_query(&PARAMETERS, request.uri().query())?;
     let record = found::find(&service, &owner, path).await?;
     of(&service, &record, &parameters, request.headers()).await
 }

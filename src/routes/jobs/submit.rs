@@ -136,7 +136,7 @@ impl Submission {
             JobState::Queued | JobState::Running => Ok(self.accepted()),
             JobState::Failed => Err(failure(&self.record)),
             JobState::Completed | JobState::Cancelled => {
-                let mut parameters = Few::of(mesh::PARAMETERS);
+                let mut parameters = Few::of(&mesh::PARAMETERS);
                 if let Some(format) = format {
                     parameters.add("format", format.name())?;
                 }

@@ -47,6 +47,15 @@ export async function pixels() {
     }
   }
   assert.deepEqual(page.failures, []);
+  const flat = await opened("/?sample=spheres&method=flat&size=500");
+  await finished(flat);
+  const expected = await picturePixels(flat, `${await meshPath(flat)}?format=png`);
+  const drawn = await picture(flat);
+  // A pixel on an edge may have the colour of the other face.
+  const equal = drawn.filter((value, i) => value === expected[i]).length / drawn.length;
+  console.log(`faces with colours: ${(100 * equal).toFixed(1)} % of the samples are equal`);
+  assert.ok(equal > 0.85);
+  assert.deepEqual(flat.failures, []);
 }
 
 export async function layers() {
@@ -200,6 +209,9 @@ export async function relief() {
   await page.keyboard.press("3");
   assert.equal(await page.getAttribute("#relief-button", "aria-pressed"), "false");
   assert.deepEqual(page.failures, []);
+  const flat = await opened("/?sample=spheres&method=flat&size=500&compression=meshopt&relief=1");
+  await flat.waitForFunction(() => globalThis.studio?.stage.renderer.relief?.count > 0);
+  assert.deepEqual(flat.failures, []);
 }
 
 export async function frames() {

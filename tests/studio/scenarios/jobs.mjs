@@ -141,7 +141,7 @@ export async function errors() {
   const said = page.locator("#failure");
   await said.waitFor();
   assert.equal(await said.getAttribute("role"), "alert");
-  assert.match(await said.textContent(), /The file is of no accepted image format.*\. Use PNG, JPEG/);
+  assert.match(await said.textContent(), /Unsupported image format.*\. Use PNG, JPEG/);
   await page.click("#failure-close");
   assert.ok(await said.isHidden());
   // A method that is not for such a picture.
