@@ -1,6 +1,6 @@
 //! Jobs: submitted, looked at, cancelled, listed, and their meshes.
 
-use crate::client::{Answer, assert_once_within, field, form, send};
+use crate::client::{Answer, assert_median_within, field, form, send};
 use crate::pictures::{disc, noise};
 use crate::server::{Folder, Server};
 use base64::Engine;
@@ -331,7 +331,7 @@ fn cancelling_stops_running_work_at_once_and_frees_its_worker() {
     assert_eq!(delete(&server, &running).status, 202);
     server.wait_for(&running, "cancelled");
     server.wait_for(&waiting, "completed");
-    assert_once_within(Duration::from_secs(1), || {
+    assert_median_within(Duration::from_secs(1), || {
         let running = server.job(SLOW, &noise(1024));
         server.wait_for(&running, "running");
         let waiting = server.job("size=50", &disc(30, 30, 1));
@@ -432,7 +432,7 @@ fn more_jobs_than_may_wait_are_turned_away_at_once() {
     let running = server.job(SLOW, &noise(1024));
     server.wait_for(&running, "running");
     let waiting: Vec<String> = (0..3).map(|i| server.job("", &disc(20 + i, 20, 1))).collect();
-    assert_once_within(Duration::from_millis(500), || {
+    assert_median_within(Duration::from_millis(500), || {
         let refused = server.submit("", &[], &disc(40, 40, 1));
         let problem = refused.problem(503, "overloaded");
         let told = (&problem["setting"], &problem["limit"]);

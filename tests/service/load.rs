@@ -1,6 +1,6 @@
 //! More work than there are workers: what waits, what is turned away, and who frees what.
 
-use crate::client::{Answer, assert_once_within, connect};
+use crate::client::{Answer, assert_median_within, connect};
 use crate::pictures::{colour_noise, disc, flat, noise};
 use crate::server::Server;
 use std::io::Write;
@@ -74,21 +74,24 @@ fn decoding_whose_client_has_left_stops_within_a_tenth_of_a_second() {
     assert_stops_soon(&server, "method=med&size=4", &image, delays);
 }
 
-/// Begins work and leaves it, after each of the delays, and checks how soon its worker is free.
+/// Begins work and leaves it, three times after each of the delays, and checks how soon its worker is
+/// free: in the median, because other work holds up each try now and then.
 fn assert_stops_soon(server: &Server, query: &str, image: &[u8], delays: [Duration; 7]) {
-    for delay in delays {
-        assert_once_within(Duration::from_millis(100), || {
-            let client = begin_work(server, query, image);
-            wait_for_metric(server, "pixmesh_jobs_in_progress", 1.0);
-            thread::sleep(delay);
-            drop(client);
-            let left = Instant::now();
-            while server.metric("pixmesh_jobs_in_progress") > 0.0 {
-                assert!(left.elapsed() < PATIENCE);
-            }
-            left.elapsed()
-        });
-    }
+    let stop = |delay| {
+        let client = begin_work(server, query, image);
+        wait_for_metric(server, "pixmesh_jobs_in_progress", 1.0);
+        thread::sleep(delay);
+        drop(client);
+        let left = Instant::now();
+        while server.metric("pixmesh_jobs_in_progress") > 0.0 {
+            assert!(left.elapsed() < PATIENCE);
+        }
+        left.elapsed()
+    };
+    let mut times: Vec<Duration> =
+        delays.into_iter().flat_map(|delay| [(); 3].map(|()| stop(delay))).collect();
+    times.sort_unstable();
+    assert!(times[times.len() / 2] < Duration::from_millis(100), "{times:?}");
 }
 
 /// What is waited for has come within this time, or never comes.
@@ -142,7 +145,7 @@ fn a_full_queue_is_told_at_once_and_cheap_answers_stay_quick() {
 #[track_caller]
 fn assert_quick(ask: impl FnMut() -> Answer) {
     let mut ask = ask;
-    assert_once_within(Duration::from_millis(500), || ask().took);
+    assert_median_within(Duration::from_millis(500), || ask().took);
 }
 
 #[test]
@@ -272,7 +275,7 @@ fn clients_that_read_nothing_stay_within_the_budget_and_are_cut() {
 #[test]
 fn tiny_requests_do_not_let_in_more_large_ones_than_can_be_served() {
     let (tiny, larger) = (disc(20, 20, 1), noise(400));
-    assert_once_within(Duration::from_millis(2100), || {
+    assert_median_within(Duration::from_millis(2100), || {
         let server = Server::start(&["--workers", "1", "--queue-seconds", "1"]);
         for _ in 0..200 {
             assert_eq!(server.mesh("", &[], &tiny).status, 200);
@@ -309,7 +312,7 @@ fn what_waits_for_twice_as_long_as_the_queue_should_take_is_refused() {
     let slow = noise(1024);
     let running = begin_slow_work(&server, &slow);
     wait_for_metric(&server, "pixmesh_jobs_in_progress", 1.0);
-    assert_once_within(Duration::from_millis(1500), || {
+    assert_median_within(Duration::from_millis(1500), || {
         let answer = server.mesh("", &[], &disc(30, 30, 1));
         let problem = answer.problem(503, "overloaded");
         assert!(answer.took >= Duration::from_millis(400), "{:?}", answer.took);
