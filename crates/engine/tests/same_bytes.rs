@@ -1,6 +1,6 @@
 //! A mesh that is stored as MODEL and converted has the bytes of one that is written at once.
 
-// A test is told that something is wrong by a panic, helpers of tests too.
+// A panic tells a test that something is wrong, in its own functions too.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use pixmesh_engine::pipeline::{convert, mesh_of_job};
