@@ -2,7 +2,7 @@
 //
 // EventSource cannot send a key, so the events are read from the answer itself.
 
-import { Refused } from "./mesh.mjs";
+import { Refused, save } from "./mesh.mjs";
 
 const FINAL = new Set(["completed", "failed", "cancelled"]);
 
@@ -85,8 +85,12 @@ async function* messages(body) {
   }
 }
 
-/** What `node job.mjs PICTURE [NAME=VALUE ...]` does. */
+/** Saves a mesh in mesh.glb. */
 async function main(path, ...pairs) {
+  if (path === undefined) {
+    console.error("usage: node examples/job.mjs PICTURE [NAME=VALUE ...]");
+    process.exit(2);
+  }
   const { readFile } = await import("node:fs/promises");
   const { createHash } = await import("node:crypto");
   const url = process.env.PIXMESH_URL ?? "http://127.0.0.1:8080";
@@ -98,6 +102,7 @@ async function main(path, ...pairs) {
     const job = await service.submit(picture, parameters, word);
     for await (const { state, progress } of service.events(job)) console.log(state, progress?.stage ?? "");
     const bytes = await service.mesh(job, "glb");
+    await save("mesh.glb", bytes);
     const { mesh } = await service.status(job);
     console.log(
       `${mesh.vertices} vertices, ${mesh.faces} faces, ${mesh.psnr_db.toFixed(2)} dB, ${bytes.byteLength} bytes`,

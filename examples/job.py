@@ -1,4 +1,4 @@
-"""A mesh of a picture as a job, with nothing but Python's own library: job.py PICTURE [NAME=VALUE ...]"""
+"""Saves a mesh of a picture in mesh.glb, made as a job, with nothing but Python's own library."""
 
 import hashlib
 import json
@@ -66,7 +66,18 @@ def events(job):
             time.sleep(1)
 
 
+def save(name, body):
+    """Writes a file; a former one of the name stays until the new one is whole."""
+    part = name + ".part"
+    with open(part, "wb") as file:
+        file.write(body)
+    os.replace(part, name)
+
+
 def main():
+    if len(sys.argv) == 1:
+        print("usage: examples/job.py PICTURE [NAME=VALUE ...]", file=sys.stderr)
+        sys.exit(2)
     path, *pairs = sys.argv[1:]
     with open(path, "rb") as file:
         picture = file.read()
@@ -82,6 +93,7 @@ def main():
     except Refused as refused:
         print(json.dumps(refused.problem), file=sys.stderr)
         sys.exit(1)
+    save("mesh.glb", body)
     print(f"{mesh['vertices']} vertices, {mesh['faces']} faces, {mesh['psnr_db']:.2f} dB, {len(body)} bytes")
 
 

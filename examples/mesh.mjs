@@ -37,13 +37,25 @@ function figures(headers) {
   };
 }
 
-/** What `node mesh.mjs PICTURE [NAME=VALUE ...]` does. */
+/** Writes a file in Node.js; a former one of the name stays until the new one is whole. */
+export async function save(name, bytes) {
+  const { rename, writeFile } = await import("node:fs/promises");
+  await writeFile(`${name}.part`, new Uint8Array(bytes));
+  await rename(`${name}.part`, name);
+}
+
+/** Saves a mesh in mesh.model, or in a file of the format asked for. */
 async function main(path, ...pairs) {
+  if (path === undefined) {
+    console.error("usage: node examples/mesh.mjs PICTURE [NAME=VALUE ...]");
+    process.exit(2);
+  }
   const { readFile } = await import("node:fs/promises");
   const url = process.env.PIXMESH_URL ?? "http://127.0.0.1:8080";
   const parameters = pairs.length > 0 ? Object.fromEntries(pairs.map((pair) => pair.split("="))) : { density: 2 };
   try {
     const made = await mesh(url, await readFile(path), parameters, { key: process.env.PIXMESH_KEY });
+    await save(`mesh.${parameters.format ?? "model"}`, made.bytes);
     console.log(
       `${made.vertices} vertices, ${made.faces} faces, ${made.psnr.toFixed(2)} dB, ${made.bytes.byteLength} bytes`,
     );

@@ -1,4 +1,7 @@
-"""A mesh of a picture, with nothing but Python's own library: mesh.py PICTURE [NAME=VALUE ...]"""
+"""Saves a mesh of a picture, with nothing but Python's own library.
+
+The mesh is in mesh.model, or in a file of the format asked for.
+"""
 
 import json
 import os
@@ -48,7 +51,18 @@ def figures(headers):
     }
 
 
+def save(name, body):
+    """Writes a file; a former one of the name stays until the new one is whole."""
+    part = name + ".part"
+    with open(part, "wb") as file:
+        file.write(body)
+    os.replace(part, name)
+
+
 def main():
+    if len(sys.argv) == 1:
+        print("usage: examples/mesh.py PICTURE [NAME=VALUE ...]", file=sys.stderr)
+        sys.exit(2)
     path, *pairs = sys.argv[1:]
     with open(path, "rb") as file:
         picture = file.read()
@@ -58,6 +72,7 @@ def main():
     except Refused as refused:
         print(json.dumps(refused.problem), file=sys.stderr)
         sys.exit(1)
+    save(f"mesh.{parameters.get('format', 'model')}", body)
     print(f"{found['vertices']} vertices, {found['faces']} faces, {found['psnr']:.2f} dB, {len(body)} bytes")
 
 

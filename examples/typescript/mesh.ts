@@ -1,7 +1,7 @@
-// A mesh of a picture: paths, parameters, their values and refusals are checked by the compiler
-// against the service's OpenAPI document.
+// Saves a mesh of a picture in mesh.model. The compiler checks paths, parameters, their values and
+// refusals against the service's OpenAPI document.
 
-import { readFile } from "node:fs/promises";
+import { readFile, rename, writeFile } from "node:fs/promises";
 import createClient from "openapi-fetch";
 import type { components, operations, paths } from "./schema.js";
 
@@ -52,8 +52,17 @@ async function job(picture: Uint8Array, query: Parameters): Promise<components["
   }
 }
 
+/** Writes a file; a former one of the name stays until the new one is whole. */
+async function save(name: string, text: string): Promise<void> {
+  await writeFile(`${name}.part`, text);
+  await rename(`${name}.part`, name);
+}
+
 const [path] = process.argv.slice(2);
-if (path === undefined) throw new Error("give a picture");
+if (path === undefined) {
+  console.error("usage: npm start -- PICTURE");
+  process.exit(2);
+}
 const picture = await readFile(path);
 
 const { data: offered } = await client.GET("/v1/methods");
@@ -61,6 +70,7 @@ console.log(`methods: ${offered?.methods.map((method) => method.name).join(", ")
 
 const made = await mesh(picture, { method: "mgprfs", density: 2, policy: "psd_max_d" });
 if ("model" in made) {
+  await save("mesh.model", made.model);
   console.log(`${made.vertices} vertices, ${made.faces} faces, ${made.psnr.toFixed(2)} dB, ${made.model.length} bytes`);
 } else {
   console.error(`${made.title}: ${made.detail}`);

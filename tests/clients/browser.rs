@@ -1,36 +1,26 @@
 //! The example for browsers, in one, from another origin than the service's.
 
+use crate::scripts::FIGURES;
 use crate::server::Server;
 use crate::tools::{checkout, require, run};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener};
-use std::path::Path;
 use std::process::Command;
 use std::thread;
 
 #[test]
-fn the_page_makes_a_mesh_where_its_origin_is_let_in() {
-    require("chromium");
-    let pages = serve_folder("examples");
-    let allowed = Server::start(&["--cors-origin", &format!("http://{pages}")]);
-    let shown = shown_by_browser(pages, allowed.public);
-    assert!(shown.contains(" vertices, ") && shown.contains("blob:http://"), "{shown}");
+fn the_page_saves_a_mesh_where_its_origin_is_let_in() {
+    for tool in ["chromium", "node", "tests/studio/node_modules/playwright-core"] {
+        require(tool);
+    }
+    let pages = format!("http://{}", serve_folder("examples"));
+    let allowed = Server::start(&["--cors-origin", &pages]);
     let closed = Server::start(&[]);
-    let shown = shown_by_browser(pages, closed.public);
-    assert!(shown.contains("Refused. "), "{shown}");
-}
-
-/// What the page has become after it has asked the service.
-fn shown_by_browser(pages: SocketAddr, service: SocketAddr) -> String {
-    let profile =
-        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("browser-{}", service.port()));
-    let address = format!("http://{pages}/browser.html?draw&service=http://{service}");
-    let shown = run(Command::new("chromium")
-        .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom"])
-        .args(["--virtual-time-budget=10000", &format!("--user-data-dir={}", profile.display())])
-        .arg(address));
-    let _ = std::fs::remove_dir_all(profile);
-    shown
+    let shown = run(Command::new("node")
+        .arg(checkout("tests/clients/page.mjs"))
+        .arg(pages)
+        .args([&allowed, &closed].map(|server| format!("http://{}", server.public))));
+    assert!(shown.starts_with(FIGURES), "{shown}");
 }
 
 /// Serves the files of a folder of the checkout.
