@@ -68,6 +68,7 @@ problems! {
     JobUnfinished = CONFLICT "job-unfinished" "The job has not finished";
     JobWithoutMesh = CONFLICT "job-without-mesh" "The job ended without a mesh";
     JobWithoutOrder = CONFLICT "job-without-order" "The job's mesh cannot be resized";
+    JobWithoutTexture = CONFLICT "job-without-texture" "The job keeps no picture to show";
     Gone = GONE "gone" "The resource has expired";
     RangeNotSatisfiable = RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range starts beyond the end";
     RequestTimeout = REQUEST_TIMEOUT "request-timeout" "The request took too long to arrive";
@@ -89,8 +90,8 @@ problems! {
     WorkTooLarge = UNPROCESSABLE_ENTITY "work-too-large" "The task needs more memory than the service has";
     QuotaExceeded = TOO_MANY_REQUESTS "quota-exceeded" "The key's quota is used up";
     ShapeMismatch = UNPROCESSABLE_ENTITY "shape-mismatch" "The pictures are not of the same shape";
-    MeshInvalid = UNPROCESSABLE_ENTITY "mesh-invalid" "The MODEL is not a mesh";
-    MeshTooLarge = UNPROCESSABLE_ENTITY "mesh-too-large" "The MODEL states more vertices or faces than it has";
+    MeshInvalid = UNPROCESSABLE_ENTITY "mesh-invalid" "The file is not a mesh";
+    MeshTooLarge = UNPROCESSABLE_ENTITY "mesh-too-large" "The mesh states more vertices or faces than it has";
     IndexOutOfRange = UNPROCESSABLE_ENTITY "index-out-of-range" "A face names a vertex that does not exist";
     IdempotencyKeyReused = UNPROCESSABLE_ENTITY "idempotency-key-reused" "The idempotency key belongs to another submission";
     TooManyJobs = TOO_MANY_REQUESTS "too-many-jobs" "Too many queued jobs";

@@ -1,6 +1,7 @@
 //! The route table, and the order of the layers around it.
 
 pub mod comparisons;
+pub mod conversions;
 pub mod docs;
 pub mod health;
 pub mod index;
@@ -10,7 +11,6 @@ pub mod methods;
 pub mod metrics;
 pub mod openapi;
 pub mod problems;
-pub mod reconstructions;
 pub mod studio;
 
 mod answer;
@@ -72,7 +72,8 @@ fn documented() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(jobs::show, jobs::cancel))
         .routes(routes!(jobs::events::follow))
         .routes(routes!(jobs::mesh::show))
-        .routes(routes!(reconstructions::create))
+        .routes(routes!(conversions::create))
+        .routes(routes!(conversions::rebuild))
         .routes(routes!(comparisons::create))
         .routes(routes!(methods::list))
         .routes(routes!(problems::show))

@@ -40,10 +40,10 @@ fn receive(body: &[u8], length: usize) -> Outcome {
     let mut parameters = ParameterSet::default();
     let body = Body::from_stream(stream::iter(pieces));
     let owner = Owner::Anonymous;
-    let receiving = intake.receive_image(&owner, &IMAGE, &headers, body, &mut parameters);
+    let receiving = intake.receive_first(&owner, &IMAGE, &headers, body, &mut parameters);
     let received = RUNTIME.with(|runtime| runtime.block_on(receiving));
-    let source = received.map_err(|problem| problem.kind().slug())?;
+    let (image, weights) = received.map_err(|problem| problem.kind().slug())?;
     let order = parameters.finish().map_err(|error| Problem::from(error).kind().slug())?;
-    let weights = source.weights.map(|weights| weights.bytes.to_vec());
-    Ok((source.image.bytes.to_vec(), weights, order.query()))
+    let weights = weights.map(|weights| weights.bytes.to_vec());
+    Ok((image.bytes.to_vec(), weights, order.query()))
 }

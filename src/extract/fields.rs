@@ -2,7 +2,15 @@
 
 use crate::problem::Problem;
 use pixmesh_engine::InputError;
-use pixmesh_engine::params::{ParameterSet, pairs_of_query, unknown};
+use pixmesh_engine::params::{ParameterSet, WRITING, pairs_of_query, unknown};
+use std::sync::LazyLock;
+
+/// The parameters of a mesh that was made before, and is written in another way.
+pub static CONVERSION: LazyLock<Vec<&str>> =
+    LazyLock::new(|| [&["format", "size", "reconstruction"][..], &WRITING[..]].concat());
+
+/// Those of them that matter where a picture is written.
+pub const RECONSTRUCTION: [&str; 4] = ["format", "size", "reconstruction", "png_compression"];
 
 /// What takes parameters, one by one.
 pub trait Fields: Send {
@@ -43,6 +51,13 @@ impl Few {
     /// The names and texts given, in their order.
     pub fn pairs(&self) -> impl Iterator<Item = (&str, &str)> {
         self.given.iter().map(|(name, text)| (*name, text.as_str()))
+    }
+
+    /// The same as a query.
+    #[must_use]
+    pub fn query(&self) -> String {
+        let pairs = self.pairs().map(|(name, text)| format!("{name}={}", text.replace('#', "%23")));
+        pairs.collect::<Vec<_>>().join("&")
     }
 
     /// The text given for one.

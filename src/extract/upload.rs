@@ -23,7 +23,7 @@ use bytes::Bytes;
 use http_body::Body as _;
 use http_body_util::BodyExt;
 use meter::Meter;
-use pixmesh_engine::{Owner, Weighed};
+use pixmesh_engine::Owner;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::spawn_blocking;
@@ -46,36 +46,51 @@ pub struct Wanted<const N: usize> {
     pub files: [&'static str; N],
     /// How many of them must come, from the first; the others may.
     pub required: usize,
-    /// The media types that a file may be labelled with, rightly or not.
-    pub labels: &'static [&'static str],
+    /// The media types that each may be labelled with, rightly or not.
+    pub labels: [&'static [&'static str]; N],
     /// Whether they may come in a JSON object.
     pub json: bool,
 }
 
+const IMAGE_LABELS: &[&str] = &["image/*", "application/octet-stream"];
+const MESH_LABELS: &[&str] = &[
+    "text/plain",
+    "application/vnd.pixmesh.model",
+    "application/vnd.pixmesh.pmesh",
+    "application/octet-stream",
+];
+const ANY_LABELS: &[&str] = &[
+    "image/*",
+    "text/plain",
+    "application/vnd.pixmesh.model",
+    "application/vnd.pixmesh.pmesh",
+    "application/octet-stream",
+];
+
 /// An image to mesh, and a picture that says how much its pixels matter.
-pub const IMAGE: Wanted<2> = Wanted {
-    files: ["image", "weights"],
-    required: 1,
-    labels: &["image/*", "application/octet-stream"],
-    json: false,
-};
+pub const IMAGE: Wanted<2> =
+    Wanted { files: ["image", "weights"], required: 1, labels: [IMAGE_LABELS; 2], json: false };
 
 /// The same for a job.
 pub const IMAGE_OF_JOB: Wanted<2> = Wanted { json: true, ..IMAGE };
 
-/// A mesh as MODEL text.
-pub const MODEL: Wanted<1> = Wanted {
-    files: ["model"],
+/// A mesh to convert, and the picture that glTF shows.
+pub const MESH: Wanted<2> = Wanted {
+    files: ["mesh", "image"],
     required: 1,
-    labels: &["text/plain", "application/vnd.pixmesh.model", "application/octet-stream"],
+    labels: [MESH_LABELS, IMAGE_LABELS],
     json: false,
 };
 
-/// A picture, and a picture or a MODEL that approximates it.
+/// A mesh to rebuild the picture of.
+pub const MODEL: Wanted<1> =
+    Wanted { files: ["model"], required: 1, labels: [MESH_LABELS], json: false };
+
+/// A picture, and a picture or a mesh that approximates it.
 pub const COMPARED: Wanted<2> = Wanted {
     files: ["image", "approximation"],
     required: 2,
-    labels: &["image/*", "text/plain", "application/vnd.pixmesh.model", "application/octet-stream"],
+    labels: [IMAGE_LABELS, ANY_LABELS],
     json: false,
 };
 
@@ -128,20 +143,22 @@ impl Intake {
         files.try_into().map_err(|_| missing(wanted.files[0]))
     }
 
-    /// Receives the image, and the weights if there are any.
+    /// Receives the first file, and the last if there may be two and it comes.
     ///
     /// # Errors
     /// As [`Self::receive`].
-    pub async fn receive_image(
+    pub async fn receive_first<const N: usize>(
         &self,
         owner: &Owner,
-        wanted: &Wanted<2>,
+        wanted: &Wanted<N>,
         headers: &HeaderMap,
         body: Body,
         fields: &mut dyn Fields,
-    ) -> Result<Weighed<Upload>, Problem> {
-        let [image, weights] = self.receive_some(owner, wanted, headers, body, fields).await?;
-        Ok(Weighed { image: image.ok_or_else(|| missing("image"))?, weights })
+    ) -> Result<(Upload, Option<Upload>), Problem> {
+        let found = self.receive_some(owner, wanted, headers, body, fields).await?;
+        let mut found = found.into_iter();
+        let first = found.next().flatten().ok_or_else(|| missing(wanted.files[0]))?;
+        Ok((first, found.next().flatten()))
     }
 
     /// Receives the files required, and the others if they come.
@@ -241,7 +258,7 @@ impl<const N: usize> Wanted<N> {
         }
         // What curl calls any body given with --data-binary unless told otherwise: no statement.
         if !is("application/x-www-form-urlencoded") {
-            self.accept_label(label)?;
+            self.accept_label(0, label)?;
         }
         self.only_file(label)
     }
@@ -251,17 +268,17 @@ impl<const N: usize> Wanted<N> {
         if self.required == 1 { Ok(Label::File) } else { Err(self.refuse_label(label, &[])) }
     }
 
-    /// Accepts the labels that a file may have, right or wrong.
-    fn accept_label(&self, label: &str) -> Result<(), Problem> {
+    /// Accepts the labels that the file of this index may have, right or wrong.
+    fn accept_label(&self, index: usize, label: &str) -> Result<(), Problem> {
         let essence = essence(label).to_ascii_lowercase();
         let is_accepted = |accepted: &&str| match accepted.strip_suffix('*') {
             Some(kind) => essence.starts_with(kind),
             None => essence == **accepted,
         };
-        if self.labels.iter().any(is_accepted) {
+        if self.labels[index].iter().any(is_accepted) {
             return Ok(());
         }
-        Err(self.refuse_label(&essence, self.labels))
+        Err(self.refuse_label(&essence, self.labels[index]))
     }
 
     fn refuse_label(&self, label: &str, files: &[&str]) -> Problem {

@@ -1,7 +1,9 @@
 //! From the errors of the other crates to problems: one conversion each.
 
 use super::{Kind, Problem};
-use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, PmeshError, WeightsError};
+use pixmesh_codec::{
+    DecodeError, EncodeError, MeshFileError, ModelDefect, ModelError, PmeshError, WeightsError,
+};
 use pixmesh_engine::error::Bound;
 use pixmesh_engine::{EngineError, InputError};
 use pixmesh_jobs::QueueError;
@@ -21,7 +23,8 @@ impl From<EngineError> for Problem {
             E::Input(error) => error.into(),
             E::Decode(error) => error.into(),
             E::Weights(error) => error.into(),
-            E::Model(error) => error.into(),
+            E::MeshFile(error) => error.into(),
+            E::OtherSize { .. } => Self::new(Kind::ShapeMismatch, detail).param("image"),
             E::Meshing(error) => error.into(),
             E::Encode(error) => error.into(),
             E::TooLarge { needed_mib, budget_mib } => Self::new(Kind::WorkTooLarge, detail)
@@ -48,8 +51,7 @@ impl From<EngineError> for Problem {
             }
             E::Cancelled(cancelled) => cancelled.into(),
             E::Stopping => Self::new(Kind::ShuttingDown, detail),
-            E::Pmesh(PmeshError::Cancelled(cancelled))
-            | E::Progression(ProgressionError::Cancelled(cancelled)) => cancelled.into(),
+            E::Progression(error) => error.into(),
             _ => internal("a task failed", &error),
         }
     }
@@ -224,6 +226,40 @@ impl From<ModelError> for Problem {
             _ => Self::new(Kind::MeshInvalid, detail),
         };
         problem.member("line", line)
+    }
+}
+
+impl From<MeshFileError> for Problem {
+    fn from(error: MeshFileError) -> Self {
+        match error {
+            MeshFileError::Model(error) => error.into(),
+            MeshFileError::Pmesh(error) => error.into(),
+        }
+    }
+}
+
+impl From<PmeshError> for Problem {
+    fn from(error: PmeshError) -> Self {
+        let detail = error.to_string();
+        match error {
+            PmeshError::Size(error) => error.into(),
+            PmeshError::Cancelled(cancelled) => cancelled.into(),
+            PmeshError::Progression(error) => error.into(),
+            PmeshError::NoOrder => Self::new(Kind::FormatNotPossible, detail),
+            PmeshError::VertexCount { count, most } => {
+                Self::new(Kind::MeshTooLarge, detail).limit(most, count)
+            }
+            _ => Self::new(Kind::MeshInvalid, detail),
+        }
+    }
+}
+
+impl From<ProgressionError> for Problem {
+    fn from(error: ProgressionError) -> Self {
+        match error {
+            ProgressionError::Cancelled(cancelled) => cancelled.into(),
+            error => Self::new(Kind::MeshInvalid, error.to_string()),
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use headers::{HeaderMapExt, IfNoneMatch, IfRange};
 use pixmesh_engine::scheduler::Memory;
+use pixmesh_meshing::Fidelity;
 use std::ops::{Bound, Range};
 
 /// What is known of a mesh.
@@ -31,6 +32,12 @@ pub(super) struct Figures {
 pub(super) struct MeshError {
     pub(super) psnr_db: f64,
     pub(super) mse: f64,
+}
+
+impl From<&Fidelity> for MeshError {
+    fn from(fidelity: &Fidelity) -> Self {
+        Self { psnr_db: fidelity.psnr_db(), mse: fidelity.mse() }
+    }
 }
 
 /// The bytes of an answer, which hold their memory until the client has taken them or gone.

@@ -1,4 +1,4 @@
-//! `POST /v1/comparisons`: a picture, and a picture or MODEL that approximates it, in; how close
+//! `POST /v1/comparisons`: a picture, and a picture or mesh that approximates it, in; how close
 //! they are out.
 
 use super::openapi::answers::{Problems, UploadProblems};
@@ -10,7 +10,7 @@ use crate::service::Service;
 use axum::Extension;
 use axum::Json;
 use axum::extract::{Request, State};
-use pixmesh_codec::{DecodeError, Header, Limits};
+use pixmesh_codec::{DecodeError, Header, Limits, MeshHeader, is_pmesh, probe_mesh};
 use pixmesh_engine::Owner;
 use pixmesh_engine::pipeline::{self, Comparison, Pair};
 use pixmesh_engine::task::{Compared, Cost};
@@ -28,7 +28,7 @@ use utoipa::ToSchema;
     post, path = "/v1/comparisons", operation_id = "createComparison",
     summary = "How close a picture, or a mesh, is to a picture",
     description = "A form with the parts `image` and `approximation`; the latter is a picture or a \
-                   MODEL of the same width, height, components and precision. The service recognises \
+                   mesh, as MODEL or pmesh, of the same width, height, components and precision. The service recognises \
                    it by its content.",
     request_body(content = inline(ComparisonForm), content_type = "multipart/form-data"),
     responses(
@@ -64,24 +64,25 @@ async fn compare(
 /// What a picture is compared with, by its content.
 enum Other {
     Picture(Header),
-    Model(Shape),
+    Mesh(MeshHeader),
 }
 
 impl Other {
     fn shape(&self) -> Shape {
         match self {
             Self::Picture(header) => header.shape(),
-            Self::Model(shape) => *shape,
+            Self::Mesh(header) => header.shape,
         }
     }
 }
 
-/// Reads the header of a picture, or else of a MODEL, which begins with a digit or a comment.
+/// Reads the header of a picture, or else of a mesh: a pmesh, or a MODEL, which begins with a digit
+/// or a comment.
 fn probe(bytes: &[u8], limits: &Limits) -> Result<Other, Problem> {
     match pixmesh_codec::probe(bytes, limits) {
         Ok(header) => Ok(Other::Picture(header)),
-        Err(DecodeError::UnknownFormat) if could_be_model(bytes) => {
-            Ok(Other::Model(pixmesh_codec::probe_model(bytes, limits)?))
+        Err(DecodeError::UnknownFormat) if is_pmesh(bytes) || could_be_model(bytes) => {
+            Ok(Other::Mesh(probe_mesh(bytes, limits).map_err(Problem::from)?))
         }
         Err(error) => Err(error.into()),
     }
@@ -121,10 +122,10 @@ async fn run(
     header: &Header,
     other: Other,
 ) -> Result<Comparison, Problem> {
-    let (limits, is_model) = (service.pictures, matches!(other, Other::Model(_)));
+    let (limits, is_mesh) = (service.pictures, matches!(other, Other::Mesh(_)));
     let compared = match &other {
         Other::Picture(header) => Compared::Picture(header),
-        Other::Model(_) => Compared::Model(approximation.bytes.len() as u64),
+        Other::Mesh(header) => Compared::Mesh(header, approximation.bytes.len() as u64),
     };
     let cost = Cost::of_comparison(header, compared);
     let deadline = Instant::now() + service.deadline;
@@ -133,7 +134,7 @@ async fn run(
         .workers
         .run(ticket, deadline, move |watch, _| {
             let compared =
-                pipeline::compare(Pair { picture, approximation, is_model }, &limits, watch);
+                pipeline::compare(Pair { picture, approximation, is_mesh }, &limits, watch);
             let _ = watch.finish();
             compared
         })

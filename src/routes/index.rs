@@ -17,6 +17,7 @@ pub(super) struct Index {
 pub(super) struct IndexLinks {
     meshes: &'static str,
     jobs: &'static str,
+    conversions: &'static str,
     reconstructions: &'static str,
     comparisons: &'static str,
     methods: &'static str,
@@ -32,6 +33,7 @@ pub(super) async fn show() -> Json<Index> {
         links: IndexLinks {
             meshes: "/v1/meshes",
             jobs: "/v1/jobs",
+            conversions: "/v1/conversions",
             reconstructions: "/v1/reconstructions",
             comparisons: "/v1/comparisons",
             methods: "/v1/methods",

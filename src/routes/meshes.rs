@@ -69,8 +69,9 @@ async fn make(service: &Service, owner: Owner, request: Request) -> Result<Respo
         service.scheduler.refuse_crowd(&owner)?;
     }
     let receiving =
-        service.intake.receive_image(&owner, &IMAGE, &head.headers, body, &mut parameters);
-    let upload = receiving.await?;
+        service.intake.receive_first(&owner, &IMAGE, &head.headers, body, &mut parameters);
+    let (image, weights) = receiving.await?;
+    let upload = Weighed { image, weights };
     let order = parameters.finish()?;
     let representation = accept::choose(order.format, &head.headers)?;
     if preference.is_for_job() {

@@ -5,6 +5,7 @@ mod access;
 mod client;
 mod comparisons;
 mod contract;
+mod conversions;
 mod durability;
 mod events;
 mod formats;

@@ -154,7 +154,7 @@ fn a_jobs_mesh_is_written_by_the_parameters_of_the_request() {
         ("height=-1", 422, "parameter-out-of-range", "height"),
         ("height=1&z_scale=1", 422, "conflicting-parameters", "z_scale"),
         ("reconstruction=smooth", 422, "unknown-value", "reconstruction"),
-        ("texture=embed", 400, "unknown-parameter", "texture"),
+        ("texture=embed", 409, "job-without-texture", "texture"),
     ] {
         let problem = mesh(&format!("format=glb&{query}")).problem(status, slug);
         assert!(problem.to_string().contains(name), "{problem}");

@@ -41,13 +41,28 @@ pub enum CliError {
         /// What is wrong with it.
         source: pixmesh_codec::DecodeError,
     },
-    /// The input is not a MODEL.
+    /// The input is not a mesh, or holds none of the size asked for.
     #[error("{name}: {source}")]
-    Model {
+    Mesh {
         /// The file's name, or that of the stream.
         name: String,
         /// What is wrong with it.
-        source: pixmesh_codec::ModelError,
+        source: pixmesh_codec::MeshFileError,
+    },
+    /// A texture is asked for, and the picture is not given.
+    #[error("--texture embed needs --image: the picture that the mesh was made of")]
+    NoImage,
+    /// The picture to show is not of the mesh's size.
+    #[error(
+        "--image has {} by {} pixels and the mesh {} by {}: give the picture that the mesh was \
+         made of",
+        picture.0, picture.1, mesh.0, mesh.1
+    )]
+    OtherSize {
+        /// Width and height of the picture.
+        picture: (usize, usize),
+        /// Width and height of the mesh's image.
+        mesh: (usize, usize),
     },
     /// The weights do not fit the picture.
     #[error("{name}: {source}")]
@@ -56,14 +71,6 @@ pub enum CliError {
         name: String,
         /// What is wrong with it.
         source: pixmesh_codec::WeightsError,
-    },
-    /// The input is not a pmesh, or holds no mesh of the size asked for.
-    #[error("{name}: {source}")]
-    Pmesh {
-        /// The file's name, or that of the stream.
-        name: String,
-        /// What is wrong with it.
-        source: pixmesh_codec::PmeshError,
     },
     /// No format has the ending of the file to write.
     #[error(

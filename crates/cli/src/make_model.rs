@@ -6,7 +6,9 @@ use crate::options::MeshOptions;
 use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_codec::{Alpha, DecodeOptions, EncodeError, Format, Texture};
+use pixmesh_codec::{
+    Alpha, DecodeOptions, Encodable, EncodeError, Format, Texture, model_comments,
+};
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{
     Approximation, Image, MeshingError, OnThreads, Parameters, Progression, Removal, Stage,
@@ -109,7 +111,7 @@ Exit status:
   command line could not be understood.
 
 See also:
-  rasterize_model rebuilds the picture. The methods are those of the thesis \"Effective Techniques
+  rasterize_model rebuilds the picture, and writes meshes in other formats. The methods are those of the thesis \"Effective Techniques
   for Generating Delaunay Mesh Models of Single- and Multi-Component Images\", University of
   Victoria.";
 
@@ -130,7 +132,7 @@ impl MakeModel {
             return files::write(None, &text);
         }
         // A wrong ending is refused before any work.
-        self.written.format(self.output.as_deref())?;
+        let format = self.written.format(self.output.as_deref(), Format::Model)?;
         let input = self.input.as_deref();
         let bytes = files::read(input)?;
         let start = Instant::now();
@@ -142,7 +144,7 @@ impl MakeModel {
             source,
         })?;
         let decoding = start.elapsed();
-        let texture = self.written.texture(self.output.as_deref(), &bytes, &image)?;
+        let texture = self.written.texture(format, &bytes, &image)?;
         drop(bytes);
         self.written.check(image.component_count())?;
         let parameters = self.mesh.parameters(image.component_count());
@@ -154,8 +156,13 @@ impl MakeModel {
         let control = OnThreads(&attendant, self.threads());
         let model = mesh_image(&image, &parameters, &control)?;
         let stages = attendant.finish();
-        let progression = self.progression(&image, &parameters, &model)?;
-        let encoding = self.write(&model, &parameters, texture.as_ref(), progression.as_ref())?;
+        let progression = self.progression(&image, &parameters, &model, format)?;
+        let source = Encodable {
+            comments: &model_comments(&parameters),
+            progression: progression.as_ref(),
+            ..Encodable::from(&model)
+        };
+        let encoding = self.write(&model, &source, format, texture.as_ref())?;
         self.write_compact(&model, progression.as_ref())?;
         if self.stats {
             let ssim = structural_similarity(&image, &rasterize(&model.mesh, &())?, &())?;
@@ -181,8 +188,8 @@ impl MakeModel {
         image: &Image,
         parameters: &Parameters,
         model: &Approximation,
+        format: Format,
     ) -> Result<Option<Progression>, CliError> {
-        let format = self.written.format(self.output.as_deref())?;
         if format != Format::Progression && self.progressive.is_none() {
             return Ok(None);
         }
@@ -215,13 +222,12 @@ impl MakeModel {
     fn write(
         &self,
         model: &Approximation,
-        parameters: &Parameters,
+        source: &Encodable<'_>,
+        format: Format,
         texture: Option<&Texture>,
-        progression: Option<&Progression>,
     ) -> Result<Duration, CliError> {
         let start = Instant::now();
-        let path = self.output.as_deref();
-        let bytes = self.written.write(model, parameters, path, texture, progression)?;
+        let bytes = self.written.write(source, format, texture)?;
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {

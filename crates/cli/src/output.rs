@@ -5,9 +5,9 @@ use crate::options::named;
 use clap::Args;
 use pixmesh_codec::{
     Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit, PngCompression, Relief,
-    ReliefSource, Shading, Texture, Texturing, encode, model_comments,
+    ReliefSource, Shading, Texture, Texturing, encode,
 };
-use pixmesh_meshing::{Approximation, Image, Parameters, Progression};
+use pixmesh_meshing::Image;
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -21,7 +21,8 @@ const MAX_LENGTH: f64 = 1e9;
 /// What is written, and how.
 #[derive(Args, Clone, Debug)]
 pub struct OutputOptions {
-    /// Format to write [default: by the ending of --output, else model]
+    /// Format to write [default: by the ending of --output, else MODEL text of a picture, and the
+    /// picture of a mesh as PNM]
     #[arg(long, help_heading = FILES, value_parser = named(Format::NAMES, Format::ALL))]
     format: Option<Format>,
     /// How glTF stores vertices and indices: none, 16-bit integers, or those compressed
@@ -69,19 +70,24 @@ pub struct OutputOptions {
 }
 
 impl OutputOptions {
-    /// The format: the one named, else that of the file's ending; MODEL for a file without an
-    /// ending.
+    /// The format: the one named, else that of the file's ending, else `otherwise`.
     ///
     /// # Errors
     /// When no format has the ending.
-    pub fn format(&self, path: Option<&Path>) -> Result<Format, CliError> {
+    pub fn format(&self, path: Option<&Path>, otherwise: Format) -> Result<Format, CliError> {
         let ending = path.and_then(Path::extension).and_then(OsStr::to_str);
         match (self.format, ending) {
             (Some(format), _) => Ok(format),
-            (None, None) => Ok(Format::default()),
+            (None, None) => Ok(otherwise),
             (None, Some(ending)) => Format::of_file_ending(ending)
                 .ok_or_else(|| CliError::Ending { ending: ending.to_owned() }),
         }
+    }
+
+    /// Whether the file shows the picture itself.
+    #[must_use]
+    pub fn shows_image(&self, format: Format) -> bool {
+        format.holds_texture() && self.texture == Texturing::Embed
     }
 
     /// The picture to embed, if that is asked for.
@@ -90,12 +96,12 @@ impl OutputOptions {
     /// Never in practice: the file is made in memory.
     pub fn texture(
         &self,
-        path: Option<&Path>,
+        format: Format,
         picture: &[u8],
         image: &Image,
     ) -> Result<Option<Texture>, CliError> {
-        let wanted = self.format(path)?.holds_texture() && self.texture == Texturing::Embed;
-        Ok(wanted.then(|| Texture::of_file_while(picture, image, &|| Ok(()))).transpose()?)
+        let texture = || Texture::of_file_while(picture, image, &|| Ok(()));
+        Ok(self.shows_image(format).then(texture).transpose()?)
     }
 
     /// Checks that a picture of so many components can be written so.
@@ -106,20 +112,16 @@ impl OutputOptions {
         Ok(self.geometry().check(component_count)?)
     }
 
-    /// Writes a mesh in the format that the options and the file's ending say.
+    /// Writes a mesh in a format as the options say.
     ///
     /// # Errors
     /// When the format cannot hold the mesh.
     pub fn write(
         &self,
-        model: &Approximation,
-        parameters: &Parameters,
-        path: Option<&Path>,
+        source: &Encodable<'_>,
+        format: Format,
         texture: Option<&Texture>,
-        progression: Option<&Progression>,
     ) -> Result<Vec<u8>, CliError> {
-        let comments = model_comments(parameters);
-        let source = Encodable { comments: &comments, progression, ..Encodable::from(model) };
         let options = EncodeOptions {
             geometry: self.geometry(),
             compression: self.compression,
@@ -128,7 +130,7 @@ impl OutputOptions {
             png_compression: self.png_compression,
         };
         let mut bytes = Vec::new();
-        encode(&source, self.format(path)?, &options, &mut bytes, &|| Ok(()))?;
+        encode(source, format, &options, &mut bytes, &|| Ok(()))?;
         Ok(bytes)
     }
 

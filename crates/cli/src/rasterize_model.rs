@@ -1,37 +1,35 @@
-//! The program that rebuilds the picture of a mesh model.
+//! The program that reads a mesh file, and writes its picture or the mesh in another format.
 
-use crate::attendant::Attendant;
 use crate::document::DocumentOptions;
-use crate::options::named;
+use crate::output::OutputOptions;
 use crate::{CliError, files};
-use clap::{CommandFactory, Parser, ValueEnum};
-use pixmesh_codec::PngCompression;
-use pixmesh_meshing::{Mesh, rasterize};
+use clap::{CommandFactory, Parser};
+use pixmesh_codec::{Encodable, Format, PmeshError, Texture};
+use pixmesh_meshing::{Fidelity, Mesh, Progression, ProgressionError};
 use std::path::PathBuf;
 
-/// Rebuilds the picture that a mesh model describes.
+/// Rebuilds the picture that a mesh describes, or writes the mesh in another format.
 ///
 /// Reads MODEL text or a pmesh on standard input and writes the picture on standard output: PGM for one
-/// component, PPM for three, PAM for any other number.
+/// component, PPM for three, PAM for any other number. --format and the ending of --output choose PNG,
+/// glTF, SVG, PLY, OBJ, STL, JSON, MODEL or pmesh instead.
 #[derive(Parser, Debug)]
 #[command(name = "rasterize_model", version, after_long_help = MANUAL)]
 pub struct RasterizeModel {
-    /// Model to read instead of standard input
+    /// Mesh to read instead of standard input
     #[arg(long, value_name = "FILE")]
     input: Option<PathBuf>,
     /// File to write instead of standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Format of the picture [default: by the ending of --output, else pnm]
-    #[arg(long, value_enum)]
-    format: Option<PictureOut>,
-    /// Whether a PNG is made fast or small
-    #[arg(long, default_value = "fast",
-        value_parser = named(PngCompression::NAMES, PngCompression::ALL))]
-    png_compression: PngCompression,
+    #[command(flatten)]
+    written: OutputOptions,
     /// Vertices of the mesh, of those of a pmesh that keeps the order of their importance
     #[arg(long, value_name = "COUNT")]
     size: Option<usize>,
+    /// Picture that the mesh was made of, which --texture embed shows
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
     #[command(flatten)]
     document: DocumentOptions,
 }
@@ -40,71 +38,85 @@ pub struct RasterizeModel {
 const MANUAL: &str = "\
 Examples:
   make_model --method mgprfs --density 2 < picture.ppm | rasterize_model > rebuilt.ppm
-  rasterize_model --input picture.model --format png --output rebuilt.png
+  rasterize_model --input picture.model --output rebuilt.png
+  make_model --input picture.png --format progression --output picture.pmesh
+  rasterize_model --input picture.pmesh --size 500 --output small.glb
 
 Exit status:
-  0 when the picture was written, 1 when the model was refused, 2 when the command line could not be
-  understood.
+  0 when the picture or the mesh was written, 1 when the mesh was refused, 2 when the command line could
+  not be understood.
 
 See also:
-  make_model makes the models.";
+  make_model makes the meshes.";
 
-/// A format that pictures are written in.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum PictureOut {
-    /// PGM, PPM or PAM.
-    Pnm,
-    /// PNG.
-    Png,
+/// A mesh, and what its file says of it.
+struct Source {
+    mesh: Mesh,
+    progression: Option<Progression>,
+    fidelity: Option<Fidelity>,
 }
 
 impl RasterizeModel {
     /// Runs the program.
     ///
     /// # Errors
-    /// When the model cannot be read, or the picture cannot be written.
+    /// When the mesh cannot be read, or the result cannot be written.
     pub fn run(&self) -> Result<(), CliError> {
         if let Some(text) = self.document.text(&mut Self::command())? {
             return files::write(None, &text);
         }
-        let input = self.input.as_deref();
-        let bytes = files::read(input)?;
-        let mesh = self.mesh(&bytes)?;
+        // A wrong ending is refused before any work.
+        let format = self.written.format(self.output.as_deref(), Format::Pnm)?;
+        let bytes = files::read(self.input.as_deref())?;
+        let Source { mesh, progression, fidelity } = self.source(&bytes, format)?;
         drop(bytes);
-        let attendant = Attendant::new();
-        let image = rasterize(&mesh, &attendant)?;
-        let _stages = attendant.finish();
-        let mut picture = Vec::new();
-        match self.format() {
-            PictureOut::Pnm => pixmesh_codec::write_pnm(&image, &mut picture)?,
-            PictureOut::Png => {
-                let compression = self.png_compression;
-                pixmesh_codec::write_png_while(&image, compression, &mut picture, &|| Ok(()))?;
-            }
-        }
-        files::write(self.output.as_ref(), &picture)
-    }
-
-    /// The format: the one named, else that of the file's ending, else PNM.
-    fn format(&self) -> PictureOut {
-        let ending = self.output.as_deref().and_then(|path| path.extension());
-        let is_png = ending.is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-        self.format.unwrap_or(if is_png { PictureOut::Png } else { PictureOut::Pnm })
+        self.written.check(mesh.shape().component_count)?;
+        let texture = self.texture(&mesh, format)?;
+        let source = Encodable {
+            progression: progression.as_ref(),
+            fidelity: fidelity.as_ref(),
+            ..Encodable::new(&mesh)
+        };
+        files::write(self.output.as_ref(), &self.written.write(&source, format, texture.as_ref())?)
     }
 
     /// The mesh that a file holds, or the one of a smaller size.
-    fn mesh(&self, bytes: &[u8]) -> Result<Mesh, CliError> {
+    fn source(&self, bytes: &[u8], format: Format) -> Result<Source, CliError> {
         let name = || files::name(self.input.as_deref(), "standard input");
-        let damaged = |source| CliError::Pmesh { name: name(), source };
-        if let Some(size) = self.size {
-            let read = pixmesh_codec::read_progression(bytes, &files::LIMITS);
-            let mesh = read.map_err(damaged)?.mesh(size, &());
-            return mesh.map_err(|source| damaged(source.into()));
+        let damaged = |source| CliError::Mesh { name: name(), source };
+        let header = pixmesh_codec::probe_mesh(bytes, &files::LIMITS).map_err(damaged)?;
+        let needs_order = self.size.is_some() || format == Format::Progression;
+        if header.format != Format::Progression {
+            if needs_order {
+                return Err(damaged(PmeshError::NoOrder.into()));
+            }
+            let mesh = pixmesh_codec::read_mesh_while(bytes, &files::LIMITS, &|| Ok(()));
+            return Ok(Source { mesh: mesh.map_err(damaged)?, progression: None, fidelity: None });
         }
-        if pixmesh_codec::is_pmesh(bytes) {
-            return pixmesh_codec::read_pmesh(bytes, &files::LIMITS).map_err(damaged);
+        let damaged = |source: PmeshError| damaged(source.into());
+        let read = pixmesh_codec::read_progression(bytes, &files::LIMITS).map_err(damaged)?;
+        let size = self.size.unwrap_or(read.points().len());
+        let cut = || {
+            let progression = read.shortened(size)?;
+            let (mesh, fidelity) = (progression.mesh(size, &())?, progression.fidelity(size)?);
+            Ok(Source { mesh, progression: Some(progression), fidelity: Some(fidelity) })
+        };
+        cut().map_err(|error: ProgressionError| damaged(error.into()))
+    }
+
+    /// The picture to embed, if that is asked for.
+    fn texture(&self, mesh: &Mesh, format: Format) -> Result<Option<Texture>, CliError> {
+        if !self.written.shows_image(format) {
+            return Ok(None);
         }
-        pixmesh_codec::read_model(bytes, &files::LIMITS)
-            .map_err(|source| CliError::Model { name: name(), source })
+        let file = self.image.as_ref().ok_or(CliError::NoImage)?;
+        let bytes = files::read(Some(file))?;
+        let image = pixmesh_codec::decode(&bytes, &files::LIMITS)
+            .map_err(|source| CliError::Picture { name: file.display().to_string(), source })?;
+        let (picture, shape) = ((image.width(), image.height()), mesh.shape());
+        if picture != (shape.width, shape.height) {
+            return Err(CliError::OtherSize { picture, mesh: (shape.width, shape.height) });
+        }
+        self.written.texture(format, &bytes, &image)
     }
 }

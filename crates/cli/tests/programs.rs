@@ -116,6 +116,44 @@ fn a_model_becomes_a_picture_again() {
 }
 
 #[test]
+fn a_mesh_file_becomes_every_other_format() {
+    let folder = Folder::new("conversions");
+    let picture = folder.file("picture.png");
+    std::fs::write(&picture, landscape_png()).unwrap();
+    let order = "--method mgprfs --size 300";
+    let formats = ["glb", "svg", "ply", "obj", "stl", "png", "pnm", "pmesh", "gltf"];
+    let model = succeed(MAKE_MODEL, order, &landscape_png());
+    for format in formats {
+        let words = format!("--format {format} --relief luma --compression meshopt");
+        let direct = succeed(MAKE_MODEL, &format!("{order} {words}"), &landscape_png());
+        assert!(succeed(RASTERIZE_MODEL, &words, &model) == direct, "{format}");
+        let file = folder.file(&format!("mesh.{format}"));
+        succeed(RASTERIZE_MODEL, &format!("{words} --output {file}"), &model);
+        assert!(std::fs::read(&file).unwrap() == direct, "{file}");
+    }
+    let textured = "--format glb --texture embed";
+    let direct = succeed(MAKE_MODEL, &format!("{order} {textured}"), &landscape_png());
+    let words = format!("{textured} --image {picture}");
+    assert!(succeed(RASTERIZE_MODEL, &words, &model) == direct);
+    let progression = succeed(MAKE_MODEL, "--size 300 --format progression", &landscape_png());
+    let smaller = succeed(RASTERIZE_MODEL, "--size 100 --format progression", &progression);
+    assert!(
+        succeed(RASTERIZE_MODEL, "", &smaller)
+            == succeed(RASTERIZE_MODEL, "--size 100", &progression)
+    );
+    for (words, said) in [
+        (textured.to_owned(), "--image"),
+        (format!("{textured} --image {}", folder.file("mesh.svg")), "neither PNG"),
+        ("--output mesh.dae".to_owned(), "no format has the ending .dae"),
+        ("--format progression".to_owned(), "keeps no order"),
+        ("--relief c3 --format stl".to_owned(), "component"),
+    ] {
+        let message = fail(RASTERIZE_MODEL, &words, &model);
+        assert!(message.contains(said), "{words}: {message}");
+    }
+}
+
+#[test]
 fn every_point_kept_gives_the_picture_back() {
     let model = succeed(MAKE_MODEL, "--method med --density 100", &gray_pgm());
     let rebuilt = succeed(RASTERIZE_MODEL, "", &model);
@@ -530,7 +568,7 @@ fn one_run_keeps_every_size_and_the_compact_mesh() {
         let message = fail(RASTERIZE_MODEL, &words, b"");
         assert!(message.contains(said), "{message}");
     }
-    assert!(fail(RASTERIZE_MODEL, "--size 50", &model).contains("no pmesh"));
+    assert!(fail(RASTERIZE_MODEL, "--size 50", &model).contains("keeps no order"));
     for (words, said) in [
         ("--method mgprfs --connectivity free --pmesh", "holds no faces"),
         ("--method mgprfs --connectivity free --progressive", "keeps no order"),

@@ -11,6 +11,7 @@
 //! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
 //! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_pmesh_while`], [`write_progression`] |
+//! | MODEL or pmesh, by the content | [`probe_mesh`], [`read_mesh_while`] | |
 //! | every [`Format`] of meshes | | [`encode`] |
 //!
 //! [`DecodeOptions`] choose what becomes of alpha and of files that end early, and limit the memory
@@ -59,7 +60,9 @@ mod json;
 mod leb128;
 mod limits;
 mod lines;
+mod mesh_file;
 mod mesh_format;
+mod mesh_header;
 mod meshopt;
 mod model;
 mod obj;
@@ -90,14 +93,16 @@ pub use gltf::Texture;
 pub use guard::in_guarded_decoder;
 pub use header::Header;
 pub use limits::Limits;
+pub use mesh_file::{MeshFileError, probe_mesh, read_mesh_while};
 pub use mesh_format::Format;
+pub use mesh_header::MeshHeader;
 pub use model::{
     ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_bytes,
     read_model_while, write_model, write_model_with_comments,
 };
 pub use pmesh::{
-    PmeshError, is_pmesh, read_pmesh, read_progression, read_progression_while, write_pmesh,
-    write_pmesh_while, write_progression,
+    PmeshError, is_pmesh, probe_pmesh, read_pmesh, read_pmesh_while, read_progression,
+    read_progression_while, write_pmesh, write_pmesh_while, write_progression,
 };
 pub use png::{write_png, write_png_while};
 pub use pnm::write_pnm;

@@ -36,7 +36,9 @@
 mod read;
 mod write;
 
-pub use read::{PmeshError, read_pmesh, read_progression, read_progression_while};
+pub use read::{
+    PmeshError, probe_pmesh, read_pmesh, read_pmesh_while, read_progression, read_progression_while,
+};
 pub use write::{write_pmesh, write_pmesh_while, write_progression};
 
 use pixmesh_meshing::{Face, Point, Shape};

@@ -3,7 +3,9 @@
 //! The messages name the parameter or the limit, and hold the numbers; the names of settings are
 //! those of the program around the engine, which adds them.
 
-use pixmesh_codec::{DecodeError, EncodeError, ModelDefect, ModelError, PmeshError, WeightsError};
+use pixmesh_codec::{
+    DecodeError, EncodeError, MeshFileError, ModelDefect, PmeshError, WeightsError,
+};
 use pixmesh_meshing::{Cancelled, MeshingError, ParameterError, ProgressionError};
 use std::fmt;
 use thiserror::Error;
@@ -21,14 +23,23 @@ pub enum EngineError {
     /// The weights cannot be decoded, or do not fit the image.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// A MODEL is not a mesh.
+    /// The file of a mesh cannot be read.
     #[error(transparent)]
-    Model(#[from] ModelError),
-    /// A progression that was stored cannot be read.
-    #[error("a stored progression cannot be read: {0}")]
-    Pmesh(#[from] PmeshError),
-    /// A progression that was stored does not give a mesh of that size.
-    #[error("a stored progression is damaged: {0}")]
+    MeshFile(#[from] MeshFileError),
+    /// The picture to show is not of the mesh's width and height.
+    #[error(
+        "the picture to show has {} by {} pixels and the mesh {} by {}: send the picture that the \
+         mesh was made of",
+        picture.0, picture.1, mesh.0, mesh.1
+    )]
+    OtherSize {
+        /// Width and height of the picture.
+        picture: (usize, usize),
+        /// Width and height of the mesh's image.
+        mesh: (usize, usize),
+    },
+    /// The order of the vertices does not give a mesh of that size.
+    #[error(transparent)]
     Progression(#[from] ProgressionError),
     /// The parameters do not fit the image, or meshing fails.
     #[error(transparent)]
@@ -114,11 +125,15 @@ impl EngineError {
             Self::Cancelled(_)
                 | Self::Decode(DecodeError::Cancelled(_))
                 | Self::Weights(WeightsError::Picture(DecodeError::Cancelled(_)))
-                | Self::Pmesh(PmeshError::Cancelled(_))
+                | Self::MeshFile(MeshFileError::Pmesh(PmeshError::Cancelled(_)))
                 | Self::Progression(ProgressionError::Cancelled(_))
                 | Self::Meshing(MeshingError::Cancelled(_))
                 | Self::Encode(EncodeError::Cancelled(_))
-        ) || matches!(self, Self::Model(error) if matches!(error.defect, ModelDefect::Cancelled(_)))
+        ) || matches!(
+            self,
+            Self::MeshFile(MeshFileError::Model(error))
+                if matches!(error.defect, ModelDefect::Cancelled(_))
+        )
     }
 }
 

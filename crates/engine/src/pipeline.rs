@@ -6,11 +6,9 @@
 mod compare;
 mod convert;
 mod encode;
-mod resize;
 
 pub use compare::{Comparison, Pair, compare};
-pub use convert::convert;
-pub use resize::{Resized, resize};
+pub use convert::{Conversion, Converted, Shown, convert};
 
 use crate::context::Context;
 use crate::digest::Digest;
@@ -20,8 +18,8 @@ use crate::task::{Weighed, image_bytes};
 use crate::telemetry;
 use encode::{encode, encoded};
 use pixmesh_codec::{
-    DecodeOptions, Encodable, Format, Limits, Texture, model_comments, read_weights_while,
-    write_progression,
+    DecodeOptions, Encodable, Format, Limits, Texture, Texturing, model_comments,
+    read_weights_while, write_progression,
 };
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Image, Progression, mesh_image};
@@ -59,11 +57,22 @@ pub fn mesh(
     context: &Context,
 ) -> Result<Answer, EngineError> {
     let ordered = format == Format::Progression;
-    make(source, options, format, ordered, limits, context).map(|(answer, _)| answer)
+    let made = Making { format, ordered, shows_image: options.output.shows_image(format) };
+    make(source, options, &made, limits, context).map(|(answer, ..)| answer)
 }
 
-/// Makes the mesh of an image as MODEL, and where the job keeps it the order of its vertices as
-/// pmesh.
+/// What a job keeps.
+#[derive(Debug)]
+pub struct JobMesh {
+    /// The mesh as MODEL.
+    pub answer: Answer,
+    /// The order of its vertices as pmesh.
+    pub progression: Option<Vec<u8>>,
+    /// The bytes of the [`Texture`] that glTF shows.
+    pub texture: Option<Vec<u8>>,
+}
+
+/// Makes the mesh of an image as MODEL, and what else the job keeps.
 ///
 /// # Errors
 /// As [`mesh`].
@@ -73,29 +82,38 @@ pub fn mesh_of_job(
     keeps_progression: bool,
     limits: &Limits,
     context: &Context,
-) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
-    let (answer, progression) =
-        make(source, options, Format::Model, keeps_progression, limits, context)?;
-    let kept = progression
+) -> Result<JobMesh, EngineError> {
+    let shows_image = options.output.texture == Texturing::Embed;
+    let made = Making { format: Format::Model, ordered: keeps_progression, shows_image };
+    let (answer, progression, texture) = make(source, options, &made, limits, context)?;
+    let progression = progression
         .map(|progression| encoded(0, context, |bytes| write_progression(&progression, bytes)));
-    Ok((answer, kept.transpose()?))
+    let texture = texture.map(Texture::into_bytes);
+    Ok(JobMesh { answer, progression: progression.transpose()?, texture })
+}
+
+/// What is made of an image.
+struct Making {
+    format: Format,
+    /// Whether the order of the vertices is made.
+    ordered: bool,
+    /// Whether the picture that glTF shows is made.
+    shows_image: bool,
 }
 
 fn make(
     source: Weighed<impl AsRef<[u8]>>,
     options: &MeshOptions,
-    format: Format,
-    ordered: bool,
+    made: &Making,
     limits: &Limits,
     context: &Context,
-) -> Result<(Answer, Option<Progression>), EngineError> {
+) -> Result<(Answer, Option<Progression>, Option<Texture>), EngineError> {
+    let Making { format, ordered, shows_image } = *made;
     context.check()?;
     context.begin("decode");
     let Weighed { image: file, weights } = source;
     let image = decode(file.as_ref(), options.output.reading(limits), 0, context)?;
-    let shown = options.output.shows_image(format);
-    let texture = shown.then(|| Texture::of_file_while(file.as_ref(), &image, &|| context.check()));
-    let texture = texture.transpose()?;
+    let texture = shows_image.then(|| texture(file.as_ref(), &image, context)).transpose()?;
     drop(file);
     let weights = read_weights(&image, weights, limits, context)?;
     let parameters = options.parameters.clone().weights(weights);
@@ -122,7 +140,12 @@ fn make(
     };
     telemetry::meshed(pixels, answer.vertices);
     tracing::info!(pixels, vertices = answer.vertices, stages = answer.server_timing(), "meshed");
-    Ok((answer, progression))
+    Ok((answer, progression, texture))
+}
+
+/// The picture that glTF shows, of a file and the image that was decoded from it.
+fn texture(file: &[u8], image: &Image, context: &Context) -> Result<Texture, EngineError> {
+    Ok(Texture::of_file_while(file, image, &|| context.check())?)
 }
 
 /// The weights of an image, if there are any.

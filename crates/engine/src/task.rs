@@ -6,12 +6,12 @@ mod footprint;
 
 pub use cost::Cost;
 pub(crate) use effort::{Effort, WorkKind};
+pub use footprint::Compared;
 pub(crate) use footprint::image_bytes;
-pub use footprint::{Compared, Kept};
 
 use crate::error::EngineError;
 use crate::params::MeshOptions;
-use pixmesh_codec::{Format, Header, Limits, probe_weights};
+use pixmesh_codec::{Format, Header, Limits, Texturing, probe_weights};
 
 /// An image, and a picture of the same size that says how much its pixels matter.
 #[derive(Clone, Copy, Debug)]
@@ -62,11 +62,10 @@ impl MeshTask {
     ) -> Result<Self, EngineError> {
         let header = options.output.reading(limits).probe(source.image)?;
         let plan = options.plan(&header)?;
-        let cost = Cost::of_mesh(&header, &plan, &options.parameters, format).of_output(
-            &header,
-            &options.output,
-            format,
-        );
+        let mut cost = Cost::of_mesh(&header, &plan, &options.parameters, format);
+        if options.output.shows_image(format) {
+            cost = cost.showing(&header);
+        }
         Self { header, format, cost }.with_weights(source.weights, limits)
     }
 
@@ -85,8 +84,11 @@ impl MeshTask {
         let format =
             if options.keeps_progression(&plan) { Format::Progression } else { Format::Model };
         let files = source.image.len() + source.weights.map_or(0, <[u8]>::len);
-        let cost =
+        let mut cost =
             Cost::of_mesh(&header, &plan, &options.parameters, format).with_file(files as u64);
+        if options.output.texture == Texturing::Embed {
+            cost = cost.showing(&header);
+        }
         Self { header, format, cost }.with_weights(source.weights, limits)
     }
 

@@ -3,7 +3,7 @@
 // A panic tells a test that something is wrong, in its own functions too.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use pixmesh_engine::pipeline::{convert, mesh_of_job};
+use pixmesh_engine::pipeline::{Conversion, Shown, convert, mesh_of_job};
 use pixmesh_engine::{
     Context, EngineError, Format, Limits, MeshOptions, ParameterSet, Weighed, mesh,
 };
@@ -33,14 +33,21 @@ fn converted(options: &MeshOptions, format: Format) -> Result<Vec<u8>, EngineErr
     let (limits, context) = (Limits::default(), Context::default());
     let source = Weighed::from(picture());
     let keeps_progression = format == Format::Progression;
-    let (answer, progression) = mesh_of_job(source, options, keeps_progression, &limits, &context)?;
+    let made = mesh_of_job(source, options, keeps_progression, &limits, &context)?;
     let shape = Shape { width: WIDTH, height: HEIGHT, component_count: 3, precision: 8 };
     match format {
-        Format::Model => Ok(answer.bytes),
-        Format::Progression => Ok(progression.unwrap()),
+        Format::Model => Ok(made.answer.bytes),
+        Format::Progression => Ok(made.progression.unwrap()),
         _ => {
-            let fidelity = Some(Fidelity::of_mse(answer.mse, shape));
-            convert(answer.bytes, fidelity, format, &options.output, &limits, &context)
+            let conversion = Conversion {
+                file: made.answer.bytes,
+                shown: made.texture.map(Shown::Texture),
+                size: None,
+                format,
+                output: options.output,
+                fidelity: Some(Fidelity::of_mse(made.answer.mse, shape)),
+            };
+            convert(conversion, &limits, &context).map(|converted| converted.bytes)
         }
     }
 }
@@ -48,7 +55,9 @@ fn converted(options: &MeshOptions, format: Format) -> Result<Vec<u8>, EngineErr
 #[test]
 fn every_method_and_format_gives_the_same_bytes_at_once_and_from_a_job() {
     for method in Method::NAMES {
-        for choices in ["", "&relief=luma&base=2&compression=meshopt&shading=gradient"] {
+        for choices in
+            ["", "&relief=luma&base=2&compression=meshopt&shading=gradient&texture=embed"]
+        {
             let name = method.replace('+', "%2B");
             let options = options(&format!("method={name}&size=60{choices}"));
             for &format in Format::ALL {

@@ -316,6 +316,7 @@ fn figures(n: usize) -> MeshFigures {
         psnr_db: Some(54.15),
         timings_ms: vec![("decode".into(), 1.5)],
         progression: None,
+        texture: None,
         chunks: Vec::new(),
     }
 }

@@ -7,6 +7,7 @@ use pixmesh_engine::digest::Digest;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fmt;
+use std::ops::Range;
 use std::time::Duration;
 use uuid::Uuid;
 
@@ -181,7 +182,7 @@ pub struct Progress {
 /// The mesh of a completed job, which is stored as MODEL.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshFigures {
-    /// The name of the blob: SHA-256, in hexadecimal digits, of the MODEL text and the progression.
+    /// The name of the blob: SHA-256, in hexadecimal digits, of the MODEL text and the parts after it.
     pub digest: String,
     /// The length of the MODEL text in bytes.
     pub bytes: u64,
@@ -200,13 +201,17 @@ pub struct MeshFigures {
     pub chunks: Vec<Digest>,
     /// The order of importance of the vertices, if it is stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub progression: Option<StoredProgression>,
+    pub progression: Option<StoredPart>,
+    /// The picture that glTF shows, if it is stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<StoredPart>,
 }
 
-/// The order of importance of a mesh's vertices, as pmesh after the MODEL text in the blob.
+/// A part of the blob behind the MODEL text: first the order of importance of the vertices as pmesh,
+/// then the picture that glTF shows.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StoredProgression {
-    /// The length of the pmesh in bytes.
+pub struct StoredPart {
+    /// The length of the part in bytes.
     pub bytes: u64,
     /// SHA-256 of the MODEL text alone, in hexadecimal digits.
     pub model_digest: String,
@@ -216,10 +221,9 @@ impl MeshFigures {
     /// The blob; `None` if the stored digest is damaged.
     #[must_use]
     pub fn blob(&self) -> Option<ChunkedBlob> {
-        let progression = self.progression.as_ref().map_or(0, |progression| progression.bytes);
         Some(ChunkedBlob {
             digest: self.digest.parse().ok()?,
-            bytes: self.bytes + progression,
+            bytes: self.place_of_texture().end,
             chunks: self.chunks.clone(),
         })
     }
@@ -227,7 +231,21 @@ impl MeshFigures {
     /// SHA-256 of the MODEL text, in hexadecimal digits.
     #[must_use]
     pub fn model_digest(&self) -> &str {
-        self.progression.as_ref().map_or(&self.digest, |progression| &progression.model_digest)
+        let part = self.progression.as_ref().or(self.texture.as_ref());
+        part.map_or(&self.digest, |part| &part.model_digest)
+    }
+
+    /// Where the progression lies in the blob; empty if there is none.
+    #[must_use]
+    pub fn place_of_progression(&self) -> Range<u64> {
+        self.bytes..self.bytes + self.progression.as_ref().map_or(0, |part| part.bytes)
+    }
+
+    /// Where the texture lies in the blob; empty if there is none.
+    #[must_use]
+    pub fn place_of_texture(&self) -> Range<u64> {
+        let start = self.place_of_progression().end;
+        start..start + self.texture.as_ref().map_or(0, |part| part.bytes)
     }
 }
 
@@ -376,7 +394,7 @@ mod tests {
     fn progression_changes_the_digest_of_the_blob_only() {
         let alone = MeshFigures { digest: "of all".into(), ..figures("mesh") };
         assert_eq!(alone.model_digest(), "of all");
-        let progression = StoredProgression { bytes: 3, model_digest: "of the model".into() };
+        let progression = StoredPart { bytes: 3, model_digest: "of the model".into() };
         let both = MeshFigures { progression: Some(progression), ..alone };
         assert_eq!(both.model_digest(), "of the model");
     }

@@ -58,6 +58,7 @@ pub(crate) fn figures(blob: &str) -> MeshFigures {
         timings_ms: vec![("decode".into(), 1.5)],
         chunks: vec![Digest::of(b"a chunk")],
         progression: None,
+        texture: None,
     }
 }
 

@@ -9,12 +9,12 @@ use crate::Jobs;
 use crate::blobs::Pin;
 use crate::blobs::chunks::chunk_digests;
 use crate::queue::{Claim, Finish, Lease, Outcome, QueueError, Renewal};
-use crate::record::{MeshFigures, Picture, Progress, StoredProgression};
+use crate::record::{MeshFigures, Picture, Progress, StoredPart};
 use crate::telemetry;
 use bytes::Bytes;
 use pixmesh_codec::{Format, Limits};
 use pixmesh_engine::digest::Digest;
-use pixmesh_engine::pipeline::Answer;
+use pixmesh_engine::pipeline::{Answer, JobMesh};
 use pixmesh_engine::scheduler::Slot;
 use pixmesh_engine::{Context, EngineError, MeshOptions, MeshTask, Scheduler, Weighed, Workers};
 use pixmesh_meshing::Cancelled;
@@ -58,13 +58,8 @@ pub struct Worker {
 }
 
 /// Makes the mesh of a picture, with its progression if the flag says so.
-pub type Make = fn(
-    Weighed<Bytes>,
-    &MeshOptions,
-    bool,
-    &Limits,
-    &Context,
-) -> Result<(Answer, Option<Vec<u8>>), EngineError>;
+pub type Make =
+    fn(Weighed<Bytes>, &MeshOptions, bool, &Limits, &Context) -> Result<JobMesh, EngineError>;
 
 /// Why an attempt failed.
 #[derive(Debug, Error)]
@@ -307,18 +302,21 @@ struct MeshBlob {
 }
 
 impl MeshBlob {
-    /// The blob is the MODEL text, followed by the progression if there is one.
-    fn new(
-        (mut answer, progression): (Answer, Option<Vec<u8>>),
-        context: &Context,
-    ) -> Result<Self, Cancelled> {
+    /// The blob is the MODEL text, followed by the progression and by the texture if there are any.
+    fn new(made: JobMesh, context: &Context) -> Result<Self, Cancelled> {
+        let JobMesh { mut answer, progression, texture } = made;
         let mut figures = figures_of(&answer);
         let mut digest = answer.digest;
-        if let Some(progression) = progression {
-            let model_digest = digest.to_string();
-            figures.progression =
-                Some(StoredProgression { bytes: progression.len() as u64, model_digest });
-            answer.bytes.extend_from_slice(&progression);
+        let model_digest = digest.to_string();
+        let part = |bytes: &Vec<u8>| StoredPart {
+            bytes: bytes.len() as u64,
+            model_digest: model_digest.clone(),
+        };
+        figures.progression = progression.as_ref().map(part);
+        figures.texture = texture.as_ref().map(part);
+        let parts = [progression, texture].into_iter().flatten().collect::<Vec<_>>();
+        if !parts.is_empty() {
+            parts.iter().for_each(|part| answer.bytes.extend_from_slice(part));
             digest = Digest::of_while(&answer.bytes, || context.check())?;
             figures.digest = digest.to_string();
         }
@@ -339,6 +337,7 @@ fn figures_of(answer: &Answer) -> MeshFigures {
         timings_ms: answer.timings.iter().map(timing).collect(),
         chunks: Vec::new(),
         progression: None,
+        texture: None,
     }
 }
 

@@ -97,7 +97,7 @@ pub use quality::fidelity::Fidelity;
 pub use quality::ssim::structural_similarity;
 pub use removal::Removal;
 pub use triangulation::predicates::{in_circle, orientation};
-pub use triangulation::{Face, triangulate};
+pub use triangulation::{Face, triangulate, triangulate_with};
 
 #[cfg(doc)]
 #[doc = include_str!("glossary.md")]

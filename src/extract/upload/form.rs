@@ -66,7 +66,7 @@ impl<const N: usize> Contents<'_, N> {
                 return Err(repeated(&name));
             }
             if let Some(label) = field.content_type() {
-                self.wanted.accept_label(label)?;
+                self.wanted.accept_label(index, label)?;
             }
             self.files[index] = Some(file_of(field).await?);
             return Ok(());

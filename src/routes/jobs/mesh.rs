@@ -8,9 +8,10 @@
 
 use super::found;
 use crate::extract::accept;
-use crate::extract::fields::Few;
+use crate::extract::fields::{CONVERSION, Few};
 use crate::problem::{Kind, Problem};
 use crate::routes::answer::{self, Figures, MeshError};
+use crate::routes::conversions;
 use crate::routes::openapi::answers::{Mesh, MeshPart, Problems, ProblemsOf};
 use crate::routes::openapi::parameters::{JobPath, KeptMeshParameters};
 use crate::service::Service;
@@ -21,24 +22,19 @@ use axum::extract::{Path, Request, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
-use pixmesh_codec::Format;
+use pixmesh_codec::{Format, MeshHeader};
 use pixmesh_engine::MeshOptions;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
 use pixmesh_engine::params::{Output, WRITING, whole_between};
-use pixmesh_engine::pipeline;
-use pixmesh_engine::task::{Cost, Kept};
+use pixmesh_engine::pipeline::{Conversion, Shown};
+use pixmesh_engine::task::Cost;
 use pixmesh_jobs::blobs::chunks::ChunkedBlob;
 use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
 use pixmesh_meshing::parameters::MIN_SIZE;
 use pixmesh_meshing::{Fidelity, Shape};
-use std::ops::Range;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::Instant;
-
-/// The names of the parameters.
-pub(in crate::routes) static PARAMETERS: LazyLock<Vec<&str>> =
-    LazyLock::new(|| [&["format", "size", "reconstruction"][..], &WRITING[..]].concat());
 
 /// Answers with the mesh, or a part of it.
 ///
@@ -69,7 +65,7 @@ pub async fn show(
     path: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let parameters = Few::of_query(&PARAMETERS, request.uri().query())?;
+    let parameters = Few::of_query(&CONVERSION, request.uri().query())?;
     let record = found::find(&service, &owner, path).await?;
     of(&service, &record, &parameters, request.headers()).await
 }
@@ -90,6 +86,9 @@ pub(super) async fn of(
     let writing = || parameters.pairs().filter(|(name, _)| WRITING.contains(name));
     let mut options = stored.written_by(writing())?;
     options.output.check(shape_of(record))?;
+    if options.output.shows_image(format) && mesh.texture.is_none() {
+        return Err(without_texture());
+    }
     let own = options.parameters.reconstruction;
     let reconstruction = parameters.get("reconstruction").map(str::parse).transpose()?;
     options.output.reconstruction = reconstruction.filter(|&asked| asked != own);
@@ -109,19 +108,13 @@ pub(super) async fn of(
     let ran = options.query();
     let is_flat = is_rebuilt_otherwise || options.parameters.is_flat();
     let job = Finished { service, record, mesh, output: options.output, is_flat };
-    let (bytes, mut figures) = match (size, format) {
-        (None, Format::Model | Format::Progression)
-            if !is_rebuilt_otherwise || format == Format::Progression =>
-        {
-            headers.extend(answer::figures_of(&figures(mesh, ran))?);
-            return job.stored(format, headers, request, &tag).await;
-        }
-        (None, format) => (job.converted(format).await?, figures(mesh, ran)),
-        (Some(size), format) => job.resized(size, format, ran).await?,
-    };
-    if is_rebuilt_otherwise {
-        figures.error = None;
+    let is_stored =
+        format == Format::Progression || format == Format::Model && !is_rebuilt_otherwise;
+    if size.is_none() && is_stored {
+        headers.extend(answer::figures_of(&figures(mesh, ran))?);
+        return job.stored(format, headers, request, &tag).await;
     }
+    let (bytes, figures) = job.converted(size, format, figures(mesh, ran)).await?;
     headers.extend(answer::figures_of(&figures)?);
     let length = bytes.len() as u64;
     let part = answer::part(request, &tag, length)?;
@@ -145,6 +138,12 @@ fn without_order() -> Problem {
                   stored: submit a job whose method ends with removal, or with format=progression, \
                   and without connectivity=free, values=fitted or reconstruction=flat";
     Problem::new(Kind::JobWithoutOrder, detail).param("size")
+}
+
+fn without_texture() -> Problem {
+    let detail = "the service does not keep the picture of this job: submit the job with \
+                  texture=embed, or send its mesh and the picture to /v1/conversions";
+    Problem::new(Kind::JobWithoutTexture, detail).param("texture")
 }
 
 /// The mesh of a job that has one.
@@ -214,7 +213,7 @@ impl Finished<'_> {
         tag: &str,
     ) -> Result<Response, Problem> {
         let within = match format {
-            Format::Progression => self.place_of_order(),
+            Format::Progression => self.mesh.place_of_progression(),
             _ => 0..self.mesh.bytes,
         };
         let length = within.end - within.start;
@@ -225,80 +224,55 @@ impl Finished<'_> {
         Ok(answer::respond(headers, part.as_ref(), length, Body::from_stream(pieces)))
     }
 
-    /// The mesh in another format.
-    async fn converted(&self, format: Format) -> Result<Bytes, Problem> {
-        let Self { service, record, mesh, output, .. } = *self;
-        let (shape, is_flat) = (self.shape(), self.is_flat);
-        let cost = Cost::of_conversion(shape, mesh.vertices, mesh.bytes, format, is_flat);
-        let fidelity = output.reconstruction.is_none().then(|| Fidelity::of_mse(mesh.mse, shape));
-        let deadline = Instant::now() + service.deadline;
-        let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
-        let model = service.jobs.blobs.get_part(self.blob()?, 0..mesh.bytes).await?;
-        let limits = service.pictures;
-        let (bytes, memory) = service
-            .workers
-            .run(ticket, deadline, move |watch, ticket| {
-                let bytes = pipeline::convert(model, fidelity, format, &output, &limits, watch)?;
-                let _ = watch.finish();
-                let memory = ticket.keep(bytes.len());
-                Ok((bytes, memory))
-            })
-            .await?;
-        Ok(answer::held(bytes, memory))
-    }
-
-    /// The mesh of fewer vertices in any format, with what is known of it.
-    async fn resized(
+    /// The mesh in another format or of fewer vertices, with what is known of it.
+    async fn converted(
         &self,
-        size: usize,
+        size: Option<usize>,
         format: Format,
-        parameters: String,
+        known: Figures,
     ) -> Result<(Bytes, Figures), Problem> {
-        let Self { service, record, mesh, output, .. } = *self;
-        let place = self.place_of_order();
-        let (shape, vertices) = (self.shape(), mesh.vertices as u64);
-        let kept = Kept { shape, vertices, bytes: place.end - place.start };
-        let cost = Cost::of_resizing(kept, size, format, self.is_flat);
+        let Self { service, record, mesh, output, is_flat } = *self;
+        let shape = shape_of(record);
+        let (stored, place) = match size {
+            Some(_) => (Format::Progression, mesh.place_of_progression()),
+            None => (Format::Model, 0..mesh.bytes),
+        };
+        let header = MeshHeader { format: stored, shape, vertices: mesh.vertices, is_flat };
+        let size_written = size.unwrap_or(mesh.vertices);
+        let texture = if output.shows_image(format) { mesh.place_of_texture() } else { 0..0 };
+        let held = place.end - place.start + 2 * (texture.end - texture.start);
+        let cost = Cost::of_conversion(&header, held, size_written, format);
         let deadline = Instant::now() + service.deadline;
         let ticket = service.scheduler.admit(&record.owner, cost, deadline).await?;
-        let pmesh = service.jobs.blobs.get_part(self.blob()?, place).await?;
-        let limits = service.pictures;
-        let (resized, timing, memory) = service
-            .workers
-            .run(ticket, deadline, move |watch, ticket| {
-                let resized = pipeline::resize(pmesh, size, format, &output, &limits, watch)?;
-                let timing = pipeline::server_timing(&watch.finish());
-                let memory = ticket.keep(resized.bytes.len());
-                Ok((resized, timing, memory))
-            })
-            .await?;
-        let figures = Figures {
-            vertices: size,
-            faces: resized.faces,
-            error: Some(MeshError {
-                psnr_db: resized.fidelity.psnr_db(),
-                mse: resized.fidelity.mse(),
-            }),
-            parameters,
-            timing,
+        let file = service.jobs.blobs.get_part(self.blob()?, place).await?;
+        let shown = match texture.is_empty() {
+            true => None,
+            false => Some(service.jobs.blobs.get_part(self.blob()?, texture).await?),
         };
-        Ok((answer::held(resized.bytes, memory), figures))
+        let conversion = Conversion {
+            file,
+            shown: shown.map(Shown::Texture),
+            size,
+            format,
+            output,
+            fidelity: Some(Fidelity::of_mse(mesh.mse, shape)),
+        };
+        let (made, memory, timing) =
+            conversions::run(service, ticket, deadline, conversion).await?;
+        let error = made.fidelity.as_ref().map(MeshError::from);
+        let figures = match size {
+            None => Figures { error, ..known },
+            Some(_) => {
+                Figures { vertices: made.vertices, faces: made.faces, error, timing, ..known }
+            }
+        };
+        Ok((answer::held(made.bytes, memory), figures))
     }
 
     fn blob(&self) -> Result<ChunkedBlob, Problem> {
         self.mesh.blob().ok_or_else(|| {
             Problem::new(Kind::StorageDamaged, "what was stored of this job is damaged")
         })
-    }
-
-    /// Where the order lies in the blob.
-    fn place_of_order(&self) -> Range<u64> {
-        let bytes = self.mesh.progression.as_ref().map_or(0, |kept| kept.bytes);
-        self.mesh.bytes..self.mesh.bytes + bytes
-    }
-
-    fn shape(&self) -> Shape {
-        shape_of(self.record)
     }
 }
 

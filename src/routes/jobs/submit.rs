@@ -2,7 +2,7 @@
 //! whose clients prefer one.
 
 use super::{document, found, mesh};
-use crate::extract::fields::{Few, Fields};
+use crate::extract::fields::{CONVERSION, Few, Fields};
 use crate::extract::idempotency;
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE_OF_JOB, Upload};
@@ -75,8 +75,9 @@ async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Res
     let (head, body) = request.into_parts();
     let mut parameters = ParameterSet::of_query(head.uri.query())?;
     let receiving =
-        service.intake.receive_image(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
-    let upload = receiving.await?;
+        service.intake.receive_first(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
+    let (image, weights) = receiving.await?;
+    let upload = Weighed { image, weights };
     let options = parameters.finish()?;
     let submission = submit(service, owner, &head.headers, upload, &options).await?;
     Ok(submission.accepted())
@@ -136,7 +137,7 @@ impl Submission {
             JobState::Queued | JobState::Running => Ok(self.accepted()),
             JobState::Failed => Err(failure(&self.record)),
             JobState::Completed | JobState::Cancelled => {
-                let mut parameters = Few::of(&mesh::PARAMETERS);
+                let mut parameters = Few::of(&CONVERSION);
                 if let Some(format) = format {
                     parameters.add("format", format.name())?;
                 }

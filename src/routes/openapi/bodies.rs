@@ -1,6 +1,7 @@
 //! The bodies of requests and answers that no struct of the program describes.
 
 use super::parameters::values;
+use crate::extract::fields::{CONVERSION, RECONSTRUCTION};
 use crate::problem::Kind;
 use pixmesh_engine::params::TABLE;
 use utoipa::openapi::RefOr;
@@ -56,13 +57,15 @@ schemas! {
         .required("image")
         .property("params", params())
         .build();
-    /// A form with a MODEL.
-    ModelForm => ObjectBuilder::new()
-        .property("model", text())
-        .required("model")
+    /// A form with a mesh whose picture is rebuilt.
+    ModelForm => form_of("model", &RECONSTRUCTION)
         .property("format", text().enum_values(Some(
             crate::extract::accept::pictures().map(|picture| picture.format.name()),
         )))
+        .build();
+    /// A form with a mesh to convert.
+    MeshFileForm => form_of("mesh", &CONVERSION)
+        .property("image", binary().description(Some("The picture that texture=embed shows")))
         .build();
     /// A problem document (RFC 9457).
     Problem => [
@@ -98,6 +101,13 @@ schemas! {
         .property("approximation", binary())
         .required("approximation")
         .build();
+}
+
+/// A form with a file and parameters of these names.
+fn form_of(file: &str, names: &[&str]) -> ObjectBuilder {
+    let rows = TABLE.iter().filter(|row| names.contains(&row.name));
+    let form = ObjectBuilder::new().property(file, binary()).required(file);
+    rows.fold(form, |form, row| form.property(row.name, values(row)))
 }
 
 fn params() -> ObjectBuilder {

@@ -2,6 +2,7 @@
 
 use super::examples;
 use crate::extract::accept::pictures;
+use crate::extract::fields::RECONSTRUCTION;
 use pixmesh_engine::params::{Parameter as Row, TABLE, Takes, WRITING};
 use pixmesh_jobs::record::State;
 use pixmesh_meshing::parameters::MIN_SIZE;
@@ -73,28 +74,43 @@ parameters! {
         header("If-Range", "The entity tag of the mesh that the part must belong to.", string()),
     ]
     .into_iter()
-    .chain(TABLE.iter().filter(|row| row.name == "format").map(mesh_parameter))
-    .chain(TABLE.iter().filter(|row| WRITING.contains(&row.name)).map(mesh_parameter))
-    .chain(TABLE.iter().filter(|row| row.name == "reconstruction").map(|row| {
-        let about = "How a picture is rebuilt: by linear interpolation, or with one colour for \
-                     each face. Another way than that of the job has no figures of its error. \
-                     Default: that of the job.";
-        let mut parameter = mesh_parameter(row);
-        parameter.description = Some(about.into());
-        parameter
-    }))
-    .chain([query(
-        "size",
+    .chain(writing_parameters(
+        "How a picture is rebuilt: by linear interpolation, or with one colour for each face. \
+         Another way than that of the job has no figures of its error. Default: that of the job.",
         "Vertices of the mesh, up to those of the job's. Default: all.",
-        ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(MIN_SIZE)),
-    )])
+    ))
     .collect::<Vec<_>>();
+    /// The parameters of a conversion.
+    ConversionParameters => writing_parameters(OF_FILE, SIZE_OF_FILE);
     /// The parameters of a reconstruction.
     PictureParameters => [query(
         "format",
         "The format of the picture; takes precedence over Accept. Default: png.",
         string().enum_values(Some(pictures().map(|picture| picture.format.name()))),
-    )];
+    )]
+    .into_iter()
+    .chain(writing_parameters(OF_FILE, SIZE_OF_FILE).into_iter().filter(|parameter| {
+        parameter.name != "format" && RECONSTRUCTION.contains(&parameter.name.as_str())
+    }))
+    .collect::<Vec<_>>();
+}
+
+const OF_FILE: &str = "How a picture is rebuilt: by linear interpolation, or with one colour for \
+                       each face. Default: as the file says.";
+const SIZE_OF_FILE: &str =
+    "Vertices of the mesh; fewer than the file has need a progression. Default: all.";
+
+/// The parameters of writing a mesh that was made before.
+fn writing_parameters(reconstruction: &'static str, size: &'static str) -> Vec<Parameter> {
+    let written = |row: &&Row| row.name == "format" || WRITING.contains(&row.name);
+    let rebuilt = TABLE.iter().filter(|row| row.name == "reconstruction").map(|row| {
+        let mut parameter = mesh_parameter(row);
+        parameter.description = Some(reconstruction.into());
+        parameter
+    });
+    let vertices = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(MIN_SIZE));
+    let sized = [query("size", size, vertices)];
+    TABLE.iter().filter(written).map(mesh_parameter).chain(rebuilt).chain(sized).collect()
 }
 
 fn mesh_parameter(row: &Row) -> Parameter {

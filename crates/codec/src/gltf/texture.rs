@@ -49,6 +49,19 @@ impl Texture {
         Ok(Self { bytes, media_type: "image/png" })
     }
 
+    /// The texture whose bytes were [kept](Self::into_bytes).
+    #[must_use]
+    pub fn of_stored(bytes: Vec<u8>) -> Self {
+        let is_png = bytes.starts_with(b"\x89PNG");
+        Self { bytes, media_type: if is_png { "image/png" } else { "image/jpeg" } }
+    }
+
+    /// The file of the picture.
+    #[must_use]
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
     /// The most bytes that making the texture of an image of this shape holds: its file, in a buffer
     /// that doubles when it is full.
     #[must_use]

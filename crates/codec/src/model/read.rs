@@ -7,6 +7,8 @@
 use super::defect::{ModelDefect, ModelError};
 use super::tokens::Tokens;
 use crate::limits::Limits;
+use crate::mesh_format::Format;
+use crate::mesh_header::MeshHeader;
 use crate::wanted::{Wanted, While, always};
 use pixmesh_meshing::{Face, ImageError, Mesh, MeshError, Point, Shape};
 
@@ -101,16 +103,16 @@ pub fn read_model_while(
 /// ```
 /// use pixmesh_codec::{Limits, probe_model};
 ///
-/// let shape = probe_model(b"2 2 1 8 OFF 0 0 0", &Limits::default()).unwrap();
-/// assert_eq!((shape.width, shape.height), (2, 2));
+/// let header = probe_model(b"2 2 1 8 OFF 0 0 0", &Limits::default()).unwrap();
+/// assert_eq!((header.shape.width, header.shape.height), (2, 2));
 /// assert!(probe_model(b"20000 20000 1 8 OFF 4 2 5", &Limits::default()).is_err());
 /// ```
-pub fn probe_model(bytes: &[u8], limits: &Limits) -> Result<Shape, ModelError> {
+pub fn probe_model(bytes: &[u8], limits: &Limits) -> Result<MeshHeader, ModelError> {
     let mut tokens = Tokens::new(bytes, &always);
     let shape = read_shape(&mut tokens, limits)?;
     read_keyword(&mut tokens)?;
-    read_counts(&mut tokens, shape)?;
-    Ok(shape)
+    let (vertices, _) = read_counts(&mut tokens, shape)?;
+    Ok(MeshHeader { format: Format::Model, shape, vertices, is_flat: true })
 }
 
 /// Reads width, height, number of components and precision, and checks them against the limits.

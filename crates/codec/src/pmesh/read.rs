@@ -7,10 +7,12 @@ use super::{
 use crate::error::DecodeError;
 use crate::leb128::{take, unfolded};
 use crate::limits::Limits;
+use crate::mesh_format::Format;
+use crate::mesh_header::MeshHeader;
 use crate::wanted::{Wanted, While, always};
 use flate2::read::DeflateDecoder;
 use pixmesh_meshing::{
-    Cancelled, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate,
+    Cancelled, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate_with,
 };
 use std::io::{self, Read};
 use thiserror::Error;
@@ -46,7 +48,10 @@ pub enum PmeshError {
     #[error("the stream of the pmesh is damaged")]
     Stream,
     /// The file does not hold the order of importance.
-    #[error("this pmesh keeps no order of importance")]
+    #[error(
+        "this file holds one mesh and keeps no order of its vertices, which smaller meshes and the \
+         format progression need: make it with the format progression"
+    )]
     NoOrder,
     /// The points and samples make no mesh.
     #[error(transparent)]
@@ -64,7 +69,19 @@ pub enum PmeshError {
 /// # Errors
 /// When the bytes are no pmesh, or one beyond the limits.
 pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
-    let Contents { shape, points, samples, face_differences, .. } = read(bytes, limits, &always)?;
+    read_pmesh_while(bytes, limits, &always)
+}
+
+/// Reads a mesh as [`read_pmesh`] does, for as long as it is wanted.
+///
+/// # Errors
+/// As [`read_pmesh`], and [`PmeshError::Cancelled`] when it is no longer wanted.
+pub fn read_pmesh_while(
+    bytes: &[u8],
+    limits: &Limits,
+    wanted: &Wanted<'_>,
+) -> Result<Mesh, PmeshError> {
+    let Contents { shape, points, samples, face_differences, .. } = read(bytes, limits, wanted)?;
     // Only points with the corners among them can be triangulated.
     let (right, top) = (shape.width as i32 - 1, shape.height as i32 - 1);
     for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
@@ -72,8 +89,11 @@ pub fn read_pmesh(bytes: &[u8], limits: &Limits) -> Result<Mesh, PmeshError> {
             return Err(MeshError::CornerMissing { x, y }.into());
         }
     }
-    let faces = triangulate(&points);
-    let mesh = Mesh::new(shape, points, samples, faces, &())?;
+    let faces = triangulate_with(&points, &While(wanted))?;
+    let mesh = match Mesh::new(shape, points, samples, faces, &While(wanted)) {
+        Err(MeshError::Cancelled(cancelled)) => return Err(cancelled.into()),
+        made => made?,
+    };
     match face_differences {
         Some(differences) => {
             let samples = read_face_samples(&mesh, &differences).ok_or(PmeshError::Stream)?;
@@ -137,7 +157,19 @@ struct Order {
     squared_errors: Vec<u64>,
 }
 
-fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, PmeshError> {
+/// Reads the header of a pmesh.
+///
+/// # Errors
+/// When the bytes do not begin as a pmesh does, or announce one beyond the limits.
+pub fn probe_pmesh(bytes: &[u8], limits: &Limits) -> Result<MeshHeader, PmeshError> {
+    read_header(bytes, limits).map(|(header, ..)| header)
+}
+
+/// What the header says, the length of the stream once inflated, and the stream.
+fn read_header<'a>(
+    bytes: &'a [u8],
+    limits: &Limits,
+) -> Result<(MeshHeader, usize, &'a [u8]), PmeshError> {
     let (header, deflated) = bytes.split_at_checked(HEADER_BYTES).ok_or(PmeshError::Header)?;
     if header[..4] != MAGIC {
         return Err(PmeshError::Header);
@@ -160,7 +192,7 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
     if !(4..=most).contains(&count) {
         return Err(PmeshError::VertexCount { count, most });
     }
-    let planes = component_count * if precision > 8 { 2 } else { 1 };
+    let planes = planes_of(shape);
     let ordering = if ordered == 1 { RANK_BYTES + NUMBER_BYTES } else { 0 };
     // A mesh has fewer than twice as many faces as vertices.
     let of_faces = if is_flat { 2 * planes } else { 0 };
@@ -168,14 +200,27 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
     if length > count * (GAP_BYTES + planes + ordering + of_faces) {
         return Err(PmeshError::Stream);
     }
+    let format = if ordered == 1 { Format::Progression } else { Format::Pmesh };
+    Ok((MeshHeader { format, shape, vertices: count, is_flat }, length, deflated))
+}
+
+/// Bytes of a vertex's samples.
+fn planes_of(shape: Shape) -> usize {
+    shape.component_count * if shape.precision > 8 { 2 } else { 1 }
+}
+
+fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, PmeshError> {
+    let (header, length, deflated) = read_header(bytes, limits)?;
+    let MeshHeader { format, shape, vertices: count, is_flat } = header;
     let stream = inflated(deflated, length, wanted)?;
     let (points, rest) = read_points(shape, count, &stream).ok_or(PmeshError::Stream)?;
     wanted()?;
-    let (differences, rest) = rest.split_at_checked(count * planes).ok_or(PmeshError::Stream)?;
-    let order = match ordered {
-        0 if is_flat || rest.is_empty() => None,
-        0 => return Err(PmeshError::Stream),
-        _ => Some(read_order(count, rest).ok_or(PmeshError::Stream)?),
+    let (differences, rest) =
+        rest.split_at_checked(count * planes_of(shape)).ok_or(PmeshError::Stream)?;
+    let order = match format {
+        Format::Progression => Some(read_order(count, rest).ok_or(PmeshError::Stream)?),
+        _ if is_flat || rest.is_empty() => None,
+        _ => return Err(PmeshError::Stream),
     };
     wanted()?;
     let samples = read_samples(shape, &points, differences, wanted)?;

@@ -11,7 +11,7 @@ use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::Reconstruction;
 
 /// The parameters that change how a mesh is written, and not the mesh.
-pub const WRITING: [&str; 10] = [
+pub const WRITING: [&str; 11] = [
     "relief",
     "height",
     "z_scale",
@@ -20,6 +20,7 @@ pub const WRITING: [&str; 10] = [
     "pixel_size",
     "unit",
     "compression",
+    "texture",
     "shading",
     "png_compression",
 ];

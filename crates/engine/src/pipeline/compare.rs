@@ -1,10 +1,10 @@
-//! How close two pictures are, one of which may be a mesh.
+//! How close two pictures are, one of which may be of a mesh.
 
 use super::decode;
 use crate::context::Context;
 use crate::error::EngineError;
 use crate::task::image_bytes;
-use pixmesh_codec::{DecodeOptions, Limits, read_model_while};
+use pixmesh_codec::{DecodeOptions, Limits, read_mesh_while};
 use pixmesh_meshing::{Fidelity, Image, rasterize, structural_similarity};
 
 /// What is compared.
@@ -14,8 +14,8 @@ pub struct Pair<B> {
     pub picture: B,
     /// The file of what approximates it.
     pub approximation: B,
-    /// Whether that is a MODEL, and no picture.
-    pub is_model: bool,
+    /// Whether that is a mesh as MODEL or pmesh, and no picture.
+    pub is_mesh: bool,
 }
 
 /// What came of a comparison.
@@ -39,14 +39,14 @@ pub fn compare<B: AsRef<[u8]>>(
     limits: &Limits,
     context: &Context,
 ) -> Result<Comparison, EngineError> {
-    let Pair { picture, approximation, is_model } = pair;
+    let Pair { picture, approximation, is_mesh } = pair;
     context.check()?;
     context.begin("decode");
     let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
     let first = decode(picture.as_ref(), reading, 0, context)?;
     drop(picture);
-    let second = if is_model {
-        let mesh = read_model_while(approximation.as_ref(), limits, &|| context.check())?;
+    let second = if is_mesh {
+        let mesh = read_mesh_while(approximation.as_ref(), limits, &|| context.check())?;
         drop(approximation);
         rasterize(&mesh, context)?
     } else {

@@ -1,39 +1,148 @@
-//! From MODEL to any other format: of a job's mesh, or of one that a client sends.
+//! From a mesh file to any other format and size: of a job's mesh, or of one that a client sends.
 
 use super::encode::encode;
+use super::{decode, texture};
 use crate::context::Context;
 use crate::error::EngineError;
 use crate::params::Output;
-use pixmesh_codec::{Encodable, Format, Limits, read_model_while};
+use pixmesh_codec::{
+    Encodable, Format, Limits, MeshFileError, PmeshError, Texture, is_pmesh, probe_mesh,
+    read_mesh_while, read_progression_while,
+};
 use pixmesh_meshing::parameters::Reconstruction;
-use pixmesh_meshing::{Fidelity, Mesh, rasterize};
+use pixmesh_meshing::{Fidelity, Mesh, Progression, Shape, rasterize};
 
-/// Reads a MODEL, and writes the mesh, or the picture rebuilt from it, in a format. JSON states the
-/// fidelity where it is known.
+/// A mesh file, and what to make of it.
+#[derive(Debug)]
+pub struct Conversion<B> {
+    /// MODEL, pmesh, or pmesh with the order of the vertices.
+    pub file: B,
+    /// The picture that glTF shows, if it shows one.
+    pub shown: Option<Shown<B>>,
+    /// Vertices of the mesh, which the order of the vertices must give; `None` for all.
+    pub size: Option<usize>,
+    /// The format to write.
+    pub format: Format,
+    /// How the mesh is written.
+    pub output: Output,
+    /// How close the mesh of all vertices is to its image, where that is known.
+    pub fidelity: Option<Fidelity>,
+}
+
+/// A picture that glTF shows.
+#[derive(Debug)]
+pub enum Shown<B> {
+    /// The file of a picture of the mesh's width and height.
+    Picture(B),
+    /// The bytes of a [`Texture`] that was stored.
+    Texture(B),
+}
+
+/// A mesh as bytes, with what is known of it.
+#[derive(Debug)]
+pub struct Converted {
+    /// The mesh in the format asked for.
+    pub bytes: Vec<u8>,
+    /// Vertices of the mesh.
+    pub vertices: usize,
+    /// Faces of the mesh.
+    pub faces: usize,
+    /// How close it is to the image; `None` where that is not known.
+    pub fidelity: Option<Fidelity>,
+}
+
+/// Reads a mesh file, and writes the mesh, or the picture rebuilt from it, in a format.
 ///
 /// # Errors
-/// When the bytes are no MODEL, the format cannot hold the result, or the context stops the work.
-pub fn convert(
-    model: impl AsRef<[u8]>,
-    fidelity: Option<Fidelity>,
-    format: Format,
-    output: &Output,
+/// When the bytes are no mesh, the size or the format needs the order of the vertices and the file
+/// does not keep it, the format cannot hold the result, or the context stops the work.
+pub fn convert<B: AsRef<[u8]>>(
+    conversion: Conversion<B>,
     limits: &Limits,
     context: &Context,
-) -> Result<Vec<u8>, EngineError> {
+) -> Result<Converted, EngineError> {
     context.check()?;
     context.begin("decode");
-    let mesh = read_model_while(model.as_ref(), limits, &|| context.check())?;
-    drop(model);
-    context.check()?;
+    let Conversion { file, shown, size, format, output, fidelity } = conversion;
+    let Source { mesh, progression, fidelity } =
+        read(file, size, format, fidelity, limits, context)?;
+    let shown = shown.filter(|_| output.shows_image(format));
+    let texture = shown.map(|shown| shown.texture(mesh.shape(), limits, context)).transpose()?;
+    let had_colors = mesh.face_samples().is_some();
     let mesh = rebuilt_by(mesh, output.reconstruction, context)?;
-    let source = Encodable { fidelity: fidelity.as_ref(), ..Encodable::new(&mesh) };
-    encode(&source, format, &output.writing(None), context)
+    let fidelity = fidelity.filter(|_| mesh.face_samples().is_some() == had_colors);
+    let source = Encodable {
+        fidelity: fidelity.as_ref(),
+        progression: progression.as_ref(),
+        ..Encodable::new(&mesh)
+    };
+    let bytes = encode(&source, format, &output.writing(texture.as_ref()), context)?;
+    let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
+    Ok(Converted { bytes, vertices, faces, fidelity })
+}
+
+/// A mesh with what its file says of it.
+struct Source {
+    mesh: Mesh,
+    progression: Option<Progression>,
+    fidelity: Option<Fidelity>,
+}
+
+fn read(
+    file: impl AsRef<[u8]>,
+    size: Option<usize>,
+    format: Format,
+    fidelity: Option<Fidelity>,
+    limits: &Limits,
+    context: &Context,
+) -> Result<Source, EngineError> {
+    let bytes = file.as_ref();
+    let keeps_order = is_pmesh(bytes)
+        && probe_mesh(bytes, limits).is_ok_and(|header| header.format == Format::Progression);
+    if !keeps_order && (size.is_some() || format == Format::Progression) {
+        return Err(MeshFileError::from(PmeshError::NoOrder).into());
+    }
+    if !keeps_order {
+        let mesh = read_mesh_while(bytes, limits, &|| context.check())?;
+        return Ok(Source { mesh, progression: None, fidelity });
+    }
+    let progression = read_progression_while(bytes, limits, &|| context.check());
+    let progression = progression.map_err(MeshFileError::from)?;
+    drop(file);
+    let size = size.unwrap_or(progression.points().len());
+    let progression = progression.shortened(size)?;
+    context.begin("triangulate");
+    let mesh = progression.mesh(size, context)?;
+    let fidelity = Some(progression.fidelity(size)?);
+    Ok(Source { mesh, progression: Some(progression), fidelity })
+}
+
+impl<B: AsRef<[u8]>> Shown<B> {
+    fn texture(
+        self,
+        shape: Shape,
+        limits: &Limits,
+        context: &Context,
+    ) -> Result<Texture, EngineError> {
+        let file = match self {
+            Self::Texture(bytes) => return Ok(Texture::of_stored(bytes.as_ref().to_vec())),
+            Self::Picture(file) => file,
+        };
+        let output = Output::default();
+        let image = decode(file.as_ref(), output.reading(limits), 0, context)?;
+        if (image.width(), image.height()) != (shape.width, shape.height) {
+            return Err(EngineError::OtherSize {
+                picture: (image.width(), image.height()),
+                mesh: (shape.width, shape.height),
+            });
+        }
+        texture(file.as_ref(), &image, context)
+    }
 }
 
 /// The mesh whose picture is rebuilt in a way: linearly without colours of its faces; flat with the
 /// best colour of each face for the picture that the mesh has.
-pub(super) fn rebuilt_by(
+fn rebuilt_by(
     mesh: Mesh,
     reconstruction: Option<Reconstruction>,
     context: &Context,

@@ -1,11 +1,10 @@
 //! What a piece of work takes, estimated from what the header says: memory at its peak, and effort.
 
 use super::effort::Effort;
-use super::footprint::{self, Compared, Footprint, Kept};
-use crate::params::Output;
-use pixmesh_codec::{Format, Header, Texture};
+use super::footprint::{self, Compared, Footprint};
+use pixmesh_codec::{Format, Header, MeshHeader, Texture};
+use pixmesh_meshing::Parameters;
 use pixmesh_meshing::parameters::Plan;
-use pixmesh_meshing::{Parameters, Shape};
 
 /// An estimate of the memory and the effort that work takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,43 +24,31 @@ impl Cost {
         Self { mib, effort: Effort::of_mesh(header, plan, parameters) }
     }
 
-    /// The cost of writing a mesh, whose MODEL has so many bytes, in a format; `is_flat` if its faces
-    /// may have colours.
+    /// The cost of reading a mesh file of this header and so many bytes, and of writing its mesh of
+    /// `size` vertices in a format.
     #[must_use]
-    pub fn of_conversion(
-        shape: Shape,
-        vertices: usize,
-        model_bytes: u64,
-        format: Format,
-        is_flat: bool,
-    ) -> Self {
-        let bytes = footprint::of_conversion(shape, vertices as u64, model_bytes, format, is_flat);
-        Self { mib: 1, effort: Effort::of_samples(shape) }.with_file(bytes)
+    pub fn of_conversion(header: &MeshHeader, file: u64, size: usize, format: Format) -> Self {
+        let bytes = footprint::of_conversion(header, file, size as u64, format);
+        Self { mib: 1, effort: Effort::of_samples(header.shape) }.with_file(bytes)
     }
 
-    /// The cost of making a mesh of some size of the order of vertices that a job keeps, and of
-    /// writing it in a format; `is_flat` if its faces get colours.
+    /// The same where glTF shows a picture of this header.
     #[must_use]
-    pub fn of_resizing(kept: Kept, size: usize, format: Format, is_flat: bool) -> Self {
-        let bytes = footprint::of_resizing(kept, size as u64, format, is_flat);
-        Self { mib: 1, effort: Effort::of_samples(kept.shape) }.with_file(bytes)
+    pub fn with_texture(self, picture: &Header) -> Self {
+        self.with_file(picture.decode_bytes()).showing(picture)
     }
 
-    /// The cost of comparing two pictures of these headers, or a picture and a MODEL of so many
-    /// bytes.
+    /// The cost of comparing two pictures of these headers, or a picture and a mesh.
     #[must_use]
     pub fn of_comparison(first: &Header, second: Compared) -> Self {
         let bytes = footprint::of_comparison(first, second);
         Self { mib: 1, effort: Effort::of_samples(first.shape()) }.with_file(bytes)
     }
 
-    /// The same where the mesh is written in a special way: an image that is shown lives on beside
-    /// the work, and is written a second time.
+    /// The same where the image is shown: its file lives on beside the work.
     #[must_use]
-    pub fn of_output(self, header: &Header, output: &Output, format: Format) -> Self {
-        let shown =
-            if output.shows_image(format) { Texture::held_bytes(header.shape()) } else { 0 };
-        self.with_file(shown)
+    pub fn showing(self, header: &Header) -> Self {
+        self.with_file(Texture::held_bytes(header.shape()))
     }
 
     /// The same with weights of this header: decoded beside the image, and kept as 8 bits a pixel.

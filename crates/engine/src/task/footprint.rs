@@ -5,7 +5,7 @@
 //! a process was measured to take (`VmHWM`, one piece of work, pictures of 1 to 40 megapixels).
 //! No sum overflows: sides are at most 2^20, so that pixels times bytes stay below 2^60.
 
-use pixmesh_codec::{Format, Header, read_model_bytes};
+use pixmesh_codec::{Format, Header, MeshHeader, read_model_bytes};
 use pixmesh_meshing::parameters::{ErrorMetric, Generator, Guide, Parallel, Plan, Policy};
 use pixmesh_meshing::{Parameters, Shape};
 
@@ -59,19 +59,8 @@ const MAX_SLACK: u64 = 40 << 20;
 pub enum Compared<'a> {
     /// A picture of this header.
     Picture(&'a Header),
-    /// A MODEL of so many bytes.
-    Model(u64),
-}
-
-/// The order of vertices that a job keeps.
-#[derive(Clone, Copy, Debug)]
-pub struct Kept {
-    /// Shape of the image.
-    pub shape: Shape,
-    /// Vertices in all.
-    pub vertices: u64,
-    /// Bytes of its pmesh.
-    pub bytes: u64,
+    /// A mesh file of this header and so many bytes.
+    Mesh(&'a MeshHeader, u64),
 }
 
 /// What decides how much memory the meshing of an image takes.
@@ -256,38 +245,32 @@ fn written_or_rebuilt(format: Format, shape: Shape, vertices: u64, is_flat: bool
     }
 }
 
-/// Bytes that writing a mesh in a format takes, where the mesh is read from so much MODEL.
-pub(super) fn of_conversion(
-    shape: Shape,
-    vertices: u64,
-    model: u64,
-    format: Format,
-    is_flat: bool,
-) -> u64 {
-    let out = match format {
-        Format::Model => model,
-        format => written_or_rebuilt(format, shape, vertices, is_flat),
-    };
+/// Bytes that reading a mesh file of a header takes, and writing its mesh of `size` vertices in a
+/// format.
+pub(super) fn of_conversion(header: &MeshHeader, file: u64, size: u64, format: Format) -> u64 {
+    let MeshHeader { shape, is_flat, .. } = *header;
     let colored = if is_flat { image_bytes(shape) } else { 0 };
-    read_model_bytes(model).saturating_add(out).saturating_add(colored)
+    let out = written_or_rebuilt(format, shape, size, is_flat);
+    read_mesh(header, file, size).saturating_add(out).saturating_add(colored)
 }
 
-/// Bytes that making a mesh of some size takes of the order of vertices that a job keeps, and
-/// writing it in a format: the order as it is read, the triangulation and the file.
-pub(super) fn of_resizing(kept: Kept, size: u64, format: Format, is_flat: bool) -> u64 {
-    let Kept { shape, vertices, bytes } = kept;
-    let read = bytes + written(Format::Progression, shape, vertices, false);
-    let colored = if is_flat { image_bytes(shape) } else { 0 };
-    let out = written_or_rebuilt(format, shape, size, is_flat) + colored;
-    read.saturating_add(size * (POINT + VERTEX)).saturating_add(out)
+/// Bytes that reading a mesh file takes: as pmesh what is read of it, and the triangulation.
+fn read_mesh(header: &MeshHeader, file: u64, size: u64) -> u64 {
+    let MeshHeader { format, shape, vertices, is_flat } = *header;
+    if format == Format::Model {
+        return read_model_bytes(file);
+    }
+    let read = written(Format::Progression, shape, vertices as u64, is_flat);
+    file.saturating_add(read).saturating_add(size.saturating_mul(POINT + VERTEX))
 }
 
 /// Bytes that comparing a picture takes: both decoded, one after the other, and rows of sums.
 pub(super) fn of_comparison(first: &Header, second: Compared<'_>) -> u64 {
     let second = match second {
         Compared::Picture(header) => header.decode_bytes(),
-        Compared::Model(bytes) => {
-            read_model_bytes(bytes).saturating_add(image_bytes(first.shape()))
+        Compared::Mesh(header, bytes) => {
+            let read = read_mesh(header, bytes, header.vertices as u64);
+            read.saturating_add(image_bytes(first.shape()))
         }
     };
     let rows = first.width as u64 * COMPARED_ROWS;

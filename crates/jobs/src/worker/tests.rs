@@ -24,7 +24,7 @@ fn panicking(
     keeps_progression: bool,
     limits: &Limits,
     context: &Context,
-) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+) -> Result<JobMesh, EngineError> {
     assert!(!options.query().contains("size=5"), "on purpose");
     pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
 }
@@ -36,7 +36,7 @@ fn endless(
     keeps_progression: bool,
     limits: &Limits,
     context: &Context,
-) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+) -> Result<JobMesh, EngineError> {
     if !options.query().contains("size=5") {
         return pipeline::mesh_of_job(source, options, keeps_progression, limits, context);
     }
@@ -129,7 +129,7 @@ fn searching(
     keeps_progression: bool,
     limits: &Limits,
     context: &Context,
-) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+) -> Result<JobMesh, EngineError> {
     context.begin(Stage::Search.name());
     std::thread::sleep(Duration::from_millis(50));
     pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
@@ -266,7 +266,7 @@ async fn idle_worker_stops_at_once_and_busy_worker_after_its_job() {
         keeps_progression: bool,
         limits: &Limits,
         context: &Context,
-    ) -> Result<(Answer, Option<Vec<u8>>), EngineError> {
+    ) -> Result<JobMesh, EngineError> {
         std::thread::sleep(Duration::from_millis(300));
         pipeline::mesh_of_job(source, options, keeps_progression, limits, context)
     }

@@ -68,8 +68,17 @@ pub(crate) fn previous(h: u32) -> u32 {
 /// ```
 #[must_use]
 pub fn triangulate(points: &[Point]) -> Vec<Face> {
+    // This control never cancels.
+    triangulate_with(points, &()).unwrap_or_default()
+}
+
+/// The same, under a control.
+///
+/// # Errors
+/// When the control cancels.
+pub fn triangulate_with(points: &[Point], control: &dyn Control) -> Result<Vec<Face>, Cancelled> {
     if points.len() > MAX_POINTS {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let is_valid = |p: Point| p.x.unsigned_abs().max(p.y.unsigned_abs()) <= MAX_SIDE as u32;
     let mut by_row: Vec<u32> = (0..points.len() as u32).collect();
@@ -77,12 +86,11 @@ pub fn triangulate(points: &[Point]) -> Vec<Face> {
     by_row.sort_unstable_by_key(|&v| (points[v as usize], v));
     by_row.dedup_by_key(|v| points[*v as usize]);
     let sorted = by_row.iter().map(|&v| points[v as usize]).collect();
-    // This control never cancels.
-    let Ok(mut triangulation) = Triangulation::new(sorted, &()) else { return Vec::new() };
+    let mut triangulation = Triangulation::new(sorted, control)?;
     for origin in &mut triangulation.origins {
         *origin = by_row[*origin as usize];
     }
-    faces(&triangulation.origins, points.len(), &()).unwrap_or_default()
+    faces(&triangulation.origins, points.len(), control)
 }
 
 impl Triangulation {
