@@ -133,8 +133,9 @@ fn no_accepted_job_is_lost_or_doubled_however_often_the_process_is_killed() {
     let exhausted = check(&server, &jobs);
     println!(
         "{} jobs, {kills} kills: {exhausted} were killed in all their attempts; the first job was \
-         resumed within {longest:?}",
-        jobs.len()
+         resumed within {:.0} ms",
+        jobs.len(),
+        1000.0 * longest.as_secs_f64()
     );
     // One whose acknowledgement was cut off may be there beside those that the clients know of.
     let listed = count_listed(&server);
