@@ -3,7 +3,8 @@
 # package manager. It runs as a user without rights and writes to /data alone.
 #
 #   docker build -t pixmesh .
-#   docker run --rm --read-only -p 127.0.0.1:8080:8080 -p 127.0.0.1:8081:8081 -v pixmesh-data:/data pixmesh
+#   docker run --rm --read-only -p 127.0.0.1:8080:8080 -p 127.0.0.1:8081:8081 \
+#     -v pixmesh-data:/data pixmesh
 #
 # Nothing here depends on the processor: docker buildx build --platform linux/amd64,linux/arm64 ...
 # deploy/container/verify builds and runs the image without a container engine.

@@ -1,4 +1,4 @@
-//! Clients in other languages, and a tool that tries what the OpenAPI document promises.
+//! Clients in other languages, the commands of the documents, and a tool that tries what the OpenAPI document promises.
 //!
 //! `./test` installs what they need. Without it these tests fail.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
@@ -7,8 +7,11 @@
 mod browser;
 #[path = "../service/client.rs"]
 mod client;
+mod documents;
 #[path = "../service/keys.rs"]
 mod keys;
+#[path = "../service/pictures.rs"]
+mod pictures;
 mod promises;
 mod scripts;
 #[path = "../service/server.rs"]

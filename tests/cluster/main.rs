@@ -11,6 +11,7 @@ mod certificates;
 mod client;
 mod cluster;
 mod database_faults;
+mod document;
 mod emulator;
 mod ledger;
 mod node;

@@ -50,7 +50,8 @@ impl Node {
         node
     }
 
-    fn start(mut command: Command, role: &str, queue: &str, flags: &[&str]) -> Self {
+    /// A node of either kind, as soon as it listens.
+    pub(crate) fn start(mut command: Command, role: &str, queue: &str, flags: &[&str]) -> Self {
         let mut child = command
             .arg(role)
             .args(["--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0", "--queue", queue])

@@ -18,7 +18,6 @@ mod output;
 mod ownership;
 mod parameters;
 mod pictures;
-mod readme;
 mod rejected_pictures;
 mod server;
 mod sizes;
