@@ -1,4 +1,5 @@
-//! Clients in other languages, the commands of the documents, and a tool that tries what the OpenAPI document promises.
+//! Clients in other languages, the commands of the documents, and a tool that tries what the OpenAPI
+//! document promises.
 //!
 //! `./test` installs what they need. Without it these tests fail.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]

@@ -1,6 +1,7 @@
 //! What a release says of itself, in one place.
 
 use crate::read;
+use crate::tools::checkout;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -38,12 +39,13 @@ fn the_changelog_and_the_crates_have_the_version_of_the_workspace() {
     }
 }
 
-/// The crates of the workspace, as Cargo understands their manifests.
-fn crates() -> Vec<Value> {
+/// The crates of a workspace, as Cargo understands their manifests.
+fn crates(manifest: &str) -> Vec<Value> {
     let flags = ["metadata", "--no-deps", "--offline", "--format-version", "1"];
     let printed = Command::new(env!("CARGO"))
         .args(flags)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .arg("--manifest-path")
+        .arg(checkout(manifest))
         .output()
         .unwrap();
     let known: Value = serde_json::from_slice(&printed.stdout).unwrap();
@@ -53,7 +55,7 @@ fn crates() -> Vec<Value> {
 /// The crates that `cargo publish --workspace` publishes: all but those that are never published.
 fn published() -> Vec<Value> {
     let is_published = |package: &Value| package["publish"].is_null();
-    crates().into_iter().filter(is_published).collect()
+    crates("Cargo.toml").into_iter().filter(is_published).collect()
 }
 
 #[test]
@@ -70,7 +72,7 @@ fn the_document_on_releases_names_every_crate_that_is_published() {
 
 #[test]
 fn every_crate_is_described() {
-    for package in crates() {
+    for package in [crates("Cargo.toml"), crates("fuzz/Cargo.toml")].concat() {
         let name = package["name"].as_str().unwrap();
         for key in ["description", "license", "repository", "readme"] {
             assert!(package[key].is_string(), "{name} has no {key}");
