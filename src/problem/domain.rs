@@ -171,16 +171,14 @@ impl From<DecodeError> for Problem {
         let detail = error.to_string();
         match error {
             DecodeError::Empty => Self::new(Kind::EmptyFile, detail),
-            DecodeError::UnknownFormat | DecodeError::Unsupported { .. } => {
-                Self::new(Kind::UnsupportedImage, detail)
-            }
+            DecodeError::UnknownFormat
+            | DecodeError::Unread { .. }
+            | DecodeError::Unsupported { .. } => Self::new(Kind::UnsupportedImage, detail),
             DecodeError::TooManyPixels { pixels, limit, .. } => {
-                Self::new(Kind::ImageTooLarge, detail).limit(limit, pixels).setting("--max-pixels")
+                beyond("--max-pixels", &detail).limit(limit, pixels)
             }
             DecodeError::SideTooLong { width, height, limit } => {
-                Self::new(Kind::ImageTooLarge, detail)
-                    .limit(limit, width.max(height))
-                    .setting("--max-side")
+                beyond("--max-side", &detail).limit(limit, width.max(height))
             }
             DecodeError::MetadataTooLarge { limit, .. } => {
                 Self::new(Kind::MetadataTooLarge, detail).member("limit", limit)
@@ -193,6 +191,12 @@ impl From<DecodeError> for Problem {
             _ => Self::new(Kind::ImageDecodeFailed, detail),
         }
     }
+}
+
+/// An image beyond a limit that the operator sets.
+fn beyond(setting: &'static str, detail: &str) -> Problem {
+    let detail = format!("{detail}, or have the service started with a larger {setting}");
+    Problem::new(Kind::ImageTooLarge, detail).setting(setting)
 }
 
 impl From<WeightsError> for Problem {

@@ -34,13 +34,34 @@ fn bad_pictures_are_refused_within_a_second_and_64_mib() {
         assert!(!answer.text().contains("alert"), "nothing is echoed");
         if slug == "image-too-large" {
             assert!(problem["limit"].is_u64() && problem["actual"].is_u64(), "{problem}");
-            assert!(problem["setting"].as_str().unwrap().starts_with("--max-"), "{problem}");
+            let setting = problem["setting"].as_str().unwrap();
+            assert!(setting.starts_with("--max-"), "{problem}");
+            let detail = problem["detail"].as_str().unwrap();
+            assert!(detail.contains("scale it down first") && detail.contains(setting), "{detail}");
+            assert!(detail.contains(&problem["limit"].to_string()), "{detail}");
         }
     }
     let grown_kib = server.memory_kib("VmHWM").saturating_sub(before_kib);
     assert!(grown_kib < 64 * 1024, "{grown_kib} KiB more");
     assert_eq!(server.mesh("", &[], &good).status, 200);
     server.wait_until_idle();
+}
+
+#[test]
+fn a_format_that_is_not_read_is_named_with_the_command_that_converts_it() {
+    let server = Server::start(&[]);
+    let known: [(&[u8], &str, &str); 5] = [
+        (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "HEIC", "magick photo.heic photo.png"),
+        (b"\xFF\x0A\xFA\x1F", "JPEG XL", "djxl photo.jxl photo.png"),
+        (b"<?xml version=\"1.0\"?>\n<svg/>", "SVG", "rsvg-convert"),
+        (b"%PDF-1.7\n", "PDF", "pdftoppm -png"),
+        (b"FUJIFILMCCD-RAW 0201FF", "RAF", "darktable-cli photo.raf photo.png"),
+    ];
+    for (bytes, name, command) in known {
+        let problem = server.mesh("", &[], bytes).problem(415, "unsupported-image");
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.starts_with(name) && detail.contains(command), "{detail}");
+    }
 }
 
 #[test]

@@ -143,7 +143,7 @@ fn a_mesh_file_becomes_every_other_format() {
     );
     for (words, said) in [
         (textured.to_owned(), "--image"),
-        (format!("{textured} --image {}", folder.file("mesh.svg")), "neither PNG"),
+        (format!("{textured} --image {}", folder.file("mesh.svg")), "SVG is not read"),
         ("--output mesh.dae".to_owned(), "no format has the ending .dae"),
         ("--format progression".to_owned(), "keeps no order"),
         ("--relief c3 --format stl".to_owned(), "component"),

@@ -15,8 +15,19 @@ pub enum DecodeError {
     /// The first bytes are those of no format that is read here.
     #[error("the file is neither PNG, JPEG, PNM, WebP, GIF, TIFF nor BMP")]
     UnknownFormat,
+    /// The first bytes are those of a format that other programs read.
+    #[error("{name} is not read: convert the file first, for example with `{conversion}`")]
+    Unread {
+        /// Name of the format.
+        name: &'static str,
+        /// The command that converts such a file.
+        conversion: &'static str,
+    },
     /// The header claims more pixels than are allowed.
-    #[error("an image of {width}x{height} has {pixels} pixels, more than the limit of {limit}")]
+    #[error(
+        "an image of {width}x{height} has {pixels} pixels, more than the limit of {limit}: scale \
+         it down first, for example with `magick photo.png -resize '{limit}@>' smaller.png`"
+    )]
     TooManyPixels {
         /// Columns claimed.
         width: u64,
@@ -28,7 +39,10 @@ pub enum DecodeError {
         limit: u64,
     },
     /// The header claims more columns or rows than are allowed.
-    #[error("an image of {width}x{height} has a side over the limit of {limit} pixels")]
+    #[error(
+        "an image of {width}x{height} has a side over the limit of {limit} pixels: scale it down \
+         first, for example with `magick photo.png -resize '{limit}x{limit}>' smaller.png`"
+    )]
     SideTooLong {
         /// Columns claimed.
         width: u64,

@@ -1,6 +1,7 @@
 //! The picture formats that are read, detected by their first bytes.
 
 use crate::error::DecodeError;
+use crate::unread;
 use pixmesh_meshing::named_values;
 
 named_values! {
@@ -28,9 +29,12 @@ impl PictureFormat {
     /// Detects the format of a file by its first bytes.
     ///
     /// # Errors
-    /// [`DecodeError::Empty`] without any byte, [`DecodeError::UnknownFormat`] for bytes that no
-    /// format starts with.
+    /// [`DecodeError::Empty`] without any byte, [`DecodeError::Unread`] for a known format that is
+    /// not read, [`DecodeError::UnknownFormat`] for bytes that no format starts with.
     pub fn sniff(bytes: &[u8]) -> Result<Self, DecodeError> {
+        if let Some(refusal) = unread::refusal(bytes) {
+            return Err(refusal);
+        }
         match bytes {
             [] => Err(DecodeError::Empty),
             [0x89, b'P', b'N', b'G', ..] => Ok(Self::Png),
@@ -73,17 +77,8 @@ mod tests {
         assert_eq!(PictureFormat::sniff(b"MM\0*"), Ok(PictureFormat::Tiff));
         assert_eq!(PictureFormat::sniff(b"BM"), Ok(PictureFormat::Bmp));
         assert_eq!(PictureFormat::sniff(b""), Err(DecodeError::Empty));
-        for other in [
-            &b"\x89"[..],
-            b"P",
-            b"P5",
-            b"P8 ",
-            b"Pax ",
-            b"GIF88a",
-            b"%PDF-1.7",
-            b"<svg>",
-            b"RIFF\x10\0\0\0WAVE",
-        ] {
+        for other in [&b"\x89"[..], b"P", b"P5", b"P8 ", b"Pax ", b"GIF88a", b"RIFF\x10\0\0\0WAVE"]
+        {
             assert_eq!(PictureFormat::sniff(other), Err(DecodeError::UnknownFormat));
         }
     }

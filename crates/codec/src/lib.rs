@@ -78,6 +78,7 @@ mod stl;
 mod surface;
 mod svg;
 mod tiff;
+mod unread;
 mod wanted;
 mod webp;
 mod weights;

@@ -49,8 +49,16 @@ mod tests {
         assert_eq!(limits.check(10, 10), Ok((10, 10)));
         assert_eq!(limits.check(5, 20), Ok((5, 20)));
         let message = |width, height| limits.check(width, height).unwrap_err().to_string();
-        assert_eq!(message(101, 1), "an image of 101x1 has 101 pixels, more than the limit of 100");
-        assert_eq!(message(21, 2), "an image of 21x2 has a side over the limit of 20 pixels");
+        assert_eq!(
+            message(101, 1),
+            "an image of 101x1 has 101 pixels, more than the limit of 100: scale it down first, \
+             for example with `magick photo.png -resize '100@>' smaller.png`"
+        );
+        assert_eq!(
+            message(21, 2),
+            "an image of 21x2 has a side over the limit of 20 pixels: scale it down first, for \
+             example with `magick photo.png -resize '20x20>' smaller.png`"
+        );
         assert!(message(20, 1).contains("20x1"));
         assert!(message(0, 0).contains("0x0"));
     }

@@ -155,7 +155,7 @@ fn one_row_or_one_column_is_refused_by_its_header() {
 #[test]
 fn no_bytes_and_other_formats_have_errors_of_their_own() {
     assert_eq!(read(b""), Err(DecodeError::Empty));
-    for other in [&b"GIF90a"[..], b"%PDF-1.4", b"<svg/>", b"hello", b"\x89"] {
+    for other in [&b"GIF90a"[..], b"hello", b"\x89"] {
         assert_eq!(read(other), Err(DecodeError::UnknownFormat));
     }
     for signature in [&b"\x89PNG\r\n\x1a\n"[..], b"\xFF\xD8\xFF", b"\xFF\xD8<html>", b"P6\n"] {

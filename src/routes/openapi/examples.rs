@@ -67,7 +67,10 @@ fn detail(kind: Kind) -> &'static str {
         Kind::NotFinite => "density must be a finite number",
         Kind::ConflictingParameters => "density and size exclude each other: give one of them",
         Kind::BodyTooLarge => "the body is longer than the limit of 33554432 bytes",
-        Kind::ImageTooLarge => "the image has 40000001 pixels, more than the limit of 40000000",
+        Kind::ImageTooLarge => {
+            "an image of 10000x5000 has 50000000 pixels, more than the limit of 40000000: scale it \
+             down first, or have the service started with a larger --max-pixels"
+        }
         Kind::Overloaded => "10.250 s of work wait already, more than 10.000 s",
         Kind::QuotaExceeded => "the key's quota of 600 requests per minute is used up",
         Kind::Unauthorized => "a key is needed: send the header Authorization: Bearer KEY",
