@@ -178,7 +178,7 @@ impl Problem {
         self.member("limit", limit).member("actual", actual)
     }
 
-    /// The least and the most a number may be, and what it is.
+    /// The least and the most a number may be, what it is, and the nearest that it may be.
     #[must_use]
     pub fn range(
         self,
@@ -186,7 +186,20 @@ impl Problem {
         maximum: impl Into<Value>,
         actual: impl Into<Value>,
     ) -> Self {
-        self.member("minimum", minimum).member("maximum", maximum).member("actual", actual)
+        let (minimum, maximum, actual) = (minimum.into(), maximum.into(), actual.into());
+        let number = |value: &Value| match value {
+            Value::String(text) => text.parse().ok(),
+            other => other.as_f64(),
+        };
+        let is_below = number(&actual) < number(&minimum);
+        let nearest = if is_below { &minimum } else { &maximum };
+        // Parameters that are whole numbers take no decimal point.
+        let whole = nearest.as_f64().filter(|value| value.fract() == 0.0);
+        let nearest = whole.map_or(nearest.clone(), |value| (value as i64).into());
+        self.member("minimum", minimum)
+            .member("maximum", maximum)
+            .member("actual", actual)
+            .nearest(nearest)
     }
 
     /// Every value allowed.
@@ -195,10 +208,16 @@ impl Problem {
         self.member("allowed", values)
     }
 
-    /// The known name that is most like the one given.
+    /// The known name that is most like the one given, or the nearest number that is allowed.
     #[must_use]
-    pub fn nearest(self, name: impl Into<String>) -> Self {
-        self.member("nearest", name.into())
+    pub fn nearest(self, value: impl Into<Value>) -> Self {
+        self.member("nearest", value)
+    }
+
+    /// Says in other words what exactly is wrong.
+    #[must_use]
+    pub fn detail(self, detail: impl Into<String>) -> Self {
+        Self { detail: detail.into(), ..self }
     }
 
     /// The setting that the operator can change the limit with.

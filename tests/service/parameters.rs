@@ -96,6 +96,29 @@ fn every_wrong_value_gets_its_refusal_at_once() {
 }
 
 #[test]
+fn a_number_out_of_bounds_is_answered_with_the_nearest_that_is_not() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    for (query, nearest) in [
+        ("target_psnr=-1", 0.0),
+        ("target_psnr=1000", 200.0),
+        ("size=3", 4.0),
+        ("size=-1", 4.0),
+        ("size=401", 400.0),
+        ("max_error=65536", 65535.0),
+        ("max_error=-1", 0.0),
+        ("target_error=-1", 0.0),
+        ("density=101", 100.0),
+    ] {
+        let problem = server.mesh(query, &[], &image).problem(422, "parameter-out-of-range");
+        assert_eq!(problem["nearest"].as_f64(), Some(nearest), "{query}: {problem}");
+        let (name, _) = query.split_once('=').unwrap();
+        let allowed = format!("{name}={}", problem["nearest"]);
+        assert_eq!(server.mesh(&allowed, &[], &image).status, 200, "{allowed}");
+    }
+}
+
+#[test]
 fn fields_are_refused_like_the_query() {
     let server = Server::start(&[]);
     let image = disc(20, 20, 1);

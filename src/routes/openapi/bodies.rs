@@ -74,7 +74,7 @@ schemas! {
         ("actual", any("What was found")),
         ("minimum", any("The least value allowed")),
         ("maximum", any("The largest value allowed")),
-        ("nearest", text().description(Some("The most similar known name"))),
+        ("nearest", any("The most similar known name, or the nearest number allowed")),
         ("setting", text().description(Some("The operator's flag for the limit"))),
         ("retry_after_s", ObjectBuilder::new().schema_type(Type::Integer)),
         ("request_id", text()),

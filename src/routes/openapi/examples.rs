@@ -90,6 +90,7 @@ fn members(kind: Kind) -> Vec<(&'static str, Value)> {
             ("minimum", json!(0.000_001)),
             ("maximum", json!(100)),
             ("actual", json!("101")),
+            ("nearest", json!(100)),
         ],
         Kind::BodyTooLarge => vec![
             ("setting", json!("--max-body")),
