@@ -8,6 +8,7 @@
 //! memory for bodies as it arrives, and the body must arrive within the timeout. Content-Type only
 //! tells a form from a file: the content decides the file's format.
 
+mod curl;
 mod form;
 mod json;
 mod meter;
@@ -235,6 +236,7 @@ impl<const N: usize> Wanted<N> {
     ) -> Result<[Option<Upload>; N], Problem> {
         let found = match label {
             Label::File => {
+                curl::refuse_slips(headers, &body)?;
                 let mut files = [const { None }; N];
                 files[0] = Some(body);
                 files
@@ -257,7 +259,7 @@ impl<const N: usize> Wanted<N> {
             return Ok(Label::Json);
         }
         // What curl calls any body given with --data-binary unless told otherwise: no statement.
-        if !is("application/x-www-form-urlencoded") {
+        if !is(curl::LABEL) {
             self.accept_label(0, label)?;
         }
         self.only_file(label)

@@ -133,6 +133,37 @@ fn a_form_must_have_one_image_and_no_more_than_sixteen_parts() {
 }
 
 #[test]
+fn a_picture_in_a_part_of_another_name_is_refused_with_both_names() {
+    let server = Server::start(&[]);
+    let heic = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic";
+    for image in [&disc(20, 20, 1)[..], heic] {
+        for name in ["file", "density"] {
+            let part = format!("{}; filename=\"photo\"", field(name));
+            let problem = post_form(&server, "", &[(&part, image)]).problem(400, "image-missing");
+            let detail =
+                format!("the part '{name}' holds a picture: name it 'image' or 'weights' instead");
+            assert_eq!(problem["detail"], detail);
+            assert_eq!((&problem["param"], &problem["actual"]), (&"image".into(), &name.into()));
+        }
+    }
+}
+
+#[test]
+fn slips_with_curl_are_answered_with_the_option_to_use() {
+    let server = Server::start(&[]);
+    let urlencoded = [("Content-Type", "application/x-www-form-urlencoded")];
+    let detail = |body: &[u8]| {
+        let problem = server.mesh("", &urlencoded, body).problem(400, "bad-request");
+        problem["detail"].as_str().unwrap().to_owned()
+    };
+    let image = disc(20, 20, 3);
+    assert_eq!(server.mesh("", &urlencoded, &image).status, 200);
+    let stripped: Vec<u8> = image.into_iter().filter(|byte| !b"\0\r\n".contains(byte)).collect();
+    assert!(detail(&stripped).contains("`curl --data-binary @file`"));
+    assert!(detail(b"photos/My Photo.PNG").contains("--data-binary @photos/My Photo.PNG"));
+}
+
+#[test]
 fn a_form_that_cannot_be_read_is_refused() {
     let server = Server::start(&[]);
     let malformed = |content_type: &str, body: &[u8]| {

@@ -1,6 +1,6 @@
 //! Reads a form: one part for each file, and the parameters as fields or as one JSON part `params`.
 
-use super::Wanted;
+use super::{Wanted, missing};
 use crate::extract::fields::Fields;
 use crate::problem::{Kind, Problem};
 use axum::body::Body;
@@ -9,6 +9,7 @@ use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Request};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 use bytes::Bytes;
+use pixmesh_codec::{DecodeError, PictureFormat};
 use pixmesh_engine::params::pairs_of_json;
 
 /// The most parts of a form.
@@ -75,18 +76,37 @@ impl<const N: usize> Contents<'_, N> {
             "params" if self.has_params => return Err(repeated("params")),
             "params" => {
                 self.has_params = true;
-                let pairs = pairs_of_json(&bytes_of(field).await?)?;
+                let pairs = pairs_of_json(&within_field(file_of(field).await?)?)?;
                 pairs.iter().try_for_each(|(name, text)| fields.add(name, text))?;
             }
-            _ => fields.add(&name, text(&bytes_of(field).await?, &name)?)?,
+            _ => {
+                let bytes = file_of(field).await?;
+                if is_picture(&bytes) {
+                    return Err(self.misnamed(&name));
+                }
+                fields.add(&name, text(&within_field(bytes)?, &name)?)?;
+            }
         }
         Ok(())
     }
+
+    /// A picture in a part that is no file's.
+    fn misnamed(&self, found: &str) -> Problem {
+        let found: String = found.chars().take(64).collect();
+        let wanted = self.wanted.files.join("' or '");
+        let detail = format!("the part '{found}' holds a picture: name it '{wanted}' instead");
+        missing(self.wanted.files[0]).detail(detail).member("actual", found)
+    }
 }
 
-/// The bytes of a field that is no file.
-async fn bytes_of(field: Field<'_>) -> Result<Bytes, Problem> {
-    let bytes = file_of(field).await?;
+/// Whether a part holds a picture, of a format that is read or not.
+fn is_picture(bytes: &[u8]) -> bool {
+    let format = PictureFormat::sniff(bytes);
+    !matches!(format, Err(DecodeError::UnknownFormat | DecodeError::Empty))
+}
+
+/// The bytes of a part that is no file.
+fn within_field(bytes: Bytes) -> Result<Bytes, Problem> {
     if bytes.len() > MAX_FIELD {
         let detail = format!("a field of the form is longer than {MAX_FIELD} bytes");
         return Err(Problem::new(Kind::MultipartMalformed, detail));
