@@ -50,17 +50,24 @@ pub fn public(service: Arc<Service>) -> Router {
         .layer(Extension(DocumentText::of(&document)))
         .fallback(not_found)
         .with_state(service);
-    routes.layer(
-        ServiceBuilder::new()
-            .layer(from_fn(identify))
-            .layer(from_fn(observe::observe))
-            .layer(from_fn(problem::render))
-            .layer(from_fn(guard::guard))
-            .option_layer(cors)
-            .layer(CatchPanicLayer::custom(panicked))
-            .layer(authenticate)
-            .layer(stop),
+    rendered(
+        routes.layer(
+            ServiceBuilder::new()
+                .layer(from_fn(observe::observe))
+                .layer(from_fn(guard::guard))
+                .option_layer(cors)
+                .layer(CatchPanicLayer::custom(panicked))
+                .layer(authenticate)
+                .layer(stop),
+        ),
     )
+}
+
+/// Routes whose requests have ids and whose refusals have documents. Both layers are around the
+/// router itself, because it adds `Allow` to a refusal outside of its own layers.
+fn rendered(routes: Router) -> Router {
+    let layers = ServiceBuilder::new().layer(from_fn(identify)).layer(from_fn(problem::render));
+    Router::new().fallback_service(layers.service(routes))
 }
 
 /// The public routes that the OpenAPI document describes.
@@ -95,13 +102,9 @@ pub fn operations(operations: Operations) -> Router {
         .route("/metrics", get(metrics::show))
         .fallback(not_found)
         .with_state(operations);
-    routes.layer(
-        ServiceBuilder::new()
-            .layer(from_fn(identify))
-            .layer(from_fn(problem::render))
-            .layer(from_fn(guard::guard))
-            .layer(CatchPanicLayer::custom(panicked)),
-    )
+    rendered(routes.layer(
+        ServiceBuilder::new().layer(from_fn(guard::guard)).layer(CatchPanicLayer::custom(panicked)),
+    ))
 }
 
 /// The layer that drops requests that a stopping service can wait for no longer.

@@ -4,8 +4,10 @@ use super::{Kind, Problem};
 use crate::extract::request_id::RequestId;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::header::{CONNECTION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, RETRY_AFTER};
-use axum::http::{HeaderValue, StatusCode};
+use axum::http::header::{
+    ALLOW, CONNECTION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, RETRY_AFTER,
+};
+use axum::http::{HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
@@ -29,6 +31,7 @@ impl IntoResponse for Problem {
 /// The layer that gives every refusal its document, also those that the framework makes.
 pub async fn render(request: Request, next: Next) -> Response {
     let id = request.extensions().get::<RequestId>().cloned();
+    let method = request.method().clone();
     let mut response = next.run(request).await;
     if !is_refusal(response.status()) {
         return response;
@@ -36,10 +39,7 @@ pub async fn render(request: Request, next: Next) -> Response {
     let problem = response
         .extensions_mut()
         .remove::<Problem>()
-        .unwrap_or_else(|| Problem::of_status(response.status()));
-    if let Some(cause) = problem.cause() {
-        tracing::error!(cause, problem = problem.kind().slug(), "a request failed in the service");
-    }
+        .unwrap_or_else(|| Problem::of_response(&response, &method));
     problem.write_into(response, id.as_ref())
 }
 
@@ -48,10 +48,17 @@ fn is_refusal(status: StatusCode) -> bool {
 }
 
 impl Problem {
-    /// The problem of a response that says no more than its status.
-    fn of_status(status: StatusCode) -> Self {
-        let kind = Kind::of_status(status);
-        Self::new(kind, kind.title())
+    /// The problem of a response that says no more than its status, and which methods it allows.
+    fn of_response(response: &Response, method: &Method) -> Self {
+        let kind = Kind::of_status(response.status());
+        let allowed = response.headers().get(ALLOW).and_then(|allowed| allowed.to_str().ok());
+        let Some(allowed) = allowed else { return Self::new(kind, kind.title()) };
+        let methods: Vec<&str> = allowed.split(',').map(str::trim).collect();
+        let method: String = method.as_str().chars().take(64).collect();
+        let wanted = methods.join(" or ");
+        Self::new(kind, format!("the method {method} is not for this path: send {wanted}"))
+            .allowed(&methods)
+            .member("actual", method)
     }
 
     /// Replaces the body of `response`, and keeps headers such as `Allow`.

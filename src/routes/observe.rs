@@ -1,6 +1,7 @@
 //! Sees every request from its header to its answer: one span, one log line, two metrics.
 
 use crate::extract::request_id::RequestId;
+use crate::problem::Problem;
 use crate::telemetry;
 use axum::extract::{MatchedPath, Request};
 use axum::http::Method;
@@ -8,7 +9,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 use std::time::Instant;
 use tracing::field::Empty;
-use tracing::{Instrument, info, info_span};
+use tracing::{Instrument, error, info, info_span};
 
 /// The layer that logs and counts.
 pub(super) async fn observe(request: Request, next: Next) -> Response {
@@ -23,7 +24,13 @@ pub(super) async fn observe(request: Request, next: Next) -> Response {
     let took = progress.end();
     let code = response.status().as_u16();
     telemetry::answered(route, method, code, took);
-    span.in_scope(|| info!(method, route, code, seconds = took.as_secs_f64(), "answered"));
+    let _in_span = span.enter();
+    if let Some(problem) = response.extensions().get::<Problem>()
+        && let Some(cause) = problem.cause()
+    {
+        error!(cause, problem = problem.kind().slug(), "a request failed in the service");
+    }
+    info!(method, route, code, seconds = took.as_secs_f64(), "answered");
     response
 }
 

@@ -76,9 +76,13 @@ fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
     for method in ["GET", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW"] {
         let answer = send(server.public, method, "/v1/meshes", &[], &[]);
         assert_eq!((answer.status, answer.header("allow")), (405, "POST"), "{method}");
+        let problem = answer.problem(405, "method-not-allowed");
+        let detail = format!("the method {method} is not for this path: send POST");
+        assert_eq!((&problem["detail"], &problem["allowed"][0]), (&detail.into(), &"POST".into()));
     }
     let answer = send(server.public, "POST", "/v1/methods", &[], &[]);
-    answer.problem(405, "method-not-allowed");
+    let problem = answer.problem(405, "method-not-allowed");
+    assert_eq!(problem["allowed"], serde_json::json!(["GET", "HEAD"]));
     assert_eq!(answer.header("allow"), "GET,HEAD");
     server.get(&format!("/{}", "a".repeat(16_000))).problem(414, "uri-too-long");
     for length in [20_000, 100_000] {
