@@ -453,7 +453,9 @@ export class Studio {
       if (track.stage !== "final") throw new Error("There is no mesh yet. Wait for it, or make one.");
       /** @type {api.Parameters} */
       const relief = track.job?.parameters?.relief ? {} : { relief: "luma" };
-      const path = panels.meshPathOf(track, "glb", { ...relief, compression: "none" });
+      const path = panels.meshPathOf(track, "glb", {
+        ...relief, compression: "none", texture: "none", color: "image", center: "false", up: "z",
+      });
       const response = await api.request(path);
       this.stage.renderer.relief?.set(readGlb(await response.arrayBuffer()));
       this.stage.redraw();

@@ -56,4 +56,4 @@ export const FORMATS = {
 };
 
 /** Parameters that say how a mesh is written, which the downloads decide. */
-export const OF_OUTPUT = new Set(["format", "relief", "height", "z_scale", "invert_relief", "base", "pixel_size", "unit", "compression", "texture", "shading", "png_compression"]);
+export const OF_OUTPUT = new Set(["format", "relief", "height", "z_scale", "invert_relief", "base", "z_offset", "pixel_size", "width", "center", "up", "color", "unit", "compression", "texture", "shading", "png_compression"]);

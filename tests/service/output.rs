@@ -1,6 +1,6 @@
 //! The parameters that change how the image is read and how the mesh is written.
 
-use crate::pictures::{disc, disc_image};
+use crate::pictures::{disc, disc_image, png};
 use crate::server::Server;
 use pixmesh_codec::{
     DecodeOptions, Encodable, EncodeOptions, Format, Geometry, Limits, Relief, ReliefHeight,
@@ -57,6 +57,51 @@ fn an_elevation_model_becomes_metres() {
     assert_eq!([most(0), most(1), most(2), least], [570.0, 270.0, 1900.0, -5.0]);
     let glb = server.mesh("format=glb&z_scale=100&pixel_size=30&unit=mm", &[], &png);
     assert_eq!(document(&glb.body)["nodes"][0]["scale"], serde_json::json!([0.001, 0.001, 0.001]));
+}
+
+#[test]
+fn an_elevation_model_lies_and_has_colors() {
+    // Heights of 1200 to 1390 of 65535, which are black as a picture.
+    let samples = (0..20_u16 * 10).map(|i| 1200 + 10 * (i % 20)).collect();
+    let png = png(&Image::from_bottom_up(20, 10, 16, vec![samples]).unwrap());
+    let server = Server::start(&[]);
+    let glb = server.mesh("format=glb&z_scale=1", &[], &png).body;
+    let node = document(&glb)["nodes"][0].clone();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    assert_eq!(node["rotation"], serde_json::json!([-half, 0.0, 0.0, half]));
+    let upright = server.mesh("format=glb&z_scale=1&up=z", &[], &png).body;
+    assert!(document(&upright)["nodes"][0]["rotation"].is_null());
+    assert!(document(&server.mesh("format=glb", &[], &png).body)["nodes"][0]["rotation"].is_null());
+    let vertices = |query: &str| {
+        let query = format!("format=obj&z_scale=1&density=50&{query}");
+        let answer = server.mesh(&query, &[], &png);
+        let ran = answer.header("mesh-parameters").to_owned();
+        assert!(server.mesh(&ran, &[], &png).body == answer.body, "{ran}");
+        let text = answer.text();
+        let lines = text.lines().filter_map(|line| line.strip_prefix("v "));
+        lines
+            .map(|line| line.split(' ').map(|n| n.parse().unwrap()).collect())
+            .collect::<Vec<Vec<f64>>>()
+    };
+    let range = |vertices: &[Vec<f64>], axis: usize| {
+        let of = |vertex: &Vec<f64>| vertex[axis];
+        [f64::min, f64::max].map(|best| vertices.iter().map(of).reduce(best).unwrap())
+    };
+    let plain = vertices("");
+    assert_eq!(range(&plain, 2), [1200.0, 1390.0]);
+    assert_eq!(range(&plain, 3), [0.0, 1.0], "gray from black to white");
+    let placed = vertices("z_offset=min&center=true&width=190&color=none&up=y");
+    assert_eq!(
+        [0, 1, 2].map(|axis| range(&placed, axis)),
+        [[-95.0, 95.0], [0.0, 190.0], [-45.0, 45.0]]
+    );
+    assert_eq!(placed[0].len(), 3, "no colours");
+    assert_eq!(range(&vertices("z_offset=1195.5"), 2), [4.5, 194.5]);
+    assert!(vertices("color=ramp")[0][4] > vertices("color=ramp")[0][3], "green where it is low");
+    let shaded = vertices("color=hillshade");
+    assert_eq!(range(&shaded, 3), range(&shaded, 5), "gray");
+    let stl = server.mesh("format=stl", &[], &png).body;
+    assert!(stl.starts_with(b"binary STL, lengths in mm"));
 }
 
 #[test]
@@ -121,6 +166,15 @@ fn what_cannot_be_is_refused_before_any_work() {
     assert_eq!(refused("pixel_size=0", 422, "parameter-out-of-range"), "pixel_size");
     assert_eq!(refused("unit=inch", 422, "unknown-value"), "unit");
     assert_eq!(refused("compression=draco", 422, "unknown-value"), "compression");
+    assert_eq!(refused("up=x", 422, "unknown-value"), "up");
+    assert_eq!(refused("color=blue", 422, "unknown-value"), "color");
+    assert_eq!(refused("center=middle", 422, "unknown-value"), "center");
+    assert_eq!(refused("width=0", 422, "parameter-out-of-range"), "width");
+    assert_eq!(refused("width=9&pixel_size=1", 422, "conflicting-parameters"), "width");
+    for offset in ["lowest", "1e10", "nan", ""] {
+        assert_eq!(refused(&format!("z_offset={offset}"), 422, "unknown-value"), "z_offset");
+    }
+    assert_eq!(refused("texture=embed&color=ramp", 422, "conflicting-parameters"), "color");
 }
 
 #[test]
@@ -138,6 +192,8 @@ fn a_jobs_mesh_is_written_by_the_parameters_of_the_request() {
         "format=ply&relief=c1&height=9&pixel_size=0.5",
         "format=obj&z_scale=0.1&unit=mm&invert_relief=true",
         "format=model&z_scale=1",
+        "format=glb&z_scale=2&z_offset=min&width=90&center=true&up=z&color=ramp",
+        "format=ply&height=3&color=hillshade",
     ] {
         let (stored, direct) = (mesh(query), server.mesh(&format!("size=60&{query}"), &[], &image));
         assert_eq!(stored.status, 200, "{query}: {}", stored.text());

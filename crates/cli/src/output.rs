@@ -4,8 +4,8 @@ use crate::CliError;
 use crate::options::named;
 use clap::Args;
 use pixmesh_codec::{
-    Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit, PngCompression, Relief,
-    ReliefSource, Shading, Texture, Texturing, encode,
+    Coloring, Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit, PngCompression,
+    Relief, ReliefSource, Shading, Texture, Texturing, UpAxis, ZOffset, encode,
 };
 use pixmesh_meshing::Image;
 use std::ffi::OsStr;
@@ -59,14 +59,32 @@ pub struct OutputOptions {
     /// STL a quarter of the height]
     #[arg(long, help_heading = SPACE, value_name = "LENGTH", value_parser = length)]
     base: Option<f64>,
+    /// What is taken off every height: a length, or min for the height of the lowest vertex
+    #[arg(long, help_heading = SPACE, value_name = "LENGTH", default_value_t = ZOffset::default(),
+        allow_negative_numbers = true)]
+    z_offset: ZOffset,
     /// Length from one pixel to the next
     #[arg(long, help_heading = SPACE, value_name = "LENGTH", value_parser = positive_length,
         default_value_t = 1.0)]
     pixel_size: f64,
+    /// Length of the mesh along x, instead of --pixel-size
+    #[arg(long, help_heading = SPACE, value_name = "LENGTH", value_parser = positive_length,
+        conflicts_with = "pixel_size")]
+    width: Option<f64>,
+    /// The middle of the picture lies at x = 0 and y = 0
+    #[arg(long, help_heading = SPACE)]
+    center: bool,
+    /// Axis that heights follow [default: y for a relief in glTF, else z]
+    #[arg(long, help_heading = SPACE, value_parser = named(UpAxis::NAMES, UpAxis::ALL))]
+    up: Option<UpAxis>,
+    /// What the vertices of glTF, PLY and OBJ show
+    #[arg(long, help_heading = SPACE, default_value = "image",
+        value_parser = named(Coloring::NAMES, Coloring::ALL))]
+    color: Coloring,
     /// Unit of all lengths; glTF is scaled to metres, other formats hold the numbers as they are
-    #[arg(long, help_heading = SPACE, default_value = "m",
-        value_parser = named(LengthUnit::NAMES, LengthUnit::ALL))]
-    unit: LengthUnit,
+    /// [default: mm for STL, else m]
+    #[arg(long, help_heading = SPACE, value_parser = named(LengthUnit::NAMES, LengthUnit::ALL))]
+    unit: Option<LengthUnit>,
 }
 
 impl OutputOptions {
@@ -138,7 +156,17 @@ impl OutputOptions {
     fn geometry(&self) -> Geometry {
         let relief = Relief::of_choices(self.relief, self.height, self.z_scale, self.invert_relief);
         let base = self.base.unwrap_or(0.0);
-        Geometry { pixel_size: self.pixel_size, relief, base, unit: self.unit }
+        Geometry {
+            pixel_size: self.pixel_size,
+            width: self.width,
+            relief,
+            base,
+            z_offset: self.z_offset,
+            center: self.center,
+            up: self.up,
+            color: self.color,
+            unit: self.unit,
+        }
     }
 }
 

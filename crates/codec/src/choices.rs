@@ -33,6 +33,33 @@ named_values! {
 }
 
 named_values! {
+    /// Which axis heights follow.
+    "up" UpAxis {
+        /// `y`: the picture lies on the ground, as glTF's viewers expect of a relief.
+        Y = "y",
+        /// `z`: the picture stands on the axes `x` and `y`.
+        Z = "z",
+    }
+}
+
+named_values! {
+    /// What the vertices' colours show.
+    #[derive(Default)]
+    "color" Coloring {
+        /// The picture. A gray relief of more than 8 bits takes black and white from the least and
+        /// the largest sample of its vertices.
+        #[default]
+        Image = "image",
+        /// Nothing: the file has no colours.
+        None = "none",
+        /// The relief in the light from the upper left.
+        Hillshade = "hillshade",
+        /// The height, from green over brown to white between the lowest and the highest vertex.
+        Ramp = "ramp",
+    }
+}
+
+named_values! {
     /// How a glTF file stores its vertices and indices.
     #[derive(Default)]
     "compression" Compression {

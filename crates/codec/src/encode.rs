@@ -66,8 +66,8 @@ pub struct EncodeOptions<'a> {
 
 /// Writes a mesh in a format, for as long as the file is wanted.
 ///
-/// Only the PNG, the rebuilt picture and the check of pmesh that the points alone determine the
-/// faces poll `wanted`; the other formats stop when `out` fails.
+/// Only the PNG, the rebuilt picture, the colours of glTF and the check of pmesh that the points alone
+/// determine the faces poll `wanted`; the other formats stop when `out` fails.
 ///
 /// # Errors
 /// When the format cannot hold the mesh, writing fails, or the file is no longer wanted.
@@ -82,8 +82,8 @@ pub fn encode(
     let EncodeOptions { geometry, shading, .. } = *options;
     match format {
         Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
-        Format::Glb => write_glb(mesh, options, out),
-        Format::Gltf => write_gltf(mesh, options, out),
+        Format::Glb => write_glb(mesh, options, out, wanted),
+        Format::Gltf => write_gltf(mesh, options, out, wanted),
         Format::Svg => write_svg(mesh, shading, out),
         Format::Ply => write_ply(mesh, &geometry, out),
         Format::Obj => write_obj(mesh, &geometry, out),
@@ -162,12 +162,13 @@ fn bytes_of(format: Format, shading: Shading, component_count: usize) -> [usize;
     match format {
         Format::Model => [12 + 6 * component_count, 27, 0],
         // The buffer grows beside its faces, and compression puts the mesh into another order first.
-        Format::Glb => [32, 12, 344],
-        Format::Gltf => [43, 16, 325],
+        Format::Glb => [32, 12, 464],
+        Format::Gltf => [43, 16, 445],
         Format::Svg if shading == Shading::Flat => [0, 70, 10],
         Format::Svg => [0, 330 * component_count, 150 + 40 * component_count],
-        Format::Ply => [16, 13, 2],
-        Format::Obj => [55, 24, 7],
+        // Painted vertices have a normal, a colour and a level while they are painted.
+        Format::Ply => [16, 13, 46],
+        Format::Obj => [55, 24, 51],
         Format::Stl => [0, 50, 0],
         Format::Json => [40 + 6 * component_count, 24, 42],
         Format::Pmesh => [14 + 2 * component_count, 0, 18 + 6 * component_count],

@@ -6,6 +6,7 @@
 mod attributes;
 mod buffer;
 mod document;
+mod linear_light;
 mod srgb;
 mod texture;
 mod write;

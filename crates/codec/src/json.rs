@@ -24,13 +24,13 @@ pub(crate) fn write_json(
     let surface = Surface::new(mesh, geometry)?;
     let mut lines = Lines::new(out);
     let Shape { width, height, component_count, precision } = mesh.shape();
-    let (vertices, faces, unit) = (surface.vertex_count(), surface.face_count(), geometry.unit);
+    let (vertices, faces, unit) = (surface.vertex_count(), surface.face_count(), surface.unit());
     write!(lines, "{{\"width\":{width},\"height\":{height},\"components\":{component_count}")?;
     write!(lines, ",\"precision\":{precision},\"vertices\":{vertices},\"faces\":{faces}")?;
     put_number(",\"mse\":", fidelity.map(Fidelity::mse), &mut lines);
     put_number(",\"psnr_db\":", fidelity.map(Fidelity::psnr_db), &mut lines);
     write!(lines, ",\"unit\":\"{unit}\"")?;
-    put_array(",\"positions\":[", surface.positions(), &mut lines, Lines::decimal)?;
+    put_array(",\"positions\":[", surface.placed_positions(), &mut lines, Lines::decimal)?;
     let samples = surface.samples().map(|samples| samples.iter().copied());
     put_array(",\"samples\":[", samples, &mut lines, Lines::integer)?;
     let palette = Colors::new(mesh.shape());

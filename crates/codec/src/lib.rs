@@ -84,7 +84,9 @@ mod webp;
 mod weights;
 
 pub use alpha::Alpha;
-pub use choices::{Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing};
+pub use choices::{
+    Coloring, Compression, LengthUnit, PngCompression, ReliefSource, Shading, Texturing, UpAxis,
+};
 pub use decode::{DecodeOptions, decode, probe};
 pub use encode::{Encodable, EncodeOptions, encode, estimated_bytes};
 pub use error::{DecodeError, EncodeError};
@@ -107,6 +109,6 @@ pub use pmesh::{
 };
 pub use png::{write_png, write_png_while};
 pub use pnm::write_pnm;
-pub use surface::{Geometry, Relief, ReliefHeight};
+pub use surface::{Geometry, Relief, ReliefHeight, ZOffset};
 pub use wanted::Wanted;
 pub use weights::{WeightsError, probe_weights, read_weights, read_weights_while};

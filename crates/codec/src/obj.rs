@@ -22,17 +22,19 @@ pub(crate) fn write_obj(
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let surface = Surface::colored(mesh, geometry)?;
-    let colors = Colors::new(mesh.shape());
+    let shown = surface.color_shape();
+    let colors = Colors::new(shown.unwrap_or(mesh.shape()));
     let mut lines = Lines::new(out);
-    writeln!(lines, "# lengths in {}\no picture", geometry.unit)?;
-    for (position, samples) in surface.positions().zip(surface.samples()) {
+    writeln!(lines, "# lengths in {}\no picture", surface.unit())?;
+    for (position, samples) in surface.placed_positions().zip(surface.samples()) {
         lines.text("v");
         for length in position {
             lines.text(" ");
             lines.decimal(length);
         }
         let [red, green, blue, _] = colors.rgba(samples);
-        for part in [red, green, blue] {
+        let shown: &[u8] = if shown.is_some() { &[red, green, blue] } else { &[] };
+        for &part in shown {
             lines.text(" ");
             // Four digits, from which readers recover the 8 bits.
             let fraction = rounded_quotient(10_000 * u64::from(part), 255);

@@ -18,13 +18,14 @@ pub(crate) fn write_ply(
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let surface = Surface::colored(mesh, geometry)?;
-    let colors = Colors::new(mesh.shape());
-    let alpha = has_alpha(mesh.shape().component_count);
+    let shown = surface.color_shape();
+    let colors = Colors::new(shown.unwrap_or(mesh.shape()));
+    let color_bytes = shown.map_or(0, |shown| if has_alpha(shown.component_count) { 4 } else { 3 });
     let mut out = BufWriter::new(out);
-    write_header(&surface, alpha, &mut out)?;
-    for (position, samples) in surface.positions().zip(surface.samples()) {
+    write_header(&surface, color_bytes, &mut out)?;
+    for (position, samples) in surface.placed_positions().zip(surface.samples()) {
         out.write_all(position.map(|length| (length as f32).to_le_bytes()).as_flattened())?;
-        out.write_all(&colors.rgba(samples)[..if alpha { 4 } else { 3 }])?;
+        out.write_all(&colors.rgba(samples)[..color_bytes])?;
     }
     for face in surface.faces() {
         out.write_all(&[3])?;
@@ -36,17 +37,17 @@ pub(crate) fn write_ply(
 
 fn write_header(
     surface: &Surface<'_>,
-    alpha: bool,
+    color_bytes: usize,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
-    writeln!(out, "comment lengths in {}", surface.geometry.unit)?;
+    writeln!(out, "comment lengths in {}", surface.unit())?;
     writeln!(out, "element vertex {}", surface.vertex_count())?;
-    for property in ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue"] {
-        writeln!(out, "property {property}")?;
+    for axis in ["x", "y", "z"] {
+        writeln!(out, "property float {axis}")?;
     }
-    if alpha {
-        writeln!(out, "property uchar alpha")?;
+    for color in &["red", "green", "blue", "alpha"][..color_bytes] {
+        writeln!(out, "property uchar {color}")?;
     }
     writeln!(out, "element face {}", surface.face_count())?;
     writeln!(out, "property list uchar int vertex_indices\nend_header")?;

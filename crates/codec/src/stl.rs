@@ -5,8 +5,9 @@
 //!
 //! Literature: 3D Systems, "StereoLithography Interface Specification", 1989.
 
+use crate::choices::LengthUnit;
 use crate::error::EncodeError;
-use crate::surface::{Geometry, Surface, cross_product, unit};
+use crate::surface::{Geometry, Surface, cross_product, unit as unit_vector};
 use pixmesh_meshing::Mesh;
 use std::io::{BufWriter, Write};
 
@@ -23,7 +24,8 @@ pub(crate) fn write_stl(
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let relief = Some(geometry.relief.unwrap_or_default());
-    let geometry = Geometry { relief, ..*geometry }.with_base(mesh.shape());
+    let unit = Some(geometry.unit.unwrap_or(LengthUnit::Millimetre));
+    let geometry = Geometry { relief, unit, ..*geometry }.with_base(mesh.shape());
     let surface = Surface::new(mesh, &geometry)?;
     let triangles = surface.face_count();
     let (bytes, limit) = (84 + 50 * triangles as u64, 84 + 50 * u64::from(u32::MAX));
@@ -33,12 +35,12 @@ pub(crate) fn write_stl(
         limit,
     })?;
     let mut out = BufWriter::new(out);
-    let comment = format!("binary STL, lengths in {}", geometry.unit);
+    let comment = format!("binary STL, lengths in {}", surface.unit());
     write!(out, "{comment:COMMENT_BYTES$}")?;
     out.write_all(&count.to_le_bytes())?;
     for face in surface.faces() {
-        let corners = face.map(|vertex| surface.position(vertex as usize));
-        let [x, y, z] = unit(cross_product(corners));
+        let corners = face.map(|vertex| surface.placed(vertex as usize));
+        let [x, y, z] = unit_vector(cross_product(corners));
         for vector in [[x, y, z]].into_iter().chain(corners) {
             out.write_all(vector.map(|part| (part as f32).to_le_bytes()).as_flattened())?;
         }

@@ -8,14 +8,16 @@
 
 mod geometry;
 mod normals;
+mod paint;
 mod rim;
 
-pub use geometry::{Geometry, Relief, ReliefHeight};
+pub use geometry::{Geometry, Relief, ReliefHeight, ZOffset};
 
+use crate::choices::{Coloring, LengthUnit, UpAxis};
 use crate::error::EncodeError;
 pub(crate) use normals::{cross_product, unit};
 
-use pixmesh_meshing::{Face, Mesh};
+use pixmesh_meshing::{Face, Mesh, Shape};
 
 /// A mesh in space.
 pub(crate) struct Surface<'a> {
@@ -23,6 +25,12 @@ pub(crate) struct Surface<'a> {
     pub(crate) geometry: Geometry,
     /// The samples of the faces, each of which has three vertices of its own then.
     face_samples: Option<&'a [u16]>,
+    /// The colours of the vertices, three samples of 8 bits each, where they are not the mesh's.
+    painted: Option<Vec<u16>>,
+    /// The height that comes to `z = 0`.
+    zero: f64,
+    /// The `z` of the bottom.
+    bottom: f64,
     /// The boundary's vertices, counter-clockwise; none without a base.
     rim: Vec<u32>,
 }
@@ -34,17 +42,36 @@ impl<'a> Surface<'a> {
     /// When the relief is to follow a component that the mesh does not have.
     pub(crate) fn new(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
         geometry.check(mesh.shape().component_count)?;
+        let geometry = geometry.sized(mesh.shape());
         let rim = if geometry.base > 0.0 { rim::boundary(mesh) } else { Vec::new() };
-        Ok(Self { mesh, geometry: *geometry, face_samples: None, rim })
+        let height = |vertex| geometry.height(mesh.vertex_samples(vertex), mesh.shape());
+        let least = (0..mesh.points().len()).map(height).fold(f64::INFINITY, f64::min);
+        let zero = match geometry.z_offset {
+            ZOffset::Least => least,
+            ZOffset::Length(length) => length,
+        };
+        // Below the lowest vertex, wherever 0 is.
+        let bottom = (least - zero).min(0.0) - geometry.base;
+        Ok(Self { mesh, geometry, face_samples: None, painted: None, zero, bottom, rim })
     }
 
-    /// A surface whose vertices show the colours of the mesh: where faces have colours, each has
-    /// three vertices of its own.
+    /// A surface whose vertices show colours: where faces have colours and the picture is shown, each
+    /// face has three vertices of its own.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub(crate) fn colored(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
-        Ok(Self { face_samples: mesh.face_samples(), ..Self::new(mesh, geometry)? })
+        let shared = Self::new(mesh, geometry)?;
+        let painted = paint::painted(&shared);
+        let shows_image = geometry.color == Coloring::Image && painted.is_none();
+        let face_samples = if shows_image { mesh.face_samples() } else { None };
+        Ok(Self { face_samples, painted, ..shared })
+    }
+
+    /// The same surface without colours.
+    fn bare(&self) -> Self {
+        let (mesh, rim) = (self.mesh, self.rim.clone());
+        Self { mesh, rim, face_samples: None, painted: None, ..*self }
     }
 
     /// Vertices: those of the faces, then with a base those of its walls and bottom: one beneath
@@ -86,25 +113,66 @@ impl<'a> Surface<'a> {
 
     /// Where a vertex lies.
     pub(crate) fn position(&self, vertex: usize) -> [f64; 3] {
-        let (pixel_size, base) = (self.geometry.pixel_size, self.geometry.base);
+        let pixel_size = self.geometry.pixel_size;
         let top = self.top_count();
         if vertex >= top && vertex - top >= self.rim.len() {
             let shape = self.mesh.shape();
             let middle = |side: usize| (side - 1) as f64 * pixel_size / 2.0;
-            return [middle(shape.width), middle(shape.height), -base];
+            return [middle(shape.width), middle(shape.height), self.bottom];
         }
         let origin = self.origin(vertex);
         let point = self.mesh.points()[origin];
         let height = || self.geometry.height(self.mesh.vertex_samples(origin), self.mesh.shape());
-        let z = if vertex < top { height() } else { -base };
+        let z = if vertex < top { height() - self.zero } else { self.bottom };
         [f64::from(point.x) * pixel_size, f64::from(point.y) * pixel_size, z]
     }
 
-    /// The sample vectors that all vertices show: of the face, or of the vertex of the mesh.
-    pub(crate) fn samples(&self) -> impl Iterator<Item = &'a [u16]> {
+    /// Where a vertex lies in a file without a node that turns and moves it.
+    pub(crate) fn placed(&self, vertex: usize) -> [f64; 3] {
+        let [center_x, center_y] = self.center();
+        let [x, y, z] = self.position(vertex);
+        self.turned([x - center_x, y - center_y, z], UpAxis::Z)
+    }
+
+    /// The place on the mesh that lies at `x = 0` and `y = 0`.
+    pub(crate) fn center(&self) -> [f64; 2] {
+        let Shape { width, height, .. } = self.mesh.shape();
+        let middle = |side: usize| (side - 1) as f64 * self.geometry.pixel_size / 2.0;
+        if self.geometry.center { [middle(width), middle(height)] } else { [0.0; 2] }
+    }
+
+    /// A place where heights follow the axis asked for, or else `otherwise`.
+    pub(crate) fn turned(&self, [x, y, z]: [f64; 3], otherwise: UpAxis) -> [f64; 3] {
+        match self.geometry.up.unwrap_or(otherwise) {
+            // 0 stays positive.
+            UpAxis::Y => [x, z, 0.0 - y],
+            UpAxis::Z => [x, y, z],
+        }
+    }
+
+    /// The shape of the samples that vertices show; `None` where they show nothing.
+    pub(crate) fn color_shape(&self) -> Option<Shape> {
+        let shape = self.mesh.shape();
+        let shown = if self.painted.is_some() { paint::shape(shape) } else { shape };
+        (self.geometry.color != Coloring::None).then_some(shown)
+    }
+
+    /// Whether the colours are already those of a surface in the light.
+    pub(crate) fn is_shaded(&self) -> bool {
+        self.geometry.color == Coloring::Hillshade
+    }
+
+    /// The unit, or that of formats that are silent about it.
+    pub(crate) fn unit(&self) -> LengthUnit {
+        self.geometry.unit.unwrap_or_default()
+    }
+
+    /// The sample vectors that all vertices show: painted, of the face, or of the vertex of the mesh.
+    pub(crate) fn samples(&self) -> impl Iterator<Item = &[u16]> {
         let count = self.mesh.shape().component_count;
-        (0..self.vertex_count()).map(move |vertex| match self.face_samples {
-            Some(samples) if vertex < self.mesh_vertex_count() => {
+        (0..self.vertex_count()).map(move |vertex| match (&self.painted, self.face_samples) {
+            (Some(painted), _) => &painted[3 * vertex..][..3],
+            (None, Some(samples)) if vertex < self.mesh_vertex_count() => {
                 &samples[vertex / 3 * count..][..count]
             }
             _ => self.mesh.vertex_samples(self.origin(vertex)),
@@ -114,6 +182,11 @@ impl<'a> Surface<'a> {
     /// All positions.
     pub(crate) fn positions(&self) -> impl Iterator<Item = [f64; 3]> {
         (0..self.vertex_count()).map(|vertex| self.position(vertex))
+    }
+
+    /// All positions in a file without a node.
+    pub(crate) fn placed_positions(&self) -> impl Iterator<Item = [f64; 3]> {
+        (0..self.vertex_count()).map(|vertex| self.placed(vertex))
     }
 
     /// All faces, counter-clockwise seen from outside.
@@ -140,8 +213,8 @@ impl<'a> Surface<'a> {
 
     /// The least and the largest `z` that any sample could have.
     pub(crate) fn depth_range(&self) -> [f64; 2] {
-        let bottom = if self.rim.is_empty() { 0.0 } else { -self.geometry.base };
-        [bottom, self.geometry.total_height(self.mesh.shape())]
+        let top = self.geometry.total_height(self.mesh.shape()) - self.zero;
+        [if self.rim.is_empty() { -self.zero } else { self.bottom }, top]
     }
 
     /// The unit normal of every vertex.

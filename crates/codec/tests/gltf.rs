@@ -11,7 +11,7 @@ use pixmesh_codec::{
     Compression, EncodeOptions, Format, Geometry, LengthUnit, Relief, ReliefHeight, ReliefSource,
     Texture,
 };
-use pixmesh_meshing::Mesh;
+use pixmesh_meshing::{Mesh, Point, rasterize};
 use proptest::strategy::{Strategy, ValueTree};
 use samples::{gradient, lattice, node_folder, scattered, written};
 use serde_json::Value;
@@ -34,7 +34,8 @@ fn solid() -> Geometry {
         pixel_size: 0.2,
         relief: Some(Relief { source: ReliefSource::Luma, height, invert: true }),
         base: 0.8,
-        unit: LengthUnit::Millimetre,
+        unit: Some(LengthUnit::Millimetre),
+        ..Geometry::default()
     }
 }
 
@@ -265,7 +266,7 @@ fn first_color(mesh: &Mesh) -> [u16; 4] {
 #[test]
 fn colors_are_linear_and_alpha_is_kept() {
     let color = |component_count, samples: &[u16]| {
-        let sample = |i: usize| samples.get(i).copied().unwrap_or(0);
+        let sample = |i: usize| samples[i % samples.len()];
         first_color(&samples::crossings(&[0, 1], &[0, 1], component_count, 8, sample))
     };
     assert_eq!(color(1, &[128]), [14146, 14146, 14146, 65535]);
@@ -273,6 +274,59 @@ fn colors_are_linear_and_alpha_is_kept() {
     assert_eq!(color(3, &[0, 128, 255]), [0, 14146, 65535, 65535]);
     assert_eq!(color(4, &[0, 128, 255, 1]), [0, 14146, 65535, 257]);
     assert_eq!(color(5, &[0, 128, 255, 1, 1]), [0, 14146, 65535, 65535]);
+}
+
+/// The PSNR of what a viewer shows of a gray mesh, which interpolates light of these shares.
+fn viewer_psnr(mesh: &Mesh, light: &[f64]) -> f64 {
+    let picture = rasterize(mesh, &()).unwrap();
+    let srgb = |light: f64| {
+        let low = 12.92 * light;
+        255.0 * if light <= 0.003_130_8 { low } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
+    };
+    let mut squared_error = 0.0;
+    for (y, row) in (0..picture.height()).map(|y| (y as i32, picture.row(0, y))) {
+        for (x, &sample) in (0..).zip(row) {
+            let shares = |face: &[u32; 3]| {
+                let [a, b, c] = face.map(|vertex| mesh.points()[vertex as usize]);
+                let cross = |p: Point, q: Point| {
+                    f64::from((q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x))
+                };
+                let parts = [cross(b, c), cross(c, a), cross(a, b)];
+                let sum: f64 = parts.iter().sum();
+                parts.iter().all(|part| *part >= 0.0).then(|| parts.map(|part| part / sum))
+            };
+            let (face, shares) =
+                mesh.faces().iter().find_map(|face| Some((face, shares(face)?))).unwrap();
+            let shown: f64 = face
+                .iter()
+                .zip(shares)
+                .map(|(&vertex, share)| share * light[vertex as usize])
+                .sum();
+            squared_error += (srgb(shown) - f64::from(sample)).powi(2);
+        }
+    }
+    let count = (picture.width() * picture.height()) as f64;
+    10.0 * (255.0 * 255.0 * count / squared_error).log10()
+}
+
+#[test]
+fn colors_are_fitted_to_viewers_that_interpolate_light() {
+    let sides = [0, 10, 20, 30, 40];
+    let gray = |i: usize| [0, 250, 40, 160, 20, 90, 255][i * 5 % 7];
+    let mesh = samples::crossings(&sides, &sides, 1, 8, gray);
+    let bytes = glb(&mesh);
+    let (document, buffer) = parts(&bytes);
+    let offset = document["bufferViews"][1]["byteOffset"].as_u64().unwrap() as usize;
+    let red = |vertex: usize| u16::from_le_bytes([0, 1].map(|i| buffer[offset + 8 * vertex + i]));
+    let count = mesh.points().len();
+    let fitted: Vec<f64> = (0..count).map(|v| f64::from(red(v)) / 65535.0).collect();
+    let linear = |sample: u16| {
+        let value = f64::from(sample) / 255.0;
+        if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+    };
+    let exact: Vec<f64> = mesh.samples().iter().map(|&sample| linear(sample)).collect();
+    let (fitted, exact) = (viewer_psnr(&mesh, &fitted), viewer_psnr(&mesh, &exact));
+    assert!(fitted > exact + 1.0, "{fitted} dB with the fit, {exact} dB without");
 }
 
 #[test]

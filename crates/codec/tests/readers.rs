@@ -6,8 +6,8 @@
 mod samples;
 
 use pixmesh_codec::{
-    Encodable, EncodeError, EncodeOptions, Format, Geometry, LengthUnit, Relief, ReliefHeight,
-    ReliefSource, encode,
+    Coloring, Encodable, EncodeError, EncodeOptions, Format, Geometry, LengthUnit, Relief,
+    ReliefHeight, ReliefSource, UpAxis, ZOffset, encode,
 };
 use pixmesh_meshing::{Fidelity, Mesh};
 use proptest::prelude::*;
@@ -38,7 +38,9 @@ fn lithophane() -> Geometry {
         pixel_size: 0.25,
         relief: Some(Relief { source: ReliefSource::Luma, height, invert: true }),
         base: 0.8,
-        unit: LengthUnit::Millimetre,
+        unit: Some(LengthUnit::Millimetre),
+        up: Some(UpAxis::Z),
+        ..Geometry::default()
     }
 }
 
@@ -48,6 +50,7 @@ fn elevation() -> Geometry {
     Geometry {
         pixel_size: 30.0,
         relief: Some(Relief { height, ..Relief::default() }),
+        up: Some(UpAxis::Z),
         ..Geometry::default()
     }
 }
@@ -98,6 +101,55 @@ fn trimesh_and_meshio_read_what_was_written() {
     }
 }
 
+/// A relief in its smallest box: 80 long, centred, its lowest vertex at 0, and lying in glTF.
+#[test]
+fn a_relief_lies_where_it_is_asked_to() {
+    let folder = std::env::temp_dir().join(format!("pixmesh-placed-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    // Heights of 7 to 43 in 16 bits.
+    let mesh = samples::crossings(&[0, 4, 8], &[0, 5], 1, 16, |i| [7, 43, 30, 9, 12, 20][i]);
+    let placed = Geometry {
+        relief: elevation().relief,
+        width: Some(80.0),
+        center: true,
+        z_offset: ZOffset::Least,
+        ..Geometry::default()
+    };
+    let lying = [[-40.0, 0.0, -25.0], [40.0, 36.0, 25.0]];
+    let standing = [[-40.0, -25.0, 0.0], [40.0, 25.0, 36.0]];
+    let solid = [[-40.0, -25.0, -2.0], [40.0, 25.0, 36.0]];
+    let lying_solid = [[-40.0, -2.0, -25.0], [40.0, 36.0, 25.0]];
+    let cases = [
+        (Format::Glb, placed, lying),
+        (Format::Glb, Geometry { up: Some(UpAxis::Z), ..placed }, standing),
+        (Format::Ply, placed, standing),
+        (Format::Ply, Geometry { up: Some(UpAxis::Y), ..placed }, lying),
+        (Format::Obj, Geometry { up: Some(UpAxis::Y), base: 2.0, ..placed }, lying_solid),
+        (Format::Stl, Geometry { base: 2.0, ..placed }, solid),
+        (Format::Stl, Geometry { up: Some(UpAxis::Y), base: 2.0, ..placed }, lying_solid),
+        // A base reaches below the lowest vertex, which lies below 0 here.
+        (
+            Format::Stl,
+            Geometry { z_offset: ZOffset::Length(43.0), base: 2.0, ..placed },
+            [[-40.0, -25.0, -38.0], [40.0, 25.0, 0.0]],
+        ),
+    ];
+    let path = |number: usize, format| folder.join(format!("{number}.{format}"));
+    let paths: Vec<PathBuf> =
+        cases.iter().enumerate().map(|(number, (format, ..))| path(number, *format)).collect();
+    for (path, (format, geometry, _)) in paths.iter().zip(&cases) {
+        std::fs::write(path, in_space(&mesh, *format, *geometry).unwrap()).unwrap();
+    }
+    let reports = read_by_libraries(&paths);
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(reports.len(), cases.len());
+    for ((path, (_, _, bounds)), report) in paths.iter().zip(cases).zip(&reports) {
+        let read = numbers(&report["trimesh"]["bounds"]);
+        assert!(close(&read, bounds.as_flattened()), "{path:?}: {read:?}");
+        assert_eq!(report["trimesh"]["winding"], true, "{path:?}");
+    }
+}
+
 /// Checks what the libraries say of one file.
 fn check(path: &Path, mesh: &Mesh, geometry: Geometry, extension: &str, report: &Value) {
     let shape = mesh.shape();
@@ -113,7 +165,7 @@ fn check(path: &Path, mesh: &Mesh, geometry: Geometry, extension: &str, report: 
     let faces = mesh.faces().len() + if solid { 3 * rim } else { 0 };
     let vertices = mesh.points().len() + if solid { rim + 1 } else { 0 };
     let metres = match (extension, geometry.unit) {
-        ("glb", LengthUnit::Millimetre) => 0.001,
+        ("glb", Some(LengthUnit::Millimetre)) => 0.001,
         _ => 1.0,
     };
     let by_trimesh = &report["trimesh"];
@@ -190,6 +242,45 @@ fn trimesh_shows_each_face_in_its_color() {
     let colors = numbers(&parsed["face_colors"]);
     let rgb = colors.chunks(4).flat_map(|color| color[..3].to_vec());
     assert_eq!(rgb.collect::<Vec<f64>>(), expected);
+}
+
+/// The colours of an OBJ's vertices, red, green and blue of 0 to 255; empty where it has none.
+fn colors_of_obj(mesh: &Mesh, geometry: Geometry) -> Vec<[f64; 3]> {
+    let text = String::from_utf8(in_space(mesh, Format::Obj, geometry).unwrap()).unwrap();
+    let vertices = text.lines().filter(|line| line.starts_with("v "));
+    let parts = vertices.map(|line| {
+        line.split(' ').skip(4).map(|part| 255.0 * part.parse::<f64>().unwrap()).collect::<Vec<_>>()
+    });
+    parts.filter_map(|parts| parts.try_into().ok()).collect()
+}
+
+#[test]
+fn colors_show_the_picture_the_height_or_the_light() {
+    // A slope of elevations that rises to the right, and is dark in 16 bits.
+    let mesh = samples::crossings(&[0, 2, 4], &[0, 4], 1, 16, |i| [100, 300, 500][i % 3]);
+    let relief = Geometry { relief: elevation().relief, ..Geometry::default() };
+    let colors = |color| colors_of_obj(&mesh, Geometry { color, ..relief });
+    let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.6);
+    let image = colors(Coloring::Image);
+    for (color, gray) in image.iter().zip([0.0, 127.5, 255.0].iter().cycle()) {
+        assert!(near(*color, [*gray; 3]), "{image:?}");
+    }
+    let ramp = colors(Coloring::Ramp);
+    assert!(near(ramp[0], [42.0, 113.0, 72.0]) && near(ramp[2], [250.0; 3]), "{ramp:?}");
+    assert!(colors(Coloring::None).is_empty());
+    // The slope looks to the left, towards the light: it is brighter than the plane.
+    let gray = |geometry| colors_of_obj(&mesh, geometry)[0][0];
+    let steps = |step| Some(Relief { height: ReliefHeight::PerSample(step), ..Relief::default() });
+    let shaded = |step| {
+        gray(Geometry { color: Coloring::Hillshade, relief: steps(step), ..Geometry::default() })
+    };
+    assert!((shaded(0.0) - 255.0 * (0.15 + 0.85 * 0.5f64.sqrt())).abs() < 0.6);
+    assert!(shaded(0.005) > shaded(0.0) + 20.0, "{} {}", shaded(0.005), shaded(0.0));
+    // Without a relief the picture keeps its 16 bits.
+    let flat = colors_of_obj(&mesh, Geometry::default());
+    assert!(near(flat[2], [255.0 * 500.0 / 65535.0; 3]), "{flat:?}");
+    let ply = in_space(&mesh, Format::Ply, Geometry { color: Coloring::None, ..relief }).unwrap();
+    assert!(!String::from_utf8_lossy(&ply).contains("red"));
 }
 
 #[test]

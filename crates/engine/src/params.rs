@@ -20,8 +20,8 @@ pub use table::{Parameter, TABLE, Takes};
 use crate::error::{EngineError, InputError};
 use pixmesh_codec::Format;
 use pixmesh_codec::{
-    Alpha, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource, Shading,
-    Texturing,
+    Alpha, Coloring, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource,
+    Shading, Texturing, UpAxis, ZOffset,
 };
 use pixmesh_meshing::parameters::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Parallel, Plan, Policy,
@@ -35,6 +35,9 @@ pub const DEFAULT_DENSITY: f64 = 2.0;
 
 /// The method, where none is given.
 pub const DEFAULT_METHOD: Method = Method::Mgprfs;
+
+/// Lengths of which each excludes the other.
+const EXCLUSIVE_LENGTHS: &[&[&str]] = &[&["height", "z_scale"], &["pixel_size", "width"]];
 
 /// The parameters given so far, each at most once.
 #[derive(Debug, Default)]
@@ -84,7 +87,12 @@ struct Choices {
     z_scale: Option<f64>,
     invert_relief: Option<bool>,
     base: Option<f64>,
+    z_offset: Option<ZOffset>,
     pixel_size: Option<f64>,
+    width: Option<f64>,
+    center: Option<bool>,
+    up: Option<UpAxis>,
+    color: Option<Coloring>,
     unit: Option<LengthUnit>,
     compression: Option<Compression>,
     texture: Option<Texturing>,
@@ -129,7 +137,14 @@ impl ParameterSet {
     pub fn finish(&self) -> Result<MeshOptions, EngineError> {
         self.at_most_one_of(&["density", "size", "target_psnr", "target_error", "max_error"])?;
         self.at_most_one_of(&["gamma", "initial_density", "initial_size"])?;
-        self.at_most_one_of(&["height", "z_scale"])?;
+        for exclusive in EXCLUSIVE_LENGTHS {
+            self.at_most_one_of(exclusive)?;
+        }
+        if self.choices.texture == Some(Texturing::Embed)
+            && self.choices.color.is_some_and(|color| color != Coloring::Image)
+        {
+            return Err(InputError::Exclusive("texture", "color").into());
+        }
         let method = self.choices.method.unwrap_or(DEFAULT_METHOD);
         let parameters = self.choices.apply(&method.parameters(self.choices.target()));
         parameters.check()?;
@@ -248,13 +263,13 @@ impl MeshOptions {
         let mut set = ParameterSet::default();
         pairs.into_iter().try_for_each(|(name, text)| set.add(name, text))?;
         let given = set.seen.clone();
-        // Each of these two excludes the other.
-        let is_height = |name: &str| matches!(name, "height" | "z_scale");
-        let has_height = given.iter().any(|name| is_height(name));
+        let is_replaced = |name: &str| {
+            let excluding = EXCLUSIVE_LENGTHS.iter().filter(|names| names.contains(&name));
+            given.contains(&name) || excluding.flat_map(|n| *n).any(|other| given.contains(other))
+        };
         for pair in pairs_of_query(Some(&self.query())) {
             let (name, text) = pair?;
-            let is_replaced = given.contains(&&*name) || has_height && is_height(&name);
-            if !is_replaced {
+            if !is_replaced(&name) {
                 set.add(&name, &text)?;
             }
         }

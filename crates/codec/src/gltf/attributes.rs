@@ -5,10 +5,13 @@
 //! scales them. Normals of integers are those of the unscaled surface, as its readers expect.
 
 use super::document::{FLOAT, SHORT, UNSIGNED_SHORT};
-use super::srgb::linear_table;
+use super::linear_light::fitted;
+use super::srgb::to_u16;
 use crate::color::rgba;
 use crate::rounding::rounded_quotient;
 use crate::surface::{Surface, unit};
+use crate::wanted::Wanted;
+use pixmesh_meshing::{Cancelled, Shape};
 
 /// One attribute of all vertices.
 pub(super) struct Attribute {
@@ -103,20 +106,23 @@ pub(super) fn normals(surface: &Surface<'_>, lattice: Option<Lattice>) -> Attrib
 }
 
 /// Linear red, green, blue and alpha of 16 bits: with 8 bits dark gradients would show bands.
-pub(super) fn colors(surface: &Surface<'_>) -> Attribute {
-    let shape = surface.mesh.shape();
-    let table = linear_table(shape.precision);
+pub(super) fn colors(
+    surface: &Surface<'_>,
+    shape: Shape,
+    wanted: &Wanted<'_>,
+) -> Result<Attribute, Cancelled> {
     let largest = u64::from(u16::MAX >> (16 - shape.precision));
-    let linear = |sample: u16| table.get(usize::from(sample)).copied().unwrap_or(u16::MAX);
     let alpha = |sample: u16| rounded_quotient(u64::from(sample) * 65535, largest) as u16;
     let mut bytes = Vec::with_capacity(surface.vertex_count() * 8);
-    for samples in surface.samples() {
-        let color = rgba(samples, linear, alpha, u16::MAX);
+    for (samples, light) in surface.samples().zip(fitted(surface, shape, wanted)?) {
+        let [.., alpha] = rgba(samples, |_| 0, alpha, u16::MAX);
+        let [red, green, blue] = light.map(to_u16);
+        let color = [red, green, blue, alpha];
         bytes.extend_from_slice(color.map(u16::to_le_bytes).as_flattened());
     }
     let (name, kind, bounds) = ("COLOR_0", "VEC4", None);
     let component_type = UNSIGNED_SHORT;
-    Attribute { name, kind, component_type, normalized: true, stride: 8, bounds, bytes }
+    Ok(Attribute { name, kind, component_type, normalized: true, stride: 8, bounds, bytes })
 }
 
 /// Places on the picture, `v` down: a lattice point is the middle of its pixel.

@@ -69,6 +69,9 @@ pub(super) struct Node {
     pub(super) mesh: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) translation: Option<[f64; 3]>,
+    /// A unit quaternion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) rotation: Option<[f64; 4]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) scale: Option<[f64; 3]>,
 }

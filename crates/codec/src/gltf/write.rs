@@ -1,6 +1,7 @@
 //! The writers, which assemble the document that the options choose.
 //!
-//! `x` is to the right, `y` up and `z` towards the viewer. Without a geometry one pixel is one
+//! `x` is to the right, `y` up and `z` towards the viewer; the node turns a relief so that its heights
+//! follow `y`. Without a geometry one pixel is one
 //! metre, and positions are the lattice points themselves. Colours are linear, as glTF asks, and
 //! alpha is linear already; one component is gray, two are gray and alpha, three RGB, four RGBA, and
 //! of five and more the first three are taken as RGB. A flat mesh is unlit, so that it shows the
@@ -10,17 +11,19 @@
 use super::attributes::{self, Lattice};
 use super::buffer::Buffers;
 use super::document::*;
-use crate::choices::{Compression, LengthUnit};
+use crate::choices::{Compression, LengthUnit, UpAxis};
 use crate::color::has_alpha;
 use crate::encode::EncodeOptions;
 use crate::error::EncodeError;
 use crate::face_order;
 use crate::surface::Surface;
+use crate::wanted::Wanted;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use pixmesh_meshing::{Face, Mesh};
+use pixmesh_meshing::{Cancelled, Face, Mesh};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::{self, Write};
 
 /// The file's first four bytes.
@@ -40,8 +43,9 @@ pub(crate) fn write_glb(
     mesh: &Mesh,
     options: &EncodeOptions<'_>,
     out: &mut impl Write,
+    wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
-    let (document, mut buffer) = assemble(mesh, options, |_| None)?;
+    let (document, mut buffer) = assemble(mesh, options, |_| None, wanted)?;
     let mut json = serde_json::to_vec(&document).map_err(io::Error::from)?;
     json.resize(json.len().next_multiple_of(4), b' ');
     buffer.resize(buffer.len().next_multiple_of(4), 0);
@@ -65,13 +69,14 @@ pub(crate) fn write_gltf(
     mesh: &Mesh,
     options: &EncodeOptions<'_>,
     out: &mut impl Write,
+    wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
     let uri = |bytes: &[u8]| {
         let mut uri = String::from("data:application/octet-stream;base64,");
         STANDARD.encode_string(bytes, &mut uri);
         Some(uri)
     };
-    let (document, _) = assemble(mesh, options, uri)?;
+    let (document, _) = assemble(mesh, options, uri, wanted)?;
     serde_json::to_writer(&mut *out, &document).map_err(io::Error::from)?;
     out.write_all(b"\n")?;
     Ok(())
@@ -82,6 +87,7 @@ fn assemble(
     mesh: &Mesh,
     options: &EncodeOptions<'_>,
     uri: impl FnOnce(&[u8]) -> Option<String>,
+    wanted: &Wanted<'_>,
 ) -> Result<(Document, Vec<u8>), EncodeError> {
     let compressed = options.compression == Compression::Meshopt;
     // Compression lives on neighbours that follow each other.
@@ -96,7 +102,8 @@ fn assemble(
         Compression::Quantized | Compression::Meshopt => Lattice::of(&surface),
     };
     let mut buffers = Buffers::new(compressed);
-    let attributes = add_attributes(&surface, lattice, options.texture.is_some(), &mut buffers);
+    let attributes =
+        add_attributes(&surface, lattice, options.texture.is_some(), &mut buffers, wanted)?;
     let faces: Vec<Face> = surface.faces().collect();
     let indices = buffers.add_faces(&faces, surface.vertex_count());
     drop(faces);
@@ -105,7 +112,7 @@ fn assemble(
         json!([{ "bufferView": view, "mimeType": texture.media_type }])
     });
     let mut used = Vec::new();
-    used.extend(surface.is_flat().then_some(UNLIT));
+    used.extend(is_unlit(&surface).then_some(UNLIT));
     used.extend(lattice.is_some().then_some(QUANTIZATION));
     used.extend(compressed.then_some(MESHOPT));
     let primitive = json!({
@@ -142,34 +149,47 @@ fn add_attributes(
     lattice: Option<Lattice>,
     textured: bool,
     buffers: &mut Buffers,
-) -> BTreeMap<&'static str, usize> {
+    wanted: &Wanted<'_>,
+) -> Result<BTreeMap<&'static str, usize>, Cancelled> {
     let mut accessors = BTreeMap::new();
     let mut add = |attribute: attributes::Attribute| {
         accessors.insert(attribute.name, buffers.add_attribute(attribute));
     };
     add(attributes::positions(surface, lattice));
-    if !surface.is_flat() {
+    if !is_unlit(surface) {
         add(attributes::normals(surface, lattice));
     }
     if textured {
         add(attributes::texture_places(surface, lattice.is_some()));
-    } else {
-        add(attributes::colors(surface));
+    } else if let Some(shape) = surface.color_shape() {
+        add(attributes::colors(surface, shape, wanted)?);
     }
-    accessors
+    Ok(accessors)
 }
 
-/// The node, which scales what the file stores to metres.
+/// Whether no light changes the colours: of a picture that lies flat, and of a relief that is shaded
+/// already.
+fn is_unlit(surface: &Surface<'_>) -> bool {
+    surface.is_flat() || surface.is_shaded()
+}
+
+/// The node, which scales what the file stores to metres, and moves and turns it: of a relief the
+/// heights follow `y`, which is up in glTF.
 fn node(surface: &Surface<'_>, lattice: Option<Lattice>) -> Node {
-    let metres = match surface.geometry.unit {
+    let metres = match surface.unit() {
         LengthUnit::Metre => 1.0,
         LengthUnit::Millimetre => 0.001,
     };
     let scale = lattice.map_or([1.0; 3], |lattice| lattice.scale).map(|part| part * metres);
     let bottom = lattice.map_or(0.0, |lattice| lattice.bottom * metres);
+    let [center_x, center_y] = surface.center().map(|place| place * metres);
+    let up = if surface.is_flat() { UpAxis::Z } else { UpAxis::Y };
+    let translation = surface.turned([0.0 - center_x, 0.0 - center_y, bottom], up);
+    let is_turned = surface.turned([0.0, 0.0, 1.0], up) == [0.0, 1.0, 0.0];
     Node {
         mesh: 0,
-        translation: (bottom != 0.0).then_some([0.0, 0.0, bottom]),
+        translation: (translation != [0.0; 3]).then_some(translation),
+        rotation: is_turned.then_some([-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2]),
         scale: (scale != [1.0; 3]).then_some(scale),
     }
 }
@@ -187,6 +207,6 @@ fn material(surface: &Surface<'_>, textured: bool) -> Material {
         pbr_metallic_roughness: matt,
         alpha_mode: has_alpha(surface.mesh.shape().component_count).then_some("BLEND"),
         double_sided: true,
-        extensions: surface.is_flat().then(|| json!({ UNLIT: {} })),
+        extensions: is_unlit(surface).then(|| json!({ UNLIT: {} })),
     }
 }

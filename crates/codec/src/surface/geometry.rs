@@ -1,9 +1,11 @@
 //! How a mesh is to lie in space, and the height of each sample vector.
 
-use crate::choices::{LengthUnit, ReliefSource};
+use crate::choices::{Coloring, LengthUnit, ReliefSource, UpAxis};
 use crate::color::{LUMA_SUM, luma};
 use crate::error::EncodeError;
-use pixmesh_meshing::Shape;
+use pixmesh_meshing::{ParameterError, Shape};
+use std::fmt;
+use std::str::FromStr;
 
 /// A default height is the picture's longer side divided by this.
 const SIDE_PER_HEIGHT: f64 = 10.0;
@@ -13,19 +15,97 @@ const SIDE_PER_HEIGHT: f64 = 10.0;
 pub struct Geometry {
     /// The length from one pixel to the next, over 0.
     pub pixel_size: f64,
+    /// The length of the whole mesh along `x`, over 0; takes precedence over the size of a pixel.
+    pub width: Option<f64>,
     /// What becomes `z`; without it the mesh is flat.
     pub relief: Option<Relief>,
     /// How far a base reaches below `z = 0`; 0 for none, which leaves the surface open.
     pub base: f64,
-    /// What the lengths are measured in. Formats that have a unit are converted to it, others get
-    /// the numbers as they are.
-    pub unit: LengthUnit,
+    /// What is taken off every height.
+    pub z_offset: ZOffset,
+    /// Whether the middle of the picture lies at `x = 0` and `y = 0`, instead of its lower left
+    /// pixel.
+    pub center: bool,
+    /// Which axis heights follow; `None` for `y` where a glTF file has a relief, else `z`.
+    pub up: Option<UpAxis>,
+    /// What the vertices' colours show.
+    pub color: Coloring,
+    /// What the lengths are measured in; `None` for millimetres in an STL, else metres. Formats that
+    /// have a unit are converted to it, others get the numbers as they are.
+    pub unit: Option<LengthUnit>,
+}
+
+/// What is taken off every height.
+///
+/// ```
+/// use pixmesh_codec::ZOffset;
+///
+/// assert_eq!("min".parse(), Ok(ZOffset::Least));
+/// assert_eq!("-12.5".parse(), Ok(ZOffset::Length(-12.5)));
+/// assert!("1e10".parse::<ZOffset>().is_err());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ZOffset {
+    /// The height of the lowest vertex, which comes to 0.
+    Least,
+    /// A length.
+    Length(f64),
+}
+
+impl ZOffset {
+    /// Name of the parameter that takes these values.
+    pub const PARAMETER: &'static str = "z_offset";
+    /// How the values are written.
+    pub const NAMES: &'static [&'static str] = &["min", "a number of -1e9 to 1e9"];
+    /// The largest length, positive or negative.
+    pub const MOST: f64 = 1e9;
+}
+
+impl Default for ZOffset {
+    fn default() -> Self {
+        Self::Length(0.0)
+    }
+}
+
+impl fmt::Display for ZOffset {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Least => f.write_str("min"),
+            Self::Length(length) => write!(f, "{length}"),
+        }
+    }
+}
+
+impl FromStr for ZOffset {
+    type Err = ParameterError;
+
+    fn from_str(text: &str) -> Result<Self, ParameterError> {
+        if text == "min" {
+            return Ok(Self::Least);
+        }
+        let length = text.parse().ok().filter(|length: &f64| length.abs() <= Self::MOST);
+        length.map(Self::Length).ok_or_else(|| ParameterError::UnknownValue {
+            parameter: Self::PARAMETER,
+            value: text.to_owned(),
+            allowed: Self::NAMES,
+        })
+    }
 }
 
 impl Default for Geometry {
     /// Flat, one pixel a metre.
     fn default() -> Self {
-        Self { pixel_size: 1.0, relief: None, base: 0.0, unit: LengthUnit::Metre }
+        Self {
+            pixel_size: 1.0,
+            width: None,
+            relief: None,
+            base: 0.0,
+            z_offset: ZOffset::default(),
+            center: false,
+            up: None,
+            color: Coloring::Image,
+            unit: None,
+        }
     }
 }
 
@@ -87,6 +167,12 @@ impl Geometry {
         Err(EncodeError::NoSuchComponent { component, count: component_count })
     }
 
+    /// The same with the size of a pixel that the width gives.
+    pub(crate) fn sized(self, shape: Shape) -> Self {
+        let steps = (shape.width - 1).max(1) as f64;
+        Self { pixel_size: self.width.map_or(self.pixel_size, |width| width / steps), ..self }
+    }
+
     /// The height of the largest sample that the precision allows.
     #[must_use]
     pub fn total_height(&self, shape: Shape) -> f64 {
@@ -106,8 +192,9 @@ impl Geometry {
         if self.base > 0.0 {
             return self;
         }
-        let height = self.total_height(shape);
-        let height = if height > 0.0 { height } else { self.tenth(shape) };
+        let sized = self.sized(shape);
+        let height = sized.total_height(shape);
+        let height = if height > 0.0 { height } else { sized.tenth(shape) };
         Self { base: height / 4.0, ..self }
     }
 
@@ -120,12 +207,17 @@ impl Geometry {
     pub(super) fn height(&self, samples: &[u16], shape: Shape) -> f64 {
         let Some(Relief { source, invert, .. }) = self.relief else { return 0.0 };
         let largest = u32::from(u16::MAX >> (16 - shape.precision)) * LUMA_SUM;
-        let steps = match component(source) {
-            None => luma(samples),
-            Some(component) => samples.get(component).map_or(0, |&sample| luma(&[sample])),
-        };
+        let steps = steps(samples, source);
         let steps = if invert { largest - steps.min(largest) } else { steps };
         f64::from(steps) * self.total_height(shape) / f64::from(largest)
+    }
+}
+
+/// What a relief follows of a sample vector, in thousandths of a step.
+pub(super) fn steps(samples: &[u16], source: ReliefSource) -> u32 {
+    match component(source) {
+        None => luma(samples),
+        Some(component) => samples.get(component).map_or(0, |&sample| luma(&[sample])),
     }
 }
 

@@ -11,13 +11,18 @@ use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::Reconstruction;
 
 /// The parameters that change how a mesh is written, and not the mesh.
-pub const WRITING: [&str; 11] = [
+pub const WRITING: [&str; 16] = [
     "relief",
     "height",
     "z_scale",
     "invert_relief",
     "base",
+    "z_offset",
     "pixel_size",
+    "width",
+    "center",
+    "up",
+    "color",
     "unit",
     "compression",
     "texture",
@@ -89,7 +94,12 @@ impl Choices {
                 pixel_size: self.pixel_size.unwrap_or(unlike.pixel_size),
                 relief,
                 base: self.base.unwrap_or(unlike.base),
-                unit: self.unit.unwrap_or(unlike.unit),
+                z_offset: self.z_offset.unwrap_or(unlike.z_offset),
+                width: self.width,
+                center: self.center.unwrap_or(unlike.center),
+                up: self.up,
+                color: self.color.unwrap_or(unlike.color),
+                unit: self.unit,
             },
             compression: self.compression.unwrap_or_default(),
             texture: self.texture.unwrap_or_default(),

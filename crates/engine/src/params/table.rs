@@ -7,7 +7,8 @@ use super::{Choices, MeshOptions};
 use crate::error::EngineError;
 use pixmesh_codec::Format;
 use pixmesh_codec::{
-    Alpha, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading, Texturing,
+    Alpha, Coloring, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading,
+    Texturing, UpAxis, ZOffset,
 };
 use pixmesh_meshing::parameters::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, MAX_EFFORT, MAX_GAMMA,
@@ -183,7 +184,7 @@ const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 const MAX_LENGTH: f64 = 1e9;
 const MIN_PIXEL_SIZE: f64 = 1e-9;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 45] = [
+pub static TABLE: [Parameter; 50] = [
     Parameter {
         name: "method",
         about: "The method, which sets every other parameter; one given explicitly wins. The plus of med+ may be written as it is, as %2B, or as the blank that forms make of it. Default: mgprfs.",
@@ -388,6 +389,17 @@ pub static TABLE: [Parameter; 45] = [
             .filter(|base| *base > 0.0)
             .map(|base| base.to_string())
     ),
+    Parameter {
+        name: "z_offset",
+        about: "What is taken off every height, in unit: a length, or min for the height of the lowest vertex, which comes to 0. Default: 0.",
+        takes: Takes::Pattern("^(min|-?[0-9]+([.][0-9]+)?([eE][-+]?[0-9]+)?)$"),
+        read: Reader::Word(|choices, text| put_word(&mut choices.z_offset, text)),
+        show: |options| {
+            Some(options.output.geometry.z_offset)
+                .filter(|offset| *offset != ZOffset::default())
+                .map(|offset| offset.to_string())
+        },
+    },
     decimal!(
         pixel_size,
         "The length from one pixel to the next in formats with three dimensions, in unit. Default: 1.",
@@ -397,8 +409,24 @@ pub static TABLE: [Parameter; 45] = [
             .filter(|size| *size != 1.0)
             .map(|size| size.to_string())
     ),
-    word!(unit: LengthUnit, "The unit of lengths, m or mm: glTF, whose unit is the metre, is scaled to it; other formats hold the numbers as they are. Default: m.",
-        |options| Some(options.output.geometry.unit).filter(|unit| *unit != LengthUnit::default()).map(|unit| unit.to_string())),
+    decimal!(
+        width,
+        "The length of the mesh along x in formats with three dimensions, in unit; instead of pixel_size.",
+        MIN_PIXEL_SIZE,
+        MAX_LENGTH,
+        |options| options.output.geometry.width.map(|width| width.to_string())
+    ),
+    flag!(
+        center,
+        "Whether the middle of the picture lies at x = 0 and y = 0, instead of its lower left pixel. Default: false.",
+        |options| options.output.geometry.center.then(|| "true".to_owned())
+    ),
+    word!(up: UpAxis, "Which axis heights follow, y or z. Default: y for a relief in glTF, else z.",
+        |options| options.output.geometry.up.map(|axis| axis.to_string())),
+    word!(color: Coloring, "What the vertices of glTF, PLY and OBJ show: image, the picture (a gray relief of more than 8 bits from its least sample to its largest); none; hillshade, the relief in the light from the upper left; ramp, from green over brown to white between the lowest and the highest vertex. Default: image.",
+        |options| Some(options.output.geometry.color).filter(|color| *color != Coloring::default()).map(|color| color.to_string())),
+    word!(unit: LengthUnit, "The unit of lengths, m or mm: glTF, whose unit is the metre, is scaled to it; other formats hold the numbers as they are. Default: mm for STL, else m.",
+        |options| options.output.geometry.unit.map(|unit| unit.to_string())),
     word!(compression: Compression, "How glTF stores vertices and indices: none, as 16-bit integers (KHR_mesh_quantization), or those compressed (EXT_meshopt_compression). Default: none.",
         |options| Some(options.output.compression).filter(|kind| *kind != Compression::default()).map(|kind| kind.to_string())),
     word!(texture: Texturing, "What glTF shows: the vertices' colours, or the image itself, embedded. Default: none.",
