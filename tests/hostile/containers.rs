@@ -155,7 +155,7 @@ fn of_disguises() -> Vec<Row> {
             b"<svg xmlns=\"http://www.w3.org/2000/svg\" onload=\"alert(1)\"><script>alert(2)</script></svg>".to_vec()
         })
         .and(|answer| {
-            assert!(!answer.text().contains("alert") && !answer.text().contains("svg"));
+            assert!(!answer.text().contains("alert") && !answer.text().contains("<svg"));
             assert_eq!(answer.header("x-content-type-options"), "nosniff");
             assert!(answer.header("content-security-policy").contains("default-src 'none'"));
         }),
