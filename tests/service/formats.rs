@@ -16,7 +16,7 @@ const FORMATS: [(&str, &str, &str, &[u8]); 11] = [
     ("svg", "image/svg+xml", "mesh.svg", b"<svg xmlns="),
     ("ply", "application/ply", "mesh.ply", b"ply\nformat binary_little_endian 1.0\n"),
     ("obj", "model/obj", "mesh.obj", b"# lengths in m\n"),
-    ("stl", "model/stl", "mesh.stl", b"binary STL, lengths in m "),
+    ("stl", "model/stl", "mesh.stl", b"binary STL, lengths in mm "),
     ("json", "application/json", "mesh.json", b"{\"width\":60,\"height\":40,"),
     ("pmesh", "application/vnd.pixmesh.pmesh", "mesh.pmesh", b"PMSH\x01\0\x08\x03"),
 ];
