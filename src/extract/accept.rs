@@ -82,9 +82,21 @@ pub fn choose_among(
 /// not as much for a page.
 #[must_use]
 pub fn prefers_json_to_html(headers: &HeaderMap) -> bool {
+    let [json, html] = qualities(headers, ["application/json", "text/html"]);
+    json > html
+}
+
+/// Whether a client that may have JSON or a page would rather have the page, as browsers do.
+#[must_use]
+pub fn prefers_html_to_json(headers: &HeaderMap) -> bool {
+    let [json, html] = qualities(headers, ["application/json", "text/html"]);
+    html > json
+}
+
+fn qualities<const N: usize>(headers: &HeaderMap, media_types: [&str; N]) -> [f32; N] {
     let values = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
     let ranges: Vec<MediaRange> = values.flat_map(|v| v.split(',')).filter_map(range).collect();
-    quality("application/json", &ranges) > quality("text/html", &ranges)
+    media_types.map(|media_type| quality(media_type, &ranges))
 }
 
 fn not_acceptable(offered: &[Representation]) -> Problem {

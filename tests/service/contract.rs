@@ -50,6 +50,40 @@ fn the_type_of_a_problem_can_be_looked_up() {
 }
 
 #[test]
+fn every_type_of_problem_has_cause_example_and_remedy_as_json_and_as_a_page() {
+    let server = Server::start(&[]);
+    let document = server.get("/openapi.json").json();
+    let types = &document["components"]["schemas"]["Problem"]["properties"]["type"]["enum"];
+    let types: Vec<&str> = types.as_array().unwrap().iter().map(|t| t.as_str().unwrap()).collect();
+    assert!(types.len() > 50, "{types:?}");
+    for reference in types {
+        let row = server.get(reference);
+        assert_eq!((row.status, row.header("content-type")), (200, "application/json"));
+        assert_eq!(row.header("vary"), "Accept");
+        let row = row.json();
+        assert_eq!(row["example"]["type"], reference);
+        let accept = [("Accept", "text/html,application/xhtml+xml,*/*;q=0.8")];
+        let page = send(server.public, "GET", reference, &accept, &[]);
+        assert_eq!(page.header("content-type"), "text/html; charset=utf-8");
+        assert!(page.header("content-security-policy").starts_with("default-src 'none'"));
+        let text = page.text();
+        assert!(!text.contains("<script") && !text.contains("://"), "{text}");
+        let shown = |heading: &str, tag: &str| {
+            let (_, rest) = text.split_once(&format!("<h2>{heading}</h2>\n<{tag}>")).unwrap();
+            let (part, _) = rest.split_once(&format!("</{tag}>")).unwrap();
+            part.replace("&lt;", "<").replace("&amp;", "&")
+        };
+        for (heading, member) in [("Cause", "cause"), ("Remedy", "remedy")] {
+            let words = row[member].as_str().unwrap();
+            assert!(words.len() > 20 && words.ends_with('.'), "{reference}: {words}");
+            assert_eq!(shown(heading, "p"), words, "{reference}");
+        }
+        let example: serde_json::Value = serde_json::from_str(&shown("Example", "pre")).unwrap();
+        assert_eq!(example, row["example"]);
+    }
+}
+
+#[test]
 fn the_index_links_to_what_there_is_and_head_has_no_body() {
     let server = Server::start(&[]);
     let as_json = [("Accept", "application/json")];

@@ -47,7 +47,7 @@ fn order(density: f64) -> MeshOptions {
 }
 
 /// A document of a kind of problem.
-pub(super) fn problem(kind: Kind) -> Value {
+pub(in crate::routes) fn problem(kind: Kind) -> Value {
     let mut document = kind.document();
     document.insert("detail".into(), detail(kind).into());
     for (name, value) in members(kind) {
@@ -99,7 +99,7 @@ fn members(kind: Kind) -> Vec<(&'static str, Value)> {
         ],
         Kind::ImageTooLarge => vec![
             ("limit", json!(40_000_000)),
-            ("actual", json!(40_000_001)),
+            ("actual", json!(50_000_000)),
             ("setting", json!("--max-pixels")),
         ],
         Kind::Overloaded => vec![
