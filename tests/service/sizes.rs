@@ -124,8 +124,10 @@ fn sizes_are_asked_for_within_the_bounds_and_of_jobs_that_keep_an_order() {
     {
         let mesh = mesh_of(&server, query, &image);
         for wish in ["size=10", "format=progression"] {
-            let problem = server.get(&format!("{mesh}?{wish}"));
-            problem.problem(409, "job-without-order");
+            let answer = server.get(&format!("{mesh}?{wish}"));
+            let problem = answer.problem(409, "job-without-order");
+            let detail = problem["detail"].as_str().unwrap();
+            assert!(detail.contains("submit a job whose method ends with removal"), "{detail}");
         }
         assert_eq!(server.get(&mesh).status, 200);
     }
