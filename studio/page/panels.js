@@ -154,10 +154,10 @@ export function showProgress(track) {
   box.hidden = !track.isWorking;
   if (!job || box.hidden) return;
   const stage = job.progress?.stage ?? (job.state === "queued" ? "queue" : "decode");
-  const fraction = job.progress?.fraction;
+  const fraction = job.progress?.overall_fraction, rest = job.progress?.remaining_s;
   const name = STAGES[stage] ?? stage;
   byId("progress-stage", HTMLSpanElement).textContent = isLost ? "The service is away: waiting for it to come back" : name;
-  byId("progress-percent", HTMLSpanElement).textContent = fraction === undefined || isLost ? "" : `${Math.round(100 * fraction)} %`;
+  byId("progress-percent", HTMLSpanElement).textContent = fraction === undefined || isLost ? "" : `${Math.round(100 * fraction)} %${rest ? `, about ${rest} s left` : ""}`;
   const bar = byId("progress-bar", HTMLProgressElement);
   if (fraction === undefined) bar.removeAttribute("value");
   else bar.value = fraction;

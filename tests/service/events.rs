@@ -86,11 +86,16 @@ fn a_job_is_followed_from_its_beginning_to_its_end() {
     assert!(events.is_sorted_by(|a, b| a.id < b.id));
     let progress: Vec<_> = events.iter().filter(|event| event.kind == "progress").collect();
     assert!(!progress.is_empty(), "the work takes some seconds");
-    for event in progress {
+    for event in &progress {
         let progress = &event.data["progress"];
         assert!(!progress["stage"].as_str().unwrap().is_empty());
         assert!((0.0..=1.0).contains(&progress["fraction"].as_f64().unwrap()), "{progress}");
+        assert!((0.0..=1.0).contains(&progress["overall_fraction"].as_f64().unwrap()));
     }
+    let overall = |event: &&Event| event.data["progress"]["overall_fraction"].as_f64().unwrap();
+    assert!(progress.iter().map(overall).is_sorted(), "the job goes on");
+    let rest = |event: &&Event| event.data["progress"]["remaining_s"].as_f64();
+    assert!(progress.iter().filter_map(rest).any(|rest| rest > 0.0), "the rest is estimated");
     let last = events.last().unwrap();
     assert_eq!(last.data["links"]["mesh"], format!("{job}/mesh"));
     // Who comes later hears the changes of state, and the stream ends.

@@ -12,6 +12,9 @@ pub struct Attendant {
     timings: Mutex<Timings>,
 }
 
+/// Steps of the bar.
+const STEPS: u64 = 1000;
+
 /// The stages so far and the running one.
 #[derive(Default)]
 struct Timings {
@@ -23,8 +26,9 @@ impl Attendant {
     /// An attendant who waits for the first stage.
     #[must_use]
     pub fn new() -> Self {
-        let bar = ProgressBar::new(1);
-        if let Ok(style) = ProgressStyle::with_template("{msg:11} {wide_bar} {percent:>3} %") {
+        let bar = ProgressBar::new(STEPS);
+        let template = "{msg:11} {wide_bar} {percent:>3} %, {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
         Self { bar, timings: Mutex::default() }
@@ -67,12 +71,14 @@ impl Timings {
 }
 
 impl Control for Attendant {
-    fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
+    fn poll(&self, stage: Stage, done: usize, _: usize) -> Result<(), Cancelled> {
         if done == 0 {
             self.begin(stage);
-            self.bar.set_length(total as u64);
         }
-        self.bar.set_position(done as u64);
         Ok(())
+    }
+
+    fn whole(&self, fraction: f64) {
+        self.bar.set_position((fraction * STEPS as f64) as u64);
     }
 }

@@ -5,7 +5,7 @@ use crate::scheduler::{Share, Ticket};
 use crate::telemetry;
 use pixmesh_meshing::{Cancelled, Control, Stage};
 use std::num::NonZeroUsize;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tracing::Span;
@@ -23,8 +23,26 @@ pub struct Context {
     /// Steps of the present stage, behind and in all; 0 in all where they are not counted.
     done: AtomicUsize,
     total: AtomicUsize,
+    /// How much of the task is behind, 0 to 1, as the bits of a floating-point number.
+    whole: AtomicU64,
     stages: Mutex<Stages>,
 }
+
+/// How far a task is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// The stage that runs.
+    pub stage: &'static str,
+    /// How much of the stage is behind, 0 to 1.
+    pub fraction: f64,
+    /// How much of the task is behind, 0 to 1.
+    pub whole: f64,
+    /// About how long the rest takes; `None` while that cannot be told.
+    pub remaining: Option<Duration>,
+}
+
+/// The time after which the rest is estimated.
+const ESTIMATES_AFTER: Duration = Duration::from_millis(500);
 
 /// What a ticket grants.
 #[derive(Debug)]
@@ -39,6 +57,10 @@ struct Granted {
 struct Stages {
     past: Vec<(&'static str, Duration)>,
     present: Option<(&'static str, Instant, Span)>,
+    /// When the first one began.
+    began: Option<Instant>,
+    /// Where the work that reports a whole of its own begins and ends in the task.
+    part: Option<[f64; 2]>,
 }
 
 impl Context {
@@ -79,14 +101,25 @@ impl Context {
         Ok(())
     }
 
-    /// The stage that runs, and how much of it is behind, 0 to 1.
+    /// How far the task is; `None` before its first stage.
     #[must_use]
-    pub fn progress(&self) -> Option<(&'static str, f64)> {
+    pub fn progress(&self) -> Option<Progress> {
         let stages = self.stages();
-        let (name, ..) = stages.present.as_ref()?;
+        let (stage, ..) = stages.present.as_ref()?;
         let [done, total] = [&self.done, &self.total].map(|count| count.load(Ordering::Relaxed));
         let fraction = if total == 0 { 0.0 } else { (done as f64 / total as f64).min(1.0) };
-        Some((name, fraction))
+        let whole = f64::from_bits(self.whole.load(Ordering::Relaxed));
+        let elapsed = stages.began.map_or(Duration::ZERO, |began| began.elapsed());
+        let remaining = (whole > 0.0 && elapsed >= ESTIMATES_AFTER)
+            .then(|| elapsed.mul_f64(((1.0 - whole) / whole).min(1e6)));
+        Some(Progress { stage, fraction, whole, remaining })
+    }
+
+    /// Says that the work which follows, whose whole is reported, is this part of the task, from 0 to
+    /// 1.
+    pub(crate) fn is_part(&self, from: f64, to: f64) {
+        self.stages().part = Some([from, to]);
+        self.whole(0.0);
     }
 
     /// Begins a stage, and ends the one before it.
@@ -96,7 +129,9 @@ impl Context {
         if stages.present.as_ref().is_none_or(|(present, ..)| *present != name) {
             stages.end_present();
             let span = tracing::info_span!("stage", otel.name = name);
-            stages.present = Some((name, Instant::now(), span));
+            let now = Instant::now();
+            stages.began.get_or_insert(now);
+            stages.present = Some((name, now, span));
         }
     }
 
@@ -146,6 +181,11 @@ impl Control for Context {
         self.check()
     }
 
+    fn whole(&self, fraction: f64) {
+        let [from, to] = self.stages().part.unwrap_or([0.0, 1.0]);
+        self.whole.store((from + fraction * (to - from)).to_bits(), Ordering::Relaxed);
+    }
+
     fn threads(&self) -> NonZeroUsize {
         self.granted.get().map_or(NonZeroUsize::MIN, |granted| granted.share.threads())
     }
@@ -171,13 +211,30 @@ mod tests {
     fn progress_is_that_of_the_stage_that_runs() {
         let context = Context::new(Instant::now() + Duration::from_secs(60));
         assert_eq!(context.progress(), None);
+        let progress = |stage, fraction, whole| {
+            let progress = context.progress().unwrap();
+            assert_eq!(progress, Progress { stage, fraction, whole, remaining: None });
+        };
         context.begin("decode");
-        assert_eq!(context.progress(), Some(("decode", 0.0)));
+        progress("decode", 0.0, 0.0);
+        context.is_part(0.25, 0.75);
         context.poll(Stage::Density, 0, 8).unwrap();
         context.poll(Stage::Density, 6, 8).unwrap();
-        assert_eq!(context.progress(), Some(("density", 0.75)));
+        context.whole(0.5);
+        progress("density", 0.75, 0.5);
         context.begin("encode");
-        assert_eq!(context.progress(), Some(("encode", 0.0)));
+        progress("encode", 0.0, 0.5);
+    }
+
+    #[test]
+    fn the_rest_of_a_task_takes_as_long_as_its_share() {
+        let context = Context::new(Instant::now() + Duration::from_secs(60));
+        context.begin("simplify");
+        context.whole(0.25);
+        std::thread::sleep(ESTIMATES_AFTER);
+        let elapsed = ESTIMATES_AFTER.as_secs_f64();
+        let remaining = context.progress().unwrap().remaining.unwrap().as_secs_f64();
+        assert!((3.0 * elapsed..30.0 * elapsed).contains(&remaining), "{remaining} s");
     }
 
     #[test]

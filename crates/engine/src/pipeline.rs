@@ -119,7 +119,11 @@ fn make(
     let parameters = options.parameters.clone().weights(weights);
     let pixels = image.pixel_count();
     context.check()?;
+    // Reading and writing are quick.
+    let meshed = if ordered { 0.75 } else { 0.97 };
+    context.is_part(0.03, meshed);
     let model = mesh_image(&image, &parameters, context)?;
+    context.is_part(meshed, 0.97);
     let progression =
         ordered.then(|| Progression::new(&image, &model.mesh, &parameters, context)).transpose()?;
     drop(image);

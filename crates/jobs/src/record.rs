@@ -177,6 +177,12 @@ pub struct Progress {
     pub stage: String,
     /// The completed fraction of the stage, 0 to 1.
     pub fraction: f64,
+    /// The completed fraction of the job, 0 to 1.
+    #[serde(default)]
+    pub overall_fraction: f64,
+    /// About how many seconds the rest takes; `None` while that cannot be told.
+    #[serde(default)]
+    pub remaining_s: Option<f64>,
 }
 
 /// The mesh of a completed job, which is stored as MODEL.

@@ -194,9 +194,13 @@ impl Worker {
             loop {
                 ticks.tick().await;
                 let progress = context.progress();
-                let progress = progress.map(|(stage, fraction)| Progress {
-                    stage: stage.to_owned(),
-                    fraction: (fraction * 1e3).floor() / 1e3,
+                let thousandths = |value: f64| (value * 1e3).floor() / 1e3;
+                let progress = progress.map(|progress| Progress {
+                    stage: progress.stage.to_owned(),
+                    fraction: thousandths(progress.fraction),
+                    overall_fraction: thousandths(progress.whole),
+                    // Whole seconds, because each change is stored.
+                    remaining_s: progress.remaining.map(|rest| rest.as_secs_f64().ceil()),
                 });
                 let new = progress.filter(|progress| stored.as_ref() != Some(progress));
                 if new.is_none() && renewed.elapsed() < self.lease / RENEWALS_PER_LEASE {

@@ -78,12 +78,16 @@ pub struct Cancelled;
 /// # Ok::<(), pixmesh_meshing::ImageError>(())
 /// ```
 pub trait Control: Sync {
-    /// Reports that `done` of `total` steps of `stage` are done; 0 when the stage begins. Kernels
-    /// call it often, so it should return at once.
+    /// Reports that `done` of `total` steps of `stage` are done. It is 0 once, when the stage begins, and
+    /// the fraction of a stage never falls. Kernels call it often, so it should return at once.
     ///
     /// # Errors
     /// [`Cancelled`] stops the kernel, which returns that error to its caller.
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled>;
+
+    /// Reports how much of all stages together is done, 0 to 1, by about how long each takes. It
+    /// never falls.
+    fn whole(&self, _fraction: f64) {}
 
     /// How many threads a kernel may use, the caller's among them. No result depends on it.
     fn threads(&self) -> NonZeroUsize {
@@ -247,6 +251,10 @@ impl<C: Control> Control for OnThreads<C> {
         self.0.poll(stage, done, total)
     }
 
+    fn whole(&self, fraction: f64) {
+        self.0.whole(fraction);
+    }
+
     fn threads(&self) -> NonZeroUsize {
         self.1
     }
@@ -255,6 +263,10 @@ impl<C: Control> Control for OnThreads<C> {
 impl<C: Control + ?Sized> Control for &C {
     fn poll(&self, stage: Stage, done: usize, total: usize) -> Result<(), Cancelled> {
         (**self).poll(stage, done, total)
+    }
+
+    fn whole(&self, fraction: f64) {
+        (**self).whole(fraction);
     }
 
     fn threads(&self) -> NonZeroUsize {

@@ -37,7 +37,8 @@
 //! The first line is the flow of data through `pipeline`, the others are dependencies.
 //!
 //! - `image`: samples, lattice points, the coordinate convention; `convert`: the crate `image`.
-//! - `control`: progress and cancellation; `parallel`: work shared among threads.
+//! - `control`: reports and cancellation; `progress`: the reports of a whole run; `parallel`: work
+//!   shared among threads.
 //! - [`parameters`]: what a caller chooses, its bounds, and the named [`Method`]s.
 //! - `density`: second derivatives, significance, and the sampling [`Density`].
 //! - `points`: initial points by error diffusion, on a grid, at random or by insertion.
@@ -72,6 +73,7 @@ mod parallel;
 pub mod parameters;
 mod pipeline;
 mod points;
+mod progress;
 mod quality;
 mod refinement;
 mod removal;

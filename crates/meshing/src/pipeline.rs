@@ -13,6 +13,7 @@ use crate::model::mesh::Mesh;
 use crate::model::rasterize::rasterize;
 use crate::parameters::{Connectivity, ErrorMetric, Parallel, Parameters, Plan, Target, Values};
 use crate::points::initial_points;
+use crate::progress::Run;
 use crate::quality::fidelity::{Fidelity, largest_squared_error};
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
@@ -76,11 +77,15 @@ pub fn mesh_image(
 ) -> Result<Approximation, MeshingError> {
     let plan = parameters.plan(image.shape())?;
     let is_bounded = parameters.target.is_quality();
-    if is_bounded && (parameters.searches() || parameters.weights.is_some()) {
-        smallest_within(image, parameters, control)
+    let by_search = is_bounded && (parameters.searches() || parameters.weights.is_some());
+    let made = if by_search {
+        smallest_within(image, parameters, &Run::of(control, Stage::Search))?
     } else {
-        Ok(mesh_by_plan(image, parameters, plan, control)?)
-    }
+        let run = Run::of_mesh(control, image.shape(), parameters, &plan);
+        mesh_by_plan(image, parameters, plan, &run)?
+    };
+    control.whole(1.0);
+    Ok(made)
 }
 
 fn mesh_by_plan(

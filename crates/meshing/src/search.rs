@@ -104,7 +104,10 @@ mod tests {
         let parameters = Method::Preview.parameters(Target::Psnr(30.0));
         mesh_image(&slope_with_disc(), &parameters, &control).unwrap();
         assert_eq!(count_meshes(&control, 3).threads(), NonZeroUsize::MAX);
-        let mut meshes = control.0.done(Stage::Search, MOST_MESHES);
+        let reports = control.0.reports();
+        assert!(reports.iter().all(|(stage, ..)| *stage == Stage::Search), "{reports:?}");
+        let meshes = reports.into_iter().filter(|(.., total)| *total == MOST_MESHES);
+        let mut meshes: Vec<usize> = meshes.map(|(_, done, _)| done).collect();
         assert!(meshes.is_sorted());
         meshes.dedup();
         assert_eq!(meshes, (0..meshes.len()).collect::<Vec<_>>());

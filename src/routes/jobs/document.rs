@@ -74,6 +74,12 @@ pub(in crate::routes) struct JobProgress {
     /// How much of the stage is done.
     #[schema(minimum = 0, maximum = 1)]
     fraction: f64,
+    /// How much of the job is done.
+    #[schema(minimum = 0, maximum = 1)]
+    overall_fraction: f64,
+    /// About how many seconds the rest takes; null while that cannot be told.
+    #[schema(minimum = 0)]
+    remaining_s: Option<f64>,
 }
 
 /// The mesh of a completed job.
@@ -201,7 +207,12 @@ impl JobProgress {
     /// Only running work has a progress.
     fn of(state: State, progress: Option<&Progressed>) -> Option<Self> {
         let progress = progress.filter(|_| state == State::Running)?;
-        Some(Self { stage: progress.stage.clone(), fraction: progress.fraction })
+        Some(Self {
+            stage: progress.stage.clone(),
+            fraction: progress.fraction,
+            overall_fraction: progress.overall_fraction,
+            remaining_s: progress.remaining_s,
+        })
     }
 }
 

@@ -20,7 +20,12 @@ pub(crate) async fn events_follow_every_change<E: Engine>(engine: &E) {
         }
     });
     let lease = claim(&queue).await.lease;
-    let progress = Progress { stage: "simplify".into(), fraction: 0.5 };
+    let progress = Progress {
+        stage: "simplify".into(),
+        fraction: 0.5,
+        overall_fraction: 0.25,
+        remaining_s: Some(3.0),
+    };
     queue.renew(lease, Some(progress.clone())).await.unwrap();
     assert_eq!(found(&queue, &owner, id).await.progress, Some(progress.clone()));
     let missed = queue.events(&owner, id, 1).await.unwrap();

@@ -14,6 +14,7 @@ use crate::image::{Image, Point, Shape, ShapeMismatch, corner_points};
 use crate::model::mesh::{Mesh, MeshError, check_vertices, sorted_points};
 use crate::parameters::choices::{ErrorMetric, Parallel};
 use crate::parameters::{MIN_SIZE, Parameters};
+use crate::progress::Run;
 use crate::quality::fidelity::Fidelity;
 use crate::removal::featureless::remove_featureless;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
@@ -96,7 +97,8 @@ impl Progression {
         ShapeMismatch::check(image.shape(), shape)?;
         parameters.check_components(shape.component_count)?;
         parameters.check_weights((shape.width, shape.height))?;
-        let control = &report_as_ordering(control);
+        let run = Run::of(control, Stage::Order);
+        let control = &report_as_ordering(&run);
         let vertices = sorted_points(mesh.points(), &|| control.poll(Stage::Order, 0, 1))?;
         let sorted: Vec<Point> = vertices.iter().map(|&(point, _)| point).collect();
         let (removals, squared_error) = remove_all(image, sorted.clone(), parameters, control)?;
@@ -112,6 +114,7 @@ impl Progression {
         let order: Vec<(Point, usize)> = order.collect();
         let points = order.iter().map(|&(point, _)| point).collect();
         let samples = order.iter().flat_map(|&(_, v)| mesh.vertex_samples(v)).copied().collect();
+        run.whole(1.0);
         Ok(Self { shape, points, samples, squared_errors })
     }
 
