@@ -5,12 +5,13 @@ use std::io;
 use std::path::Path;
 
 /// The modules of `src`, each before all that may use it.
-const ORDER: [&str; 20] = [
+const ORDER: [&str; 21] = [
     "control",
     "image",
     "convert",
     "parallel",
     "parameters",
+    "progress",
     "error",
     "density",
     "triangulation",

@@ -1,5 +1,8 @@
 //! What a control is told of a run.
 
+// A panic tells a test that something is wrong, in its own functions too.
+#![allow(clippy::unwrap_used)]
+
 use pixmesh_meshing::{
     Cancelled, Control, Image, Method, Parameters, Progression, Stage, Target, mesh_image,
 };
