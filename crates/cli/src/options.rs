@@ -39,13 +39,13 @@ pub struct MeshOptions {
     #[arg(long, help_heading = SIZE, value_name = "DIFFERENCE")]
     pub max_error: Option<u16>,
     /// Points to start with, in percent of the vertices of the mesh: 400 is gamma = 4
-    #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial")]
+    #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial_count")]
     pub relative_initial_density: Option<f64>,
     /// Points to start with, in percent of the picture's points [default: 100]
-    #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial")]
+    #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial_count")]
     pub initial_density: Option<f64>,
     /// Points to start with
-    #[arg(long, help_heading = INITIAL, value_name = "COUNT", group = "initial")]
+    #[arg(long, help_heading = INITIAL, value_name = "COUNT", group = "initial_count")]
     pub initial_size: Option<usize>,
     /// How the points to start with are chosen [default: ed]
     #[arg(long, help_heading = INITIAL, value_parser = choice(GENERATORS))]
@@ -59,11 +59,10 @@ pub struct MeshOptions {
     pub ed_strategy: Option<Strategy>,
     /// How many points more or fewer than asked for error diffusion may choose [default: 10, of
     /// three united components 15]
-    #[arg(long, visible_alias = "tolerance", help_heading = DIFFUSION, value_name = "COUNT")]
+    #[arg(long, help_heading = DIFFUSION, value_name = "COUNT")]
     pub ed_size_tolerance: Option<usize>,
     /// The direction in which error diffusion visits the rows [default: serpentine]
-    #[arg(long, visible_alias = "scan", help_heading = DIFFUSION,
-        value_parser = named(Scan::NAMES, Scan::ALL))]
+    #[arg(long, help_heading = DIFFUSION, value_parser = named(Scan::NAMES, Scan::ALL))]
     pub ed_scan_order: Option<Scan>,
     /// Whether error that would go to points outside the picture is lost [default: no_leaky]
     #[arg(long, help_heading = DIFFUSION, value_parser = choice(LEAKAGES))]
@@ -132,6 +131,73 @@ pub struct MeshOptions {
     #[arg(long, help_heading = REFINEMENT,
         value_parser = named(Reconstruction::NAMES, Reconstruction::ALL))]
     pub reconstruction: Option<Reconstruction>,
+    #[command(flatten)]
+    service: ServiceOptions,
+}
+
+/// The options that have other names over HTTP, or other names of values, by those names. They mean
+/// what they mean there: the method's other parameters stay as they are.
+#[derive(Args, Clone, Debug)]
+struct ServiceOptions {
+    /// Points to start with per vertex of the mesh
+    #[arg(long, help_heading = SERVICE, value_name = "RATIO", group = "initial_count")]
+    gamma: Option<f64>,
+    /// How the points to start with are chosen
+    #[arg(long, help_heading = SERVICE, conflicts_with = "initial_generator",
+        value_parser = named(Generator::NAMES, Generator::ALL))]
+    initial: Option<Generator>,
+    /// How the picture becomes a density
+    #[arg(long, help_heading = SERVICE, conflicts_with = "ed_strategy",
+        value_parser = named(Policy::NAMES, Policy::ALL))]
+    policy: Option<Policy>,
+    /// How many points more or fewer than asked for error diffusion may choose
+    #[arg(long, help_heading = SERVICE, value_name = "COUNT", conflicts_with = "ed_size_tolerance")]
+    tolerance: Option<usize>,
+    /// The direction in which error diffusion visits the rows
+    #[arg(long, help_heading = SERVICE, conflicts_with = "ed_scan_order",
+        value_parser = named(Scan::NAMES, Scan::ALL))]
+    scan: Option<Scan>,
+    /// Whether error that would go to points outside the picture is lost
+    #[arg(long, help_heading = SERVICE, conflicts_with = "ed_leaky_mode",
+        value_parser = choice(SWITCH))]
+    leaky: Option<bool>,
+    /// The errors that error diffusion starts with
+    #[arg(long, help_heading = SERVICE, conflicts_with = "ed_initial_error_mode",
+        value_parser = named(Startup::NAMES, Startup::ALL))]
+    startup: Option<Startup>,
+    /// What the smoothing filter sees beyond the border, with double convolution
+    #[arg(long, help_heading = SERVICE, conflicts_with = "smooth_bound_policy",
+        value_parser = named(Boundary::NAMES, Boundary::ALL))]
+    smoothing_boundary: Option<Boundary>,
+    /// What the derivative, or the only filter, sees beyond the border
+    #[arg(long, help_heading = SERVICE, conflicts_with = "derivative_bound_policy",
+        value_parser = named(Boundary::NAMES, Boundary::ALL))]
+    boundary: Option<Boundary>,
+    /// Whether smoothing and derivative are two filters
+    #[arg(long, help_heading = SERVICE, conflicts_with = "use_double_convolution",
+        value_parser = choice(SWITCH))]
+    double_convolution: Option<bool>,
+    /// What is meshed
+    #[arg(long, help_heading = SERVICE, conflicts_with = "mesh_generation_policy",
+        value_parser = named(Guide::NAMES, Guide::ALL))]
+    meshed: Option<Guide>,
+}
+
+impl ServiceOptions {
+    /// Sets what is given.
+    fn set(&self, parameters: &mut Parameters, component_count: usize) {
+        set(&mut parameters.initial_size, self.gamma.map(InitialSize::Gamma));
+        set(&mut parameters.generator, self.initial);
+        set(&mut parameters.policy, self.policy);
+        parameters.tolerance = self.tolerance.or(parameters.tolerance);
+        set(&mut parameters.scan, self.scan);
+        set(&mut parameters.leaky, self.leaky);
+        set(&mut parameters.startup, self.startup);
+        set(&mut parameters.smoothing_boundary, self.smoothing_boundary);
+        set(&mut parameters.boundary, self.boundary);
+        set(&mut parameters.double_convolution, self.double_convolution);
+        set(&mut parameters.guide, self.meshed.filter(|_| component_count > 1));
+    }
 }
 
 /// The density in percent without a target, that of the service.
@@ -144,6 +210,7 @@ const DIFFUSION: &str = "Error diffusion";
 const FILTERS: &str = "Filters";
 const REMOVAL: &str = "Removal of points";
 const REFINEMENT: &str = "Refinement";
+const SERVICE: &str = "The service's names";
 
 /// A policy by the name of the thesis's program, which means one thing for colour pictures and
 /// another for gray ones.
@@ -207,7 +274,7 @@ const GENERATION_POLICIES: &[(&str, Guide)] = &[("mcmg", Guide::Components), ("l
 
 const LEAKAGES: &[(&str, bool)] = &[("leaky", true), ("no_leaky", false)];
 
-const SWITCH: &[(&str, bool)] = &[("0", false), ("1", true)];
+const SWITCH: &[(&str, bool)] = &[("0", false), ("1", true), ("false", false), ("true", true)];
 
 /// A parser of the names in a table.
 fn choice<T: Copy + Send + Sync + 'static>(
@@ -248,6 +315,7 @@ impl MeshOptions {
         self.set_filters(&mut parameters);
         self.set_diffusion(&mut parameters);
         self.set_removal(&mut parameters, component_count);
+        self.service.set(&mut parameters, component_count);
         Ok(parameters)
     }
 

@@ -64,7 +64,7 @@ export async function cancel() {
     stages.add(await page.textContent("#progress-stages [aria-current]"));
     await page.waitForTimeout(50);
   }
-  await page.waitForFunction(() => /^\d+ %$/.test(document.getElementById("progress-percent").textContent));
+  await page.waitForFunction(() => /^\d+ %, about \d+ s left$/.test(document.getElementById("progress-percent").textContent));
   console.log(`stages seen: ${[...stages].join(", ")}`);
   const id = await page.evaluate(async () => studio.tracks[0].job.id);
   const began = Date.now();
