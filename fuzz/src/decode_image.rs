@@ -10,6 +10,7 @@ pub fn run(bytes: &[u8]) {
     for (alpha, lenient) in [
         (Alpha::Keep, false),
         (Alpha::Keep, true),
+        (Alpha::Cut(Alpha::CUT), true),
         (Alpha::Drop, true),
         (Alpha::Over([1, 2, 3]), true),
     ] {

@@ -4,6 +4,7 @@ use super::input::Input;
 use super::read_model::LIMITS;
 use super::triangulate::points;
 use pixmesh_codec::{read_model, read_pmesh, write_model, write_pmesh};
+use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Mesh, Shape, triangulate};
 
 /// Writes a mesh in both formats and reads it.
@@ -15,7 +16,8 @@ pub fn run(bytes: &[u8]) {
     let points = points(&mut input, width, height);
     let largest = (1_usize << precision) - 1;
     let sample = |i: usize| ((i * 40_503 + seed * 9973) >> 3 & largest) as u16;
-    let samples = (0..points.len() * component_count).map(sample).collect();
+    let mut samples: Vec<u16> = (0..points.len() * component_count).map(sample).collect();
+    premultiply_vectors(&mut samples, component_count, largest as u16);
     let faces = triangulate(&points);
     let shape = Shape { width, height, component_count, precision };
     let mesh = Mesh::new(shape, points, samples, faces, &()).expect("a triangulation is a mesh");

@@ -174,10 +174,8 @@ fn named(name: &str, offered: &[Representation]) -> Result<Format, Problem> {
 
 /// How the mesh is written.
 fn options_of(parameters: &Few) -> Result<MeshOptions, Problem> {
-    let mut set = ParameterSet::default();
     let writing = parameters.pairs().filter(|(name, _)| WRITING.contains(name));
-    writing.into_iter().try_for_each(|(name, text)| set.add(name, text))?;
-    let mut options = set.finish()?;
+    let mut options = ParameterSet::default().finish()?.written_by(writing)?;
     options.output.reconstruction = parameters.get("reconstruction").map(str::parse).transpose()?;
     Ok(options)
 }

@@ -105,13 +105,10 @@ fn of_samples() -> Vec<Row> {
             exact(b"P1\n2 2\n1001\n".to_vec())
         })
         .and(|answer| assert_eq!(shown(answer), (2, 2, 1, vec![0, 1, 1, 0]))),
-        Row::new("V08", "wholly transparent RGBA: alpha is a component", SERVED, || {
+        Row::new("V08", "wholly transparent RGBA", SERVED, || {
             exact(png(8, 6, &[], &[0, 9, 8, 7, 0, 6, 5, 4, 0, 0, 3, 2, 1, 0, 1, 1, 1, 0]))
         })
-        .and(|answer| {
-            let samples = vec![9, 8, 7, 0, 6, 5, 4, 0, 3, 2, 1, 0, 1, 1, 1, 0];
-            assert_eq!(shown(answer), (2, 2, 8, samples));
-        }),
+        .and(|answer| assert_eq!(shown(answer), (2, 2, 8, vec![0; 16]))),
         Row::new("V08b", "the same over a colour: that colour", SERVED, || {
             let rows = [0, 9, 8, 7, 0, 6, 5, 4, 0, 0, 3, 2, 1, 0, 1, 1, 1, 0];
             vec![mesh(&format!("{EXACT}&alpha=over:%23ff8000"), png(8, 6, &[], &rows))]
@@ -119,18 +116,19 @@ fn of_samples() -> Vec<Row> {
         .and(|answer| assert_eq!(shown(answer), (2, 2, 8, [255, 128, 0].repeat(4)))),
         Row::new("V09", "palette with tRNS: RGBA", SERVED, || {
             let palette = (b"PLTE", vec![10, 20, 30, 40, 50, 60]);
-            exact(png(8, 3, &[palette, (b"tRNS", vec![99])], &[0, 0, 1, 0, 1, 0]))
+            exact(png(8, 3, &[palette, (b"tRNS", vec![51])], &[0, 0, 1, 0, 1, 0]))
         })
         .and(|answer| {
-            let (a, b) = ([10, 20, 30, 99], [40, 50, 60, 255]);
+            // A fifth of 10, 20 and 30, premultiplied.
+            let (a, b) = ([2, 4, 6, 51], [40, 50, 60, 255]);
             assert_eq!(shown(answer), (2, 2, 8, [a, b, b, a].concat()));
         }),
         Row::new("V19", "gray with alpha of 16 bits", SERVED, || {
-            let rows = [0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 9, 10, 11, 12, 13, 14, 15, 16];
+            let rows = [0, 1, 2, 255, 255, 5, 6, 255, 255, 0, 9, 10, 255, 255, 13, 14, 255, 255];
             exact(png(16, 4, &[], &rows))
         })
         .and(|answer| {
-            let samples = (0..8).map(|i| (2 * i + 1) * 256 + 2 * i + 2).collect();
+            let samples = [0x0102, 0x0506, 0x090A, 0x0D0E].map(|gray| [gray, 0xFFFF]).concat();
             assert_eq!(shown(answer), (2, 2, 16, samples));
         }),
         Row::new(

@@ -43,7 +43,9 @@ pub struct MakeModel {
     /// File to write instead of standard output
     #[arg(long, help_heading = FILES, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// What becomes of the picture's alpha: keep, drop, or over:#rrggbb, composed over that colour
+    /// What becomes of the picture's alpha: keep; cut or cut:0 to cut:254, which makes pixels of at
+    /// most that alpha transparent (cut alone: 8) and leaves the triangles that show nothing out of
+    /// every format but MODEL, pmesh and pictures; drop; or over:#rrggbb, composed over that colour
     #[arg(long, help_heading = FILES, value_name = "CHOICE", default_value_t = Alpha::Keep)]
     alpha: Alpha,
     /// Take a JPEG, PNG, GIF or PNM that ends early as far as it goes
@@ -151,6 +153,7 @@ impl MakeModel {
         let parameters = parameters
             .map_err(MeshingError::from)?
             .weights(self.weights(&image)?)
+            .covers_alpha(alpha.is_cut())
             .lists_removals(self.history_file.is_some());
         let attendant = Attendant::new();
         let control = OnThreads(&attendant, self.threads());
@@ -227,7 +230,7 @@ impl MakeModel {
         texture: Option<&Texture>,
     ) -> Result<Duration, CliError> {
         let start = Instant::now();
-        let bytes = self.written.write(source, format, texture)?;
+        let bytes = self.written.write(source, format, texture, self.alpha)?;
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {

@@ -4,8 +4,8 @@ use crate::CliError;
 use crate::options::named;
 use clap::Args;
 use pixmesh_codec::{
-    Coloring, Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit, PngCompression,
-    Relief, ReliefSource, Shading, Texture, Texturing, UpAxis, ZOffset, encode,
+    Alpha, Coloring, Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit,
+    PngCompression, Relief, ReliefSource, Shading, Texture, Texturing, UpAxis, ZOffset, encode,
 };
 use pixmesh_meshing::Image;
 use std::ffi::OsStr;
@@ -139,8 +139,10 @@ impl OutputOptions {
         source: &Encodable<'_>,
         format: Format,
         texture: Option<&Texture>,
+        alpha: Alpha,
     ) -> Result<Vec<u8>, CliError> {
         let options = EncodeOptions {
+            cut: alpha.is_cut(),
             geometry: self.geometry(),
             compression: self.compression,
             texture,

@@ -4,7 +4,7 @@ use crate::document::DocumentOptions;
 use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_codec::{Encodable, Format, PmeshError, Texture};
+use pixmesh_codec::{Alpha, Encodable, Format, PmeshError, Texture};
 use pixmesh_meshing::{Fidelity, Mesh, Progression, ProgressionError};
 use std::path::PathBuf;
 
@@ -27,11 +27,23 @@ pub struct RasterizeModel {
     /// Vertices of the mesh, of those of a pmesh that keeps the order of their importance
     #[arg(long, value_name = "COUNT")]
     size: Option<usize>,
+    /// Whether triangles that show nothing are left out, but of MODEL, pmesh and pictures: keep or cut
+    #[arg(long, value_name = "CHOICE", default_value_t = Alpha::Keep, value_parser = written_alpha)]
+    alpha: Alpha,
     /// Picture that the mesh was made of, which --texture embed shows
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
     #[command(flatten)]
     document: DocumentOptions,
+}
+
+/// A choice for alpha that says how a mesh is written.
+fn written_alpha(text: &str) -> Result<Alpha, String> {
+    match text {
+        "keep" => Ok(Alpha::Keep),
+        "cut" => Ok(Alpha::Cut(Alpha::CUT)),
+        _ => Err("allowed are keep and cut".into()),
+    }
 }
 
 /// What the long help and the manual page end with.
@@ -77,7 +89,10 @@ impl RasterizeModel {
             fidelity: fidelity.as_ref(),
             ..Encodable::new(&mesh)
         };
-        files::write(self.output.as_ref(), &self.written.write(&source, format, texture.as_ref())?)
+        files::write(
+            self.output.as_ref(),
+            &self.written.write(&source, format, texture.as_ref(), self.alpha)?,
+        )
     }
 
     /// The mesh that a file holds, or the one of a smaller size.

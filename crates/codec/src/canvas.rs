@@ -15,6 +15,8 @@ pub(crate) struct Canvas {
     header: Header,
     /// Component by component, the upright picture from its bottom row.
     planes: Vec<Vec<u16>>,
+    /// Whether the colours are premultiplied by their alpha.
+    pub(crate) is_premultiplied: bool,
     /// How the file's columns lie on the planes.
     columns: Axis,
     /// How the file's rows lie on the planes.
@@ -80,7 +82,7 @@ impl Canvas {
         let columns = Axis { count: width, stride: column_stride, mirrored };
         let mirrored = matches!(orientation.to_exif(), 3 | 4 | 6 | 7) == transposed;
         let rows = Axis { count: height, stride: row_stride, mirrored };
-        Ok(Self { header, planes, columns, rows })
+        Ok(Self { header, planes, is_premultiplied: false, columns, rows })
     }
 
     /// Puts pixels, their components side by side, into a row of the file.
@@ -136,9 +138,10 @@ impl Canvas {
         wanted: &Wanted<'_>,
     ) -> Result<Image, DecodeError> {
         let Header { width, height, precision, .. } = self.header;
-        alpha.apply(&mut self.planes, precision, wanted)?;
+        let made = alpha.precision(self.planes.len(), precision);
+        alpha.apply(&mut self.planes, precision, self.is_premultiplied, wanted)?;
         wanted()?;
-        Ok(Image::from_bottom_up(width, height, precision, self.planes)?)
+        Ok(Image::from_bottom_up(width, height, made, self.planes)?)
     }
 }
 
@@ -185,6 +188,7 @@ mod tests {
         let format = PictureFormat::Pnm;
         let header = Header { format, width: 2, height: 2, component_count: 2, precision: 8 };
         let mut canvas = canvas(header, Orientation::NoTransforms);
+        canvas.is_premultiplied = true;
         canvas.put_row(Row::whole(0), &[1_u16, 2, 3, 4, 5, 6]);
         canvas.put_row(Row::whole(2), &[9_u16; 4]);
         canvas.put_row(Row { y: 1, first: 2, step: 1 }, &[9_u16; 4]);

@@ -2,11 +2,7 @@
 
 use crate::rounding::rounded_quotient;
 use pixmesh_meshing::Shape;
-
-/// Whether the last of `component_count` components is alpha.
-pub(crate) fn has_alpha(component_count: usize) -> bool {
-    matches!(component_count, 2 | 4)
-}
+use pixmesh_meshing::alpha::has_alpha;
 
 /// Red, green, blue and alpha of a sample vector, each sample converted: one component is gray, two
 /// are gray and alpha, three RGB, four RGBA; of five and more the first three are RGB.

@@ -11,6 +11,7 @@ use crate::ply::write_ply;
 use crate::pmesh::{write_pmesh_while, write_progression};
 use crate::png::write_png_while;
 use crate::pnm::write_pnm;
+use crate::shown::Shown;
 use crate::stl::write_stl;
 use crate::surface::Geometry;
 use crate::svg::write_svg;
@@ -60,6 +61,9 @@ pub struct EncodeOptions<'a> {
     pub texture: Option<&'a Texture>,
     /// How SVG fills triangles.
     pub shading: Shading,
+    /// Whether faces that show nothing are left out, by the formats that need not cover the
+    /// picture's rectangle: all but MODEL, pmesh, and pictures.
+    pub cut: bool,
     /// How much time a PNG may take.
     pub png_compression: PngCompression,
 }
@@ -79,16 +83,17 @@ pub fn encode(
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
     let Encodable { mesh, comments, fidelity, progression, .. } = *source;
-    let EncodeOptions { geometry, shading, .. } = *options;
+    let EncodeOptions { geometry, shading, cut, .. } = *options;
+    let shown = || Shown::new(mesh, cut);
     match format {
         Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
-        Format::Glb => write_glb(mesh, options, out, wanted),
-        Format::Gltf => write_gltf(mesh, options, out, wanted),
-        Format::Svg => write_svg(mesh, shading, out),
-        Format::Ply => write_ply(mesh, &geometry, out),
-        Format::Obj => write_obj(mesh, &geometry, out),
-        Format::Stl => write_stl(mesh, &geometry, out),
-        Format::Json => write_json(mesh, fidelity, &geometry, out),
+        Format::Glb => write_glb(&shown(), options, out, wanted),
+        Format::Gltf => write_gltf(&shown(), options, out, wanted),
+        Format::Svg => write_svg(&shown(), shading, out),
+        Format::Ply => write_ply(&shown(), &geometry, out),
+        Format::Obj => write_obj(&shown(), &geometry, out),
+        Format::Stl => write_stl(&shown(), &geometry, out),
+        Format::Json => write_json(&shown(), fidelity, &geometry, out),
         Format::Pmesh => write_pmesh_while(mesh, out, wanted),
         Format::Progression => match progression {
             Some(progression) => write_progression(progression, out),

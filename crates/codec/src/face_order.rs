@@ -1,6 +1,7 @@
 //! Faces in an order in which neighbours follow each other, and vertices in that of their first use.
 
-use pixmesh_meshing::{Face, Mesh};
+use crate::shown::Shown;
+use pixmesh_meshing::Face;
 
 /// No face, or no vertex yet.
 const NONE: u32 = u32::MAX;
@@ -10,34 +11,10 @@ const NONE: u32 = u32::MAX;
 ///
 /// The walk goes on over the edge that was entered last and has a face left beyond it, so that each
 /// face shares an edge with one shortly before.
-pub(crate) fn by_neighbours(mesh: &Mesh) -> Mesh {
-    let neighbours = neighbours(mesh.faces());
-    let (faces, face_order) = walk(mesh.faces(), &neighbours);
-    drop(neighbours);
-    let mut place = vec![NONE; mesh.points().len()];
-    let mut order = Vec::with_capacity(mesh.points().len());
-    let mut renumbered = |vertex: u32| {
-        let place = &mut place[vertex as usize];
-        if *place == NONE {
-            *place = order.len() as u32;
-            order.push(vertex as usize);
-        }
-        *place
-    };
-    let faces = faces.into_iter().map(|face| face.map(&mut renumbered)).collect();
-    let points = order.iter().map(|&vertex| mesh.points()[vertex]).collect();
-    let samples = order.iter().flat_map(|&vertex| mesh.vertex_samples(vertex).to_vec()).collect();
-    let count = mesh.shape().component_count;
-    let of_face = |samples: &[u16]| {
-        face_order.iter().flat_map(|&face| samples[face * count..][..count].to_vec()).collect()
-    };
-    // A valid mesh in another order is valid.
-    let ordered = Mesh::new(mesh.shape(), points, samples, faces, &());
-    let ordered = ordered.and_then(|ordered| match mesh.face_samples() {
-        Some(samples) => ordered.with_face_samples(of_face(samples)),
-        None => Ok(ordered),
-    });
-    ordered.unwrap_or_else(|_| mesh.clone())
+pub(crate) fn by_neighbours<'a>(mesh: &Shown<'a>) -> Shown<'a> {
+    let (faces, order) = walk(mesh.faces(), &neighbours(mesh.faces()));
+    let mut turned = faces.into_iter();
+    mesh.with_faces(&order, |face| turned.next().unwrap_or(face))
 }
 
 /// The face beyond each edge of each face; edge `i` runs from corner `i` to the next.
@@ -91,7 +68,7 @@ fn walk(faces: &[Face], neighbours: &[Face]) -> (Vec<Face>, Vec<usize>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pixmesh_meshing::{Point, Shape};
+    use pixmesh_meshing::{Mesh, Point, Shape};
     use std::collections::BTreeSet;
 
     #[test]
@@ -112,8 +89,9 @@ mod tests {
             })
             .collect();
         let mesh = Mesh::new(shape, points, (0..900).collect(), faces, &()).unwrap();
+        let mesh = Shown::new(&mesh, false);
         let ordered = by_neighbours(&mesh);
-        let set = |mesh: &Mesh| -> BTreeSet<Vec<(i32, i32, u16)>> {
+        let set = |mesh: &Shown<'_>| -> BTreeSet<Vec<(i32, i32, u16)>> {
             let corner = |v: u32| {
                 let point = mesh.points()[v as usize];
                 (point.x, point.y, mesh.vertex_samples(v as usize)[0])

@@ -9,14 +9,15 @@
 use crate::color::Colors;
 use crate::error::EncodeError;
 use crate::lines::Lines;
+use crate::shown::Shown;
 use crate::surface::{Geometry, Surface};
-use pixmesh_meshing::{Fidelity, Mesh, Shape};
+use pixmesh_meshing::{Fidelity, Shape};
 use std::io::{self, Write};
 
 /// Writes a mesh as one JSON object. The PSNR of a perfect copy, which is infinite, is `null`, as
 /// are both errors of a mesh whose fidelity is not known.
 pub(crate) fn write_json(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     fidelity: Option<&Fidelity>,
     geometry: &Geometry,
     out: &mut impl Write,

@@ -74,6 +74,7 @@ mod png;
 mod pnm;
 mod raster;
 mod rounding;
+mod shown;
 mod stl;
 mod surface;
 mod svg;

@@ -11,13 +11,13 @@ use crate::color::Colors;
 use crate::error::EncodeError;
 use crate::lines::Lines;
 use crate::rounding::rounded_quotient;
+use crate::shown::Shown;
 use crate::surface::{Geometry, Surface};
-use pixmesh_meshing::Mesh;
 use std::io::Write;
 
 /// Writes a mesh as OBJ.
 pub(crate) fn write_obj(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {

@@ -5,15 +5,16 @@
 //!
 //! Literature: Greg Turk, "The PLY Polygon File Format", 1994.
 
-use crate::color::{Colors, has_alpha};
+use crate::color::Colors;
 use crate::error::EncodeError;
+use crate::shown::Shown;
 use crate::surface::{Geometry, Surface};
-use pixmesh_meshing::Mesh;
+use pixmesh_meshing::alpha::has_alpha;
 use std::io::{BufWriter, Write};
 
 /// Writes a mesh as binary PLY.
 pub(crate) fn write_ply(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {

@@ -30,6 +30,8 @@
 //! how each differs from the mean of the face's vertices, rounded down. Each face begins with its
 //! first vertex, by row, then column, and the faces ascend.
 //!
+//! Where the last of two or of four components is alpha, colours are straight.
+//!
 //! A sample is predicted by the nearest vertex before it among the last one of each strip of
 //! columns around; components after the first by that and by how the first one differs there.
 

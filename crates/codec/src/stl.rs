@@ -7,8 +7,8 @@
 
 use crate::choices::LengthUnit;
 use crate::error::EncodeError;
+use crate::shown::Shown;
 use crate::surface::{Geometry, Surface, cross_product, unit as unit_vector};
-use pixmesh_meshing::Mesh;
 use std::io::{BufWriter, Write};
 
 /// Bytes of the comment at the start, which must not begin with `solid`.
@@ -19,7 +19,7 @@ const COMMENT_BYTES: usize = 80;
 /// A geometry without a relief gets one of the luma, a tenth of the longer side high, and one
 /// without a base gets that of [`Geometry::with_base`].
 pub(crate) fn write_stl(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     geometry: &Geometry,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {

@@ -2,26 +2,28 @@
 //!
 //! `x` and `y` are those of the picture times the size of a pixel, `y` up. A relief has the height
 //! that a component or the luma gives it on `z`. A base closes it to a solid: walls around the
-//! rectangle down to `-base`, and a fan of triangles beneath. The solid is watertight, each edge
-//! belonging to two faces in opposite directions, because walls and bottom use every boundary vertex
-//! of the mesh. Positions are computed where they are needed and not kept.
+//! rectangle down to `-base`, and a fan of triangles beneath; of a mesh without all of its faces,
+//! walls around these and the same faces beneath. The solid is watertight, each edge belonging to
+//! as many faces in one direction as in the other. Positions are computed where they are needed and not kept.
 
+mod base;
 mod geometry;
 mod normals;
 mod paint;
-mod rim;
 
 pub use geometry::{Geometry, Relief, ReliefHeight, ZOffset};
 
 use crate::choices::{Coloring, LengthUnit, UpAxis};
 use crate::error::EncodeError;
+use base::Base;
 pub(crate) use normals::{cross_product, unit};
 
-use pixmesh_meshing::{Face, Mesh, Shape};
+use crate::shown::Shown;
+use pixmesh_meshing::{Face, Shape};
 
 /// A mesh in space.
 pub(crate) struct Surface<'a> {
-    pub(crate) mesh: &'a Mesh,
+    pub(crate) mesh: &'a Shown<'a>,
     pub(crate) geometry: Geometry,
     /// The samples of the faces, each of which has three vertices of its own then.
     face_samples: Option<&'a [u16]>,
@@ -31,8 +33,7 @@ pub(crate) struct Surface<'a> {
     zero: f64,
     /// The `z` of the bottom.
     bottom: f64,
-    /// The boundary's vertices, counter-clockwise; none without a base.
-    rim: Vec<u32>,
+    base: Option<Base>,
 }
 
 impl<'a> Surface<'a> {
@@ -40,10 +41,10 @@ impl<'a> Surface<'a> {
     ///
     /// # Errors
     /// When the relief is to follow a component that the mesh does not have.
-    pub(crate) fn new(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
+    pub(crate) fn new(mesh: &'a Shown<'a>, geometry: &Geometry) -> Result<Self, EncodeError> {
         geometry.check(mesh.shape().component_count)?;
         let geometry = geometry.sized(mesh.shape());
-        let rim = if geometry.base > 0.0 { rim::boundary(mesh) } else { Vec::new() };
+        let base = (geometry.base > 0.0).then(|| Base::new(mesh));
         let height = |vertex| geometry.height(mesh.vertex_samples(vertex), mesh.shape());
         let least = (0..mesh.points().len()).map(height).fold(f64::INFINITY, f64::min);
         let zero = match geometry.z_offset {
@@ -52,7 +53,7 @@ impl<'a> Surface<'a> {
         };
         // Below the lowest vertex, wherever 0 is.
         let bottom = (least - zero).min(0.0) - geometry.base;
-        Ok(Self { mesh, geometry, face_samples: None, painted: None, zero, bottom, rim })
+        Ok(Self { mesh, geometry, face_samples: None, painted: None, zero, bottom, base })
     }
 
     /// A surface whose vertices show colours: where faces have colours and the picture is shown, each
@@ -60,7 +61,7 @@ impl<'a> Surface<'a> {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub(crate) fn colored(mesh: &'a Mesh, geometry: &Geometry) -> Result<Self, EncodeError> {
+    pub(crate) fn colored(mesh: &'a Shown<'a>, geometry: &Geometry) -> Result<Self, EncodeError> {
         let shared = Self::new(mesh, geometry)?;
         let painted = paint::painted(&shared);
         let shows_image = geometry.color == Coloring::Image && painted.is_none();
@@ -70,19 +71,26 @@ impl<'a> Surface<'a> {
 
     /// The same surface without colours.
     fn bare(&self) -> Self {
-        let (mesh, rim) = (self.mesh, self.rim.clone());
-        Self { mesh, rim, face_samples: None, painted: None, ..*self }
+        let (mesh, base) = (self.mesh, self.base.clone());
+        Self { mesh, base, face_samples: None, painted: None, ..*self }
     }
 
     /// Vertices: those of the faces, then with a base those of its walls and bottom: one beneath
-    /// each of the boundary, and one in the middle of the bottom.
+    /// each that it reaches down from, and of a rectangle one in the middle of the bottom.
     pub(crate) fn vertex_count(&self) -> usize {
-        let bottom = if self.rim.is_empty() { 0 } else { self.rim.len() + 1 };
-        self.top_count() + bottom
+        let middle = usize::from(self.base.as_ref().is_some_and(|base| base.is_rectangle));
+        self.top_count() + self.below().len() + middle
     }
 
     pub(crate) fn face_count(&self) -> usize {
-        self.mesh.faces().len() + 3 * self.rim.len()
+        let faces = self.mesh.faces().len();
+        let floor = |base: &Base| if base.is_rectangle { base.edges.len() } else { faces };
+        faces + self.base.as_ref().map_or(0, |base| 2 * base.edges.len() + floor(base))
+    }
+
+    /// The vertices of the mesh that the base reaches down from.
+    fn below(&self) -> &[u32] {
+        self.base.as_ref().map_or(&[], |base| &base.vertices)
     }
 
     /// The number of vertices that belong to faces of the mesh.
@@ -94,9 +102,9 @@ impl<'a> Surface<'a> {
     }
 
     /// The number of vertices at the height of the mesh. Walls share the vertices of the faces, or
-    /// have the boundary's once more.
+    /// have their own.
     fn top_count(&self) -> usize {
-        let walls = if self.face_samples.is_some() { self.rim.len() } else { 0 };
+        let walls = if self.face_samples.is_some() { self.below().len() } else { 0 };
         self.mesh_vertex_count() + walls
     }
 
@@ -107,15 +115,16 @@ impl<'a> Surface<'a> {
             let corners = self.mesh.faces().as_flattened();
             return self.face_samples.map_or(vertex, |_| corners[vertex] as usize);
         }
-        let rim = (vertex - count).checked_rem(self.rim.len().max(1)).unwrap_or_default();
-        self.rim.get(rim).map_or(0, |&origin| origin as usize)
+        let below = self.below();
+        let place = (vertex - count).checked_rem(below.len().max(1)).unwrap_or_default();
+        below.get(place).map_or(0, |&origin| origin as usize)
     }
 
     /// Where a vertex lies.
     pub(crate) fn position(&self, vertex: usize) -> [f64; 3] {
         let pixel_size = self.geometry.pixel_size;
         let top = self.top_count();
-        if vertex >= top && vertex - top >= self.rim.len() {
+        if vertex >= top && vertex - top >= self.below().len() {
             let shape = self.mesh.shape();
             let middle = |side: usize| (side - 1) as f64 * pixel_size / 2.0;
             return [middle(shape.width), middle(shape.height), self.bottom];
@@ -192,29 +201,32 @@ impl<'a> Surface<'a> {
     /// All faces, counter-clockwise seen from outside.
     pub(crate) fn faces(&self) -> impl Iterator<Item = Face> {
         let (own, top) = (self.mesh_vertex_count() as u32, self.top_count() as u32);
-        let middle = top + self.rim.len() as u32;
+        let below = self.below();
+        let middle = top + below.len() as u32;
         let faces = self.mesh.faces().iter().zip(0..).map(move |(&face, index): (_, u32)| {
             self.face_samples.map_or(face, |_| [3 * index, 3 * index + 1, 3 * index + 2])
         });
-        let sides = (0..self.rim.len()).flat_map(move |i| {
-            let next = (i + 1) % self.rim.len();
-            let above = |i: usize| self.face_samples.map_or(self.rim[i], |_| own + i as u32);
-            let below = |i: usize| top + i as u32;
-            let (a, b) = (above(i), above(next));
-            [[b, a, below(i)], [b, below(i), below(next)], [below(next), below(i), middle]]
+        let above = move |i: u32| self.face_samples.map_or(below[i as usize], |_| own + i);
+        let edges = self.base.iter().flat_map(|base| &base.edges);
+        let is_rectangle = self.base.as_ref().is_some_and(|base| base.is_rectangle);
+        let sides = edges.flat_map(move |&[from, to]| {
+            let [a, b, c, d] = [above(from), above(to), top + from, top + to];
+            [[b, a, c], [b, c, d]].into_iter().chain(is_rectangle.then_some([d, c, middle]))
         });
-        faces.chain(sides)
+        let mirrored = if self.base.is_some() && !is_rectangle { self.mesh.faces() } else { &[] };
+        let floor = mirrored.iter().map(move |&[a, b, c]| [top + c, top + b, top + a]);
+        faces.chain(sides).chain(floor)
     }
 
     /// Whether all of the surface lies in one plane.
     pub(crate) fn is_flat(&self) -> bool {
-        self.geometry.relief.is_none() && self.rim.is_empty()
+        self.geometry.relief.is_none() && self.base.is_none()
     }
 
     /// The least and the largest `z` that any sample could have.
     pub(crate) fn depth_range(&self) -> [f64; 2] {
         let top = self.geometry.total_height(self.mesh.shape()) - self.zero;
-        [if self.rim.is_empty() { -self.zero } else { self.bottom }, top]
+        [if self.base.is_none() { -self.zero } else { self.bottom }, top]
     }
 
     /// The unit normal of every vertex.
@@ -226,7 +238,7 @@ impl<'a> Surface<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pixmesh_meshing::{Point, Shape};
+    use pixmesh_meshing::{Mesh, Point, Shape};
     use std::collections::HashMap;
 
     /// A mesh with vertices on two of its sides.
@@ -241,6 +253,7 @@ mod tests {
     #[test]
     fn a_relief_with_a_base_is_closed_and_has_the_volume_beneath_it() {
         let mesh = mesh();
+        let mesh = Shown::new(&mesh, false);
         let relief = Relief { height: ReliefHeight::Total(2.0), ..Relief::default() };
         let geometry =
             Geometry { relief: Some(relief), base: 1.0, pixel_size: 0.5, ..Geometry::default() };
@@ -265,6 +278,7 @@ mod tests {
     #[test]
     fn a_solid_with_colors_of_faces_has_their_colors_and_is_closed() {
         let flat = mesh().with_face_samples((0..6).map(|face| 10 * face).collect()).unwrap();
+        let flat = Shown::new(&flat, false);
         let geometry =
             Geometry { relief: Some(Relief::default()), base: 1.0, ..Geometry::default() };
         let surface = Surface::colored(&flat, &geometry).unwrap();
@@ -299,6 +313,7 @@ mod tests {
     #[test]
     fn heights_follow_what_they_are_to_follow() {
         let mesh = mesh();
+        let mesh = Shown::new(&mesh, false);
         let z = |relief: Relief, vertex: usize| {
             let geometry = Geometry { relief: Some(relief), ..Geometry::default() };
             Surface::new(&mesh, &geometry).unwrap().position(vertex)[2]

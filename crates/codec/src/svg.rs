@@ -16,16 +16,18 @@
 mod fill;
 
 use crate::choices::Shading;
-use crate::color::{Colors, has_alpha};
+use crate::color::Colors;
 use crate::error::EncodeError;
 use crate::lines::Lines;
+use crate::shown::Shown;
 use fill::{Layer, put_fill};
-use pixmesh_meshing::{Mesh, Point, Shape};
+use pixmesh_meshing::alpha::has_alpha;
+use pixmesh_meshing::{Point, Shape};
 use std::io::{self, Write};
 
 /// Writes a mesh as SVG: the size in pixels, and the pixels' middles at whole numbers.
 pub(crate) fn write_svg(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     shading: Shading,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
@@ -71,7 +73,7 @@ pub(crate) fn write_svg(
 
 /// Appends all triangles of a layer, and draws them with strokes and without.
 fn put_layer<W: Write>(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     colors: &Colors,
     shading: Shading,
     layer: Layer,

@@ -1,7 +1,7 @@
 //! TIFF, in: the first page.
 //!
 //! Gray of 1, 2, 4, 8 and 16 bits and RGB of 8 and 16 keep their bits, with or without an alpha
-//! component (premultiplied alpha stays so); palettes become RGB of 16 bits, which is how TIFF stores
+//! component (straight or premultiplied); palettes become RGB of 16 bits, which is how TIFF stores
 //! them; CMYK becomes RGB. Strips and tiles, both byte orders, components side by side or one after
 //! the other; uncompressed, LZW, Deflate, PackBits and fax group 4. The orientation tag is applied.
 //! Not read, and refused as such: BigTIFF, floating-point and signed samples, YCbCr and Lab, JPEG
@@ -39,6 +39,7 @@ pub(crate) fn open<'a>(
     Ok(Opened::new(header, move || {
         let stored = read_stored(bytes, &page, wanted)?;
         let mut canvas = Canvas::new(header, page.orientation, wanted)?;
+        canvas.is_premultiplied = page.is_premultiplied;
         let mut samples = Samples::new(&page, &stored)?;
         for y in 0..page.height {
             wanted()?;

@@ -6,6 +6,7 @@
 mod samples;
 
 use pixmesh_codec::{Limits, ModelDefect, ModelError, read_model, write_model};
+use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Mesh, MeshError};
 use proptest::prelude::*;
 use samples::{crossings, meshes};
@@ -53,7 +54,9 @@ proptest! {
         let largest = u32::from(u16::MAX >> (16 - shape.precision)) + 1;
         let count = mesh.faces().len() * shape.component_count;
         let color = |i: usize| ((i as u32 * 40_503 + u32::from(seed)) % largest) as u16;
-        let flat = mesh.clone().with_face_samples((0..count).map(color).collect()).unwrap();
+        let mut colors: Vec<u16> = (0..count).map(color).collect();
+        premultiply_vectors(&mut colors, shape.component_count, (largest - 1) as u16);
+        let flat = mesh.clone().with_face_samples(colors).unwrap();
         let text = model(&flat);
         prop_assert_eq!(read(&text).unwrap(), flat);
         let text = String::from_utf8(text).unwrap();
@@ -95,11 +98,11 @@ proptest! {
 
 #[test]
 fn the_written_text_is_laid_out_in_lines() {
-    let mesh = crossings(&[0, 2], &[0, 1], 2, 8, |i| i as u16 * 10);
+    let mesh = crossings(&[0, 2], &[0, 1], 3, 8, |i| i as u16 * 10);
     let text = String::from_utf8(model(&mesh)).unwrap();
     assert_eq!(
         text,
-        "3 2 2 8\nOFF\n4 2 5\n0 0 0 10\n2 0 20 30\n0 1 40 50\n2 1 60 70\n3 0 1 3\n3 0 3 2\n"
+        "3 2 3 8\nOFF\n4 2 5\n0 0 0 10 20\n2 0 30 40 50\n0 1 60 70 80\n2 1 90 100 110\n3 0 1 3\n3 0 3 2\n"
     );
 }
 

@@ -8,6 +8,7 @@ mod samples;
 use pixmesh_codec::{
     DecodeError, EncodeError, Limits, PictureFormat, decode, probe, write_png, write_pnm,
 };
+use pixmesh_meshing::alpha::has_alpha;
 use pixmesh_meshing::{Image, ImageError};
 use proptest::prelude::*;
 use samples::{gradient, images, scattered};
@@ -51,6 +52,13 @@ proptest! {
         let depths: &[u8] = if image.component_count() == 1 { &[1, 2, 4, 8, 16] } else { &[8, 16] };
         let depth = *depths.iter().find(|&&depth| depth >= image.precision()).unwrap();
         let decoded = read(&png(&image)).unwrap();
+        if has_alpha(image.component_count()) && depth != image.precision() {
+            // A rounded straight colour premultiplies to one beside it.
+            let again = rescaled(&decoded, image.precision()).components().concat();
+            let pairs = again.into_iter().zip(image.components().concat());
+            prop_assert!(pairs.into_iter().all(|(a, b)| a.abs_diff(b) <= 1));
+            return Ok(());
+        }
         prop_assert_eq!(&decoded, &rescaled(&image, depth));
         prop_assert_eq!(rescaled(&decoded, image.precision()), image);
     }

@@ -14,7 +14,8 @@ fn image(width: usize, height: usize, components: usize, precision: u8, seed: us
         let sample = |i: usize| ((i * 40_503 + c * 9_973 + seed * 7_919) >> 3) as u16;
         (0..width * height).map(|i| sample(i) >> (16 - precision)).collect()
     };
-    Image::from_bottom_up(width, height, precision, (0..components).map(plane).collect()).unwrap()
+    let planes = (0..components).map(plane).collect();
+    Image::from_bottom_up(width, height, precision, planes).unwrap().premultiplied()
 }
 
 fn mesh(image: &Image, size: usize) -> Mesh {

@@ -48,7 +48,7 @@ fn gray_of_few_bits_keeps_its_precision() {
 fn a_transparent_colour_becomes_an_alpha_component_of_the_same_precision() {
     let key = (b"tRNS", vec![0, 2]);
     let image = read(&two_rows(2, 0, 2, &[key], [&[0b0010_0000], &[0b1011_0000]])).unwrap();
-    assert_eq!((image.precision(), planes(&image)), (2, vec![vec![0, 2, 2, 3], vec![3, 0, 0, 3]]));
+    assert_eq!((image.precision(), planes(&image)), (2, vec![vec![0, 0, 0, 3], vec![3, 0, 0, 3]]));
 
     let key = (b"tRNS", vec![0, 1, 0, 2, 0, 3]);
     let image = read(&two_rows(8, 2, 2, &[key], [&[1, 2, 3, 1, 2, 4], &[0; 6]])).unwrap();

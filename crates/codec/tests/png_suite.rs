@@ -179,7 +179,7 @@ impl Stored {
             (0..count).map(plane).collect()
         };
         let precision = if kind == 3 { 8 } else { depth };
-        Image::from_top_down(self.width, self.height, precision, planes).unwrap()
+        Image::from_top_down(self.width, self.height, precision, planes).unwrap().premultiplied()
     }
 }
 

@@ -194,7 +194,8 @@ fn check(path: &Path, mesh: &Mesh, geometry: Geometry, extension: &str, report: 
         assert!(close(&[bounds[2], bounds[5]], &[0.0, 0.0]), "{path:?}: {bounds:?}");
     }
     if matches!(extension, "ply" | "obj") && shape.precision == 8 && shape.component_count >= 3 {
-        let expected = mesh.vertex_samples(0).iter().map(|&sample| f64::from(sample));
+        let straight = mesh.straight_samples();
+        let expected = straight.iter().map(|&sample| f64::from(sample));
         let expected: Vec<f64> = expected.take(3).collect();
         assert!(close(&numbers(&by_trimesh["color"])[..3], &expected), "{path:?}: {report}");
     }
@@ -325,7 +326,7 @@ proptest! {
         let positions: Vec<f64> =
             mesh.points().iter().flat_map(|p| [p.x.into(), p.y.into(), 0.0]).collect();
         prop_assert_eq!(numbers(&parsed["positions"]), positions);
-        let samples: Vec<f64> = mesh.samples().iter().map(|&sample| sample.into()).collect();
+        let samples: Vec<f64> = mesh.straight_samples().iter().map(|&sample| sample.into()).collect();
         prop_assert_eq!(numbers(&parsed["samples"]), samples);
         let triangles: Vec<f64> = mesh.faces().iter().flatten().map(|&i| i.into()).collect();
         prop_assert_eq!(numbers(&parsed["triangles"]), triangles);

@@ -13,7 +13,7 @@ mod stored;
 mod table;
 
 pub use grammar::whole_between;
-pub use output::{Output, WRITING};
+pub use output::{Output, WRITING, WRITTEN_ALPHAS};
 pub use sources::{MOST_MEMBERS, pairs_of_json, pairs_of_query, skip_rest};
 pub use table::{Parameter, TABLE, Takes};
 
@@ -27,7 +27,7 @@ use pixmesh_meshing::parameters::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Parallel, Plan, Policy,
     PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
-use pixmesh_meshing::{Method, Parameters, Target};
+use pixmesh_meshing::{Method, ParameterError, Parameters, Target};
 use serde_json::{Map, Value};
 
 /// The density in percent, where no other target is given.
@@ -152,6 +152,7 @@ impl ParameterSet {
             return Err(EncodeError::NotOfPointsAlone { format: "progression" }.into());
         }
         let output = self.choices.output();
+        let parameters = parameters.covers_alpha(output.alpha.is_cut());
         Ok(MeshOptions { method, parameters, output, format: self.choices.format })
     }
 
@@ -263,6 +264,17 @@ impl MeshOptions {
         let mut set = ParameterSet::default();
         pairs.into_iter().try_for_each(|(name, text)| set.add(name, text))?;
         let given = set.seen.clone();
+        if let Some(alpha) = set.choices.alpha
+            && !WRITTEN_ALPHAS.contains(&alpha.to_string().as_str())
+        {
+            let (parameter, allowed) = (Alpha::PARAMETER, WRITTEN_ALPHAS);
+            return Err(ParameterError::UnknownValue {
+                parameter,
+                value: alpha.to_string(),
+                allowed,
+            }
+            .into());
+        }
         let is_replaced = |name: &str| {
             let excluding = EXCLUSIVE_LENGTHS.iter().filter(|names| names.contains(&name));
             given.contains(&name) || excluding.flat_map(|n| *n).any(|other| given.contains(other))

@@ -1,12 +1,14 @@
 //! Conversions from and to the types of the crate `image`.
 
+use crate::alpha::straighten_vectors;
 use crate::image::{Image, ImageError};
 use image::{DynamicImage, ImageBuffer, Luma, LumaA, Rgb, Rgba};
 
 impl TryFrom<&DynamicImage> for Image {
     type Error = ImageError;
 
-    /// Takes the channels, alpha too, as components of 8 or 16 bits; floats become 16 bits.
+    /// Takes the channels, alpha too, as components of 8 or 16 bits; floats become 16 bits. Colours
+    /// are [premultiplied](crate::alpha).
     ///
     /// ```
     /// let decoded = image::DynamicImage::new_rgb8(3, 2);
@@ -61,7 +63,8 @@ fn of_channels<T: Copy + Into<u16>>(
     count: usize,
 ) -> Result<Image, ImageError> {
     let channel = |c| pixels.iter().skip(c).step_by(count).map(|&sample| sample.into()).collect();
-    Image::from_top_down(width, height, precision, (0..count).map(channel).collect())
+    let channels = (0..count).map(channel).collect();
+    Ok(Image::from_top_down(width, height, precision, channels)?.premultiplied())
 }
 
 /// The first samples of a pixel whose row counts from the top, scaled to 0 to `largest`.
@@ -70,9 +73,10 @@ where
     T: Copy + Into<u64> + TryFrom<u64>,
 {
     let (row, of) = (image.height() - 1 - y as usize, u64::from(image.max_sample()));
-    std::array::from_fn(|c| {
-        let sample = u64::from(image.sample(c, x as usize, row));
-        T::try_from((sample * largest.into() + of / 2) / of).unwrap_or(largest)
+    let mut samples = std::array::from_fn::<u16, N, _>(|c| image.sample(c, x as usize, row));
+    straighten_vectors(&mut samples, N, image.max_sample());
+    samples.map(|sample| {
+        T::try_from((u64::from(sample) * largest.into() + of / 2) / of).unwrap_or(largest)
     })
 }
 

@@ -4,6 +4,7 @@
 //! **upwards** from 0 to `height - 1`, so row 0 is the bottom row of the picture. Decoders yield
 //! rows from the top; [`Image::from_top_down`] reverses them, and nothing else in this crate does.
 
+use crate::alpha::{has_alpha, premultiply};
 use std::fmt;
 use thiserror::Error;
 
@@ -156,7 +157,8 @@ impl Image {
 
     /// Makes an image of components with rows from the top to the bottom, as decoders give them.
     ///
-    /// Each component has `width * height` samples in `0..=2^precision - 1`.
+    /// Each component has `width * height` samples in `0..=2^precision - 1`. The last of two or of
+    /// four components is alpha, and the others are [premultiplied](crate::alpha).
     ///
     /// # Errors
     /// When a side is under 2 or over [`MAX_SIDE`], there are more than [`MAX_POINTS`] points or no
@@ -205,6 +207,27 @@ impl Image {
             }
         }
         Ok(Self::from_kernel(width, height, precision, components))
+    }
+
+    /// The same image with its colours, which are straight, [premultiplied](crate::alpha) by its
+    /// alpha, where it has one.
+    ///
+    /// ```
+    /// use pixmesh_meshing::Image;
+    /// let gray_alpha = vec![vec![200, 200, 200, 200], vec![0, 51, 51, 255]];
+    /// let image = Image::from_top_down(2, 2, 8, gray_alpha)?.premultiplied();
+    /// assert_eq!(image.components()[0], [40, 200, 0, 40]);
+    /// # Ok::<(), pixmesh_meshing::ImageError>(())
+    /// ```
+    #[must_use]
+    pub fn premultiplied(mut self) -> Self {
+        let largest = self.max_sample();
+        if has_alpha(self.component_count())
+            && let Some((alphas, colors)) = self.components.split_last_mut()
+        {
+            colors.iter_mut().for_each(|color| premultiply(color, alphas, largest));
+        }
+        self
     }
 
     /// An image of parts that are valid by construction.

@@ -36,6 +36,7 @@
 //!
 //! The first line is the flow of data through `pipeline`, the others are dependencies.
 //!
+//! - [`alpha`]: premultiplied colours.
 //! - `image`: samples, lattice points, the coordinate convention; `convert`: the crate `image`.
 //! - `control`: reports and cancellation; `progress`: the reports of a whole run; `parallel`: work
 //!   shared among threads.
@@ -46,7 +47,8 @@
 //! - `face_error`: the error of a triangle's interpolant against the image, by each metric.
 //! - `dynamic_mesh`: a triangulation with the errors of its faces, for vertices that move.
 //! - `removal`: greedy point removal; `refinement`: vertices moved and exchanged, edges flipped.
-//! - `model`: the [`Mesh`], its picture and flat colours, [`Buffers`] and [`Progression`].
+//! - `model`: the [`Mesh`], its picture, flat colours and what is seen of it, [`Buffers`] and
+//!   [`Progression`].
 //! - `quality`: [`Fidelity`] and structural similarity.
 //! - `guide`, `search`, `pipeline`: all of it in order; `error`; `serialize`: serde.
 //!
@@ -59,6 +61,7 @@
 //! are: Robert W. Floyd and Louis Steinberg, 1976 (error diffusion); Laurent Demaret and Armin
 //! Iske, 2004 (greedy removal); Zhou Wang et al., 2004 (structural similarity).
 
+pub mod alpha;
 mod control;
 #[cfg(feature = "image")]
 mod convert;

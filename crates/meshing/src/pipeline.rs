@@ -110,13 +110,28 @@ fn mesh_by_plan(
     } else {
         (Mesh::of_samples(image, points, faces, control)?, squared_error)
     };
-    let (mesh, fidelity) = if parameters.is_flat() {
-        mesh.with_weighted_colors(image, guided.weights(), control)?
-    } else {
-        let known = squared_error.map_or_else(|| squared_error_of(&mesh, image, control), Ok);
-        (mesh, Fidelity::new(known?, image.shape()))
-    };
+    let (mut mesh, mut fidelity) = measured(mesh, squared_error, image, &guided, control)?;
+    if parameters.covers_alpha
+        && let Some(covering) = mesh.covering(image, control)?
+    {
+        (mesh, fidelity) = measured(covering, None, image, &guided, control)?;
+    }
     Ok(Approximation { mesh, fidelity, plan, removals })
+}
+
+/// The mesh, with colours of its faces where these are flat, and how close it is to the image.
+fn measured(
+    mesh: Mesh,
+    squared_error: Option<u64>,
+    image: &Image,
+    guided: &Guided<'_>,
+    control: &dyn Control,
+) -> Result<(Mesh, Fidelity), Cancelled> {
+    if guided.parameters.is_flat() {
+        return mesh.with_weighted_colors(image, guided.weights(), control);
+    }
+    let known = squared_error.map_or_else(|| squared_error_of(&mesh, image, control), Ok);
+    Ok((mesh, Fidelity::new(known?, image.shape())))
 }
 
 struct Reduced {
@@ -259,7 +274,8 @@ fn unconstrain(
     let mut mesh = ValuedMesh::new(image, weights, guide, points, control)?;
     let SortedMesh { points, faces, order } =
         refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
-    if weighted.is_some() {
+    let is_limited = mesh.limit_colors_to_alpha();
+    if weighted.is_some() || is_limited {
         mesh.errors = FaceErrors::new(&unweighted);
         mesh.measure(Stage::Measure, control)?;
     }

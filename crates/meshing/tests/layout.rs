@@ -5,7 +5,8 @@ use std::io;
 use std::path::Path;
 
 /// The modules of `src`, each before all that may use it.
-const ORDER: [&str; 21] = [
+const ORDER: [&str; 22] = [
+    "alpha",
     "control",
     "image",
     "convert",

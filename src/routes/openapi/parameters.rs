@@ -3,7 +3,7 @@
 use super::examples;
 use crate::extract::accept::pictures;
 use crate::extract::fields::RECONSTRUCTION;
-use pixmesh_engine::params::{Parameter as Row, TABLE, Takes, WRITING};
+use pixmesh_engine::params::{Parameter as Row, TABLE, Takes, WRITING, WRITTEN_ALPHAS};
 use pixmesh_jobs::record::State;
 use pixmesh_meshing::parameters::MIN_SIZE;
 use utoipa::IntoParams;
@@ -100,6 +100,9 @@ const OF_FILE: &str = "How a picture is rebuilt: by linear interpolation, or wit
 const SIZE_OF_FILE: &str =
     "Vertices of the mesh; fewer than the file has need a progression. Default: all.";
 
+const ALPHA_OF_FILE: &str = "Whether triangles that show nothing, because their alpha is 0, are \
+                             kept or cut. MODEL, pmesh and pictures keep them.";
+
 /// The parameters of writing a mesh that was made before.
 fn writing_parameters(reconstruction: &'static str, size: &'static str) -> Vec<Parameter> {
     let written = |row: &&Row| row.name == "format" || WRITING.contains(&row.name);
@@ -110,7 +113,14 @@ fn writing_parameters(reconstruction: &'static str, size: &'static str) -> Vec<P
     });
     let vertices = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(MIN_SIZE));
     let sized = [query("size", size, vertices)];
-    TABLE.iter().filter(written).map(mesh_parameter).chain(rebuilt).chain(sized).collect()
+    let mut parameters: Vec<_> =
+        TABLE.iter().filter(written).map(mesh_parameter).chain(rebuilt).chain(sized).collect();
+    if let Some(alpha) = parameters.iter_mut().find(|parameter| parameter.name == "alpha") {
+        let names = WRITTEN_ALPHAS.iter().copied();
+        let names = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(names));
+        *alpha = query("alpha", ALPHA_OF_FILE, names);
+    }
+    parameters
 }
 
 fn mesh_parameter(row: &Row) -> Parameter {

@@ -12,15 +12,16 @@ use super::attributes::{self, Lattice};
 use super::buffer::Buffers;
 use super::document::*;
 use crate::choices::{Compression, LengthUnit, UpAxis};
-use crate::color::has_alpha;
 use crate::encode::EncodeOptions;
 use crate::error::EncodeError;
 use crate::face_order;
+use crate::shown::Shown;
 use crate::surface::Surface;
 use crate::wanted::Wanted;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use pixmesh_meshing::{Cancelled, Face, Mesh};
+use pixmesh_meshing::alpha::has_alpha;
+use pixmesh_meshing::{Cancelled, Face};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -40,7 +41,7 @@ const HEADERS_BYTES: u64 = 12 + 2 * 8;
 /// Writes a mesh as binary glTF: one primitive of triangles, double-sided, with positions, colours
 /// or a texture, normals where there is a relief, and indices in the smallest type that fits.
 pub(crate) fn write_glb(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     options: &EncodeOptions<'_>,
     out: &mut impl Write,
     wanted: &Wanted<'_>,
@@ -66,7 +67,7 @@ pub(crate) fn write_glb(
 /// Writes a mesh as glTF in JSON, with its buffer within as base64: a file of its own for readers
 /// of text. What it says is the same as [`write_glb`]'s.
 pub(crate) fn write_gltf(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     options: &EncodeOptions<'_>,
     out: &mut impl Write,
     wanted: &Wanted<'_>,
@@ -84,7 +85,7 @@ pub(crate) fn write_gltf(
 
 /// The document and the bytes of its buffer, to which `uri` may give an address.
 fn assemble(
-    mesh: &Mesh,
+    mesh: &Shown<'_>,
     options: &EncodeOptions<'_>,
     uri: impl FnOnce(&[u8]) -> Option<String>,
     wanted: &Wanted<'_>,

@@ -10,6 +10,7 @@ use crate::limits::Limits;
 use crate::mesh_format::Format;
 use crate::mesh_header::MeshHeader;
 use crate::wanted::{Wanted, While, always};
+use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Face, ImageError, Mesh, MeshError, Point, Shape};
 
 /// Samples per pixel that the limits allow: those of a picture with red, green, blue and alpha.
@@ -32,6 +33,7 @@ const FACE_TOKENS: usize = 4;
 /// Any white space separates the fields, and comments run from `#` to the end of their line. The
 /// number of edges must be that of vertices and faces less one, or 0 for "not counted". Comments
 /// after the last face may give the faces colours, as [`write_model`](crate::write_model) does.
+/// Where there is alpha the file's colours are straight, and the mesh's premultiplied.
 ///
 /// # Errors
 /// The first defect with its line: fields that are missing or no whole numbers, sizes over the
@@ -73,9 +75,12 @@ pub fn read_model_while(
     let shape = read_shape(&mut tokens, limits)?;
     read_keyword(&mut tokens)?;
     let (vertex_count, face_count) = read_counts(&mut tokens, shape)?;
-    let (points, samples) = read_vertices(&mut tokens, shape, vertex_count)?;
+    let (points, mut samples) = read_vertices(&mut tokens, shape, vertex_count)?;
     let faces = read_faces(&mut tokens, vertex_count, face_count)?;
-    let face_samples = read_face_samples(&mut tokens, shape, face_count)?;
+    let mut face_samples = read_face_samples(&mut tokens, shape, face_count)?;
+    for samples in [Some(&mut samples), face_samples.as_mut()].into_iter().flatten() {
+        premultiply_vectors(samples, shape.component_count, u16::MAX >> (16 - shape.precision));
+    }
     if let Some(token) = tokens.next() {
         return Err(token.malformed(&format!("'{}' follows the last face", token.quote())));
     }

@@ -9,7 +9,7 @@ use std::io::{self, Write};
 /// Writes a mesh as MODEL: the shape on the first line, `OFF` on the second, the numbers of
 /// vertices, faces and edges on the third, then a line for each vertex and each face. Colours of
 /// faces follow as comments, which other readers skip: `# face samples: `, the number of faces, and
-/// a comment with the samples of each face.
+/// a comment with the samples of each face. Colours are straight where there is alpha.
 ///
 /// # Errors
 /// Whatever `out` fails with.
@@ -37,6 +37,7 @@ pub fn write_model_with_comments(
     out: &mut impl Write,
 ) -> io::Result<()> {
     let shape = mesh.shape();
+    let (vertices, of_faces) = (mesh.straight_samples(), mesh.straight_face_samples());
     let mut lines = Lines::new(out);
     let (components, precision) = (shape.component_count, usize::from(shape.precision));
     put_line([shape.width, shape.height, components, precision], &mut lines)?;
@@ -47,14 +48,14 @@ pub fn write_model_with_comments(
         lines.end("\n")?;
     }
     put_line([mesh.points().len(), mesh.faces().len(), mesh.edge_count()], &mut lines)?;
-    for (point, samples) in mesh.points().iter().zip(mesh.samples().chunks_exact(components)) {
+    for (point, samples) in mesh.points().iter().zip(vertices.chunks_exact(components)) {
         let place = [point.x, point.y].into_iter();
         put_line(place.chain(samples.iter().map(|&sample| i32::from(sample))), &mut lines)?;
     }
     for &[i, j, k] in mesh.faces() {
         put_line([3, i, j, k], &mut lines)?;
     }
-    if let Some(samples) = mesh.face_samples() {
+    if let Some(samples) = of_faces {
         lines.text("# ");
         lines.text(FACE_SAMPLES);
         lines.text(" ");

@@ -11,8 +11,9 @@ use crate::mesh_format::Format;
 use crate::mesh_header::MeshHeader;
 use crate::wanted::{Wanted, While, always};
 use flate2::read::DeflateDecoder;
+use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{
-    Cancelled, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate_with,
+    Cancelled, Face, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate_with,
 };
 use std::io::{self, Read};
 use thiserror::Error;
@@ -81,7 +82,8 @@ pub fn read_pmesh_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Mesh, PmeshError> {
-    let Contents { shape, points, samples, face_differences, .. } = read(bytes, limits, wanted)?;
+    let Contents { shape, points, mut samples, face_differences, .. } =
+        read(bytes, limits, wanted)?;
     // Only points with the corners among them can be triangulated.
     let (right, top) = (shape.width as i32 - 1, shape.height as i32 - 1);
     for (x, y) in [(0, 0), (right, 0), (0, top), (right, top)] {
@@ -90,17 +92,26 @@ pub fn read_pmesh_while(
         }
     }
     let faces = triangulate_with(&points, &While(wanted))?;
+    let of_faces = face_differences.map(|differences| {
+        read_face_samples(shape, &faces, &samples, &differences).ok_or(PmeshError::Stream)
+    });
+    premultiply(&mut samples, shape);
     let mesh = match Mesh::new(shape, points, samples, faces, &While(wanted)) {
         Err(MeshError::Cancelled(cancelled)) => return Err(cancelled.into()),
         made => made?,
     };
-    match face_differences {
-        Some(differences) => {
-            let samples = read_face_samples(&mesh, &differences).ok_or(PmeshError::Stream)?;
+    match of_faces.transpose()? {
+        Some(mut samples) => {
+            premultiply(&mut samples, shape);
             Ok(mesh.with_face_samples(samples)?)
         }
         None => Ok(mesh),
     }
+}
+
+/// Straight colours, as the file has them, become those of a mesh.
+fn premultiply(samples: &mut [u16], shape: Shape) {
+    premultiply_vectors(samples, shape.component_count, u16::MAX >> (16 - shape.precision));
 }
 
 /// Reads a progression from pmesh.
@@ -120,7 +131,8 @@ pub fn read_progression_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Progression, PmeshError> {
-    let Contents { shape, points, samples, order, .. } = read(bytes, limits, wanted)?;
+    let Contents { shape, points, mut samples, order, .. } = read(bytes, limits, wanted)?;
+    premultiply(&mut samples, shape);
     let Order { ranks, squared_errors } = order.ok_or(PmeshError::NoOrder)?;
     let count = shape.component_count;
     let mut order = vec![usize::MAX; points.len()];
@@ -230,20 +242,27 @@ fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, 
 
 /// The samples of the faces of a mesh whose vertices are in order; `None` when there are too few
 /// differences, or too many.
-fn read_face_samples(mesh: &Mesh, differences: &[u8]) -> Option<Vec<u16>> {
-    let Shape { component_count, precision, .. } = mesh.shape();
-    let (faces, modulus) = (mesh.faces().len(), 1i64 << precision);
+fn read_face_samples(
+    shape: Shape,
+    faces: &[Face],
+    vertices: &[u16],
+    differences: &[u8],
+) -> Option<Vec<u16>> {
+    let Shape { component_count, precision, .. } = shape;
+    let (face_count, modulus) = (faces.len(), 1i64 << precision);
     let planes_each = if precision > 8 { 2 } else { 1 };
-    if differences.len() != faces * component_count * planes_each {
+    if differences.len() != face_count * component_count * planes_each {
         return None;
     }
-    let mut samples = vec![0; faces * component_count];
-    for (number, (corners, face)) in ordered_faces(mesh.faces(), |v| v).into_iter().enumerate() {
+    let mut samples = vec![0; face_count * component_count];
+    for (number, (corners, face)) in ordered_faces(faces, |v| v).into_iter().enumerate() {
         for c in 0..component_count {
-            let byte =
-                |plane: usize| u64::from(differences[(c * planes_each + plane) * faces + number]);
+            let byte = |plane: usize| {
+                u64::from(differences[(c * planes_each + plane) * face_count + number])
+            };
             let folded = if planes_each == 2 { byte(0) | byte(1) << 8 } else { byte(0) };
-            let expected = mean_of_corners(corners.map(|v| mesh.vertex_samples(v as usize)[c]));
+            let expected =
+                mean_of_corners(corners.map(|v| vertices[v as usize * component_count + c]));
             let sum = i64::from(expected) + unfolded(folded);
             samples[face * component_count + c] = sum.rem_euclid(modulus) as u16;
         }

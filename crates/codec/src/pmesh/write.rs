@@ -8,7 +8,9 @@ use crate::leb128::{append, folded};
 use crate::wanted::{Wanted, While, always};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
+use pixmesh_meshing::alpha::{has_alpha, straighten_vectors};
 use pixmesh_meshing::{Face, Mesh, Point, Progression, Shape};
+use std::borrow::Cow;
 use std::io::Write;
 
 /// The format's name in errors.
@@ -37,7 +39,7 @@ pub fn write_pmesh_while(
     if !mesh.is_preferred_delaunay(&While(wanted))? {
         return Err(EncodeError::Connectivity { format: NAME });
     }
-    write(mesh.shape(), mesh.points(), mesh.samples(), Beside::Faces(mesh), out)
+    write(mesh.shape(), mesh.points(), &mesh.straight_samples(), Beside::Faces(mesh), out)
 }
 
 /// Writes a progression as pmesh, its order and squared errors kept: about seven bytes a vertex
@@ -50,8 +52,13 @@ pub fn write_progression(
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let errors = progression.squared_errors();
-    let beside = Beside::Order(errors);
-    write(progression.shape(), progression.points(), progression.samples(), beside, out)
+    let (shape, beside) = (progression.shape(), Beside::Order(errors));
+    let mut samples = Cow::Borrowed(progression.samples());
+    if has_alpha(shape.component_count) {
+        let largest = u16::MAX >> (16 - shape.precision);
+        straighten_vectors(samples.to_mut(), shape.component_count, largest);
+    }
+    write(shape, progression.points(), &samples, beside, out)
 }
 
 /// What a pmesh keeps beside vertices.
@@ -88,9 +95,9 @@ fn write(
             append_errors(errors, &mut stream);
         }
         Beside::Faces(mesh) => {
-            if let Some(samples) = mesh.face_samples() {
+            if let Some(of_faces) = mesh.straight_face_samples() {
                 version = FLAT_VERSION;
-                append_face_samples(mesh, samples, &order, &mut stream);
+                append_face_samples(mesh, samples, &of_faces, &order, &mut stream);
             }
         }
     }
@@ -154,7 +161,13 @@ fn append_samples(
 
 /// Appends how the samples of the faces differ from the means of their vertices, component by
 /// component.
-fn append_face_samples(mesh: &Mesh, samples: &[u16], order: &[usize], stream: &mut Vec<u8>) {
+fn append_face_samples(
+    mesh: &Mesh,
+    vertices: &[u16],
+    samples: &[u16],
+    order: &[usize],
+    stream: &mut Vec<u8>,
+) {
     let shape = mesh.shape();
     let (count, modulus) = (shape.component_count, 1u32 << shape.precision);
     let mut numbers = vec![0; order.len()];
@@ -162,7 +175,7 @@ fn append_face_samples(mesh: &Mesh, samples: &[u16], order: &[usize], stream: &m
     let faces = ordered_faces(mesh.faces(), |v| numbers[v as usize]);
     let of_component = |c: usize| {
         let difference = |&(_, face): &(Face, usize)| {
-            let corners = mesh.faces()[face].map(|v| mesh.vertex_samples(v as usize)[c]);
+            let corners = mesh.faces()[face].map(|v| vertices[v as usize * count + c]);
             difference(samples[face * count + c], mean_of_corners(corners), modulus)
         };
         faces.iter().map(difference).collect()

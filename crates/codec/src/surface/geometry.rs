@@ -3,6 +3,8 @@
 use crate::choices::{Coloring, LengthUnit, ReliefSource, UpAxis};
 use crate::color::{LUMA_SUM, luma};
 use crate::error::EncodeError;
+use crate::rounding::rounded_quotient;
+use pixmesh_meshing::alpha::has_alpha;
 use pixmesh_meshing::{ParameterError, Shape};
 use std::fmt;
 use std::str::FromStr;
@@ -207,16 +209,23 @@ impl Geometry {
     pub(super) fn height(&self, samples: &[u16], shape: Shape) -> f64 {
         let Some(Relief { source, invert, .. }) = self.relief else { return 0.0 };
         let largest = u32::from(u16::MAX >> (16 - shape.precision)) * LUMA_SUM;
-        let steps = steps(samples, source);
+        let steps = steps(samples, source, shape);
         let steps = if invert { largest - steps.min(largest) } else { steps };
         f64::from(steps) * self.total_height(shape) / f64::from(largest)
     }
 }
 
 /// What a relief follows of a sample vector, in thousandths of a step.
-pub(super) fn steps(samples: &[u16], source: ReliefSource) -> u32 {
+pub(super) fn steps(samples: &[u16], source: ReliefSource, shape: Shape) -> u32 {
+    let largest = u64::from(u16::MAX >> (16 - shape.precision));
     match component(source) {
-        None => luma(samples),
+        None => match *samples {
+            // Seen on black.
+            [.., alpha] if has_alpha(samples.len()) => {
+                rounded_quotient(u64::from(luma(samples)) * u64::from(alpha), largest) as u32
+            }
+            _ => luma(samples),
+        },
         Some(component) => samples.get(component).map_or(0, |&sample| luma(&[sample])),
     }
 }

@@ -59,7 +59,8 @@ fn hillshade(surface: &Surface<'_>) -> Vec<u16> {
 fn by_height(surface: &Surface<'_>, color: impl Fn(f64) -> [f64; 3]) -> Vec<u16> {
     let Relief { source, .. } = surface.geometry.relief.unwrap_or_default();
     let level = |vertex| {
-        super::geometry::steps(surface.mesh.vertex_samples(surface.origin(vertex)), source)
+        let samples = surface.mesh.vertex_samples(surface.origin(vertex));
+        super::geometry::steps(samples, source, surface.mesh.shape())
     };
     let levels: Vec<u32> = (0..surface.vertex_count()).map(level).collect();
     let least = levels.iter().copied().min().unwrap_or_default();

@@ -40,6 +40,8 @@ pub(super) struct Page {
     /// Components lie one after the other.
     pub(super) planar: bool,
     pub(super) meaning: Meaning,
+    /// Whether the colours are premultiplied by their alpha.
+    pub(super) is_premultiplied: bool,
     pub(super) orientation: Orientation,
     /// Offset of the directory.
     directory: u64,
@@ -90,7 +92,19 @@ impl Page {
         check_tiles(decoder, [width, height])?;
         let directory = decoder.ifd_pointer().map_or(0, |pointer| pointer.0);
         let (width, height) = (width as usize, height as usize);
-        Ok(Self { width, height, depth, sample_count, planar, meaning, orientation, directory })
+        // 1 is associated alpha, which the colours are multiplied by.
+        let is_premultiplied = extra == Some(1);
+        Ok(Self {
+            width,
+            height,
+            depth,
+            sample_count,
+            planar,
+            meaning,
+            is_premultiplied,
+            orientation,
+            directory,
+        })
     }
 
     /// What the directory means for the decoded image.

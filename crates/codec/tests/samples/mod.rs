@@ -8,6 +8,7 @@ pub(crate) mod encoders;
 pub(crate) mod memory;
 
 use pixmesh_codec::{Encodable, EncodeError, EncodeOptions, Format, encode};
+use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Image, Mesh, Point, Shape};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -52,7 +53,7 @@ pub(crate) fn gradient(width: usize, height: usize, component_count: usize) -> I
 }
 
 /// A mesh over the crossings of the given columns and rows, which begin with 0 and end with the
-/// image's last; the diagonals of the cells alternate.
+/// image's last; the diagonals of the cells alternate. The samples' colours are straight.
 pub(crate) fn crossings(
     columns: &[usize],
     rows: &[usize],
@@ -65,9 +66,10 @@ pub(crate) fn crossings(
     let place = |(&x, &y): (&usize, &usize)| Point::new(x as i32, y as i32);
     let points: Vec<Point> =
         rows.iter().flat_map(|y| columns.iter().map(move |x| place((x, y)))).collect();
-    let samples = (0..points.len() * component_count)
-        .map(|i| sample(i) & (u16::MAX >> (16 - precision)))
-        .collect();
+    let largest = u16::MAX >> (16 - precision);
+    let mut samples: Vec<u16> =
+        (0..points.len() * component_count).map(|i| sample(i) & largest).collect();
+    premultiply_vectors(&mut samples, component_count, largest);
     let mut faces = Vec::new();
     for row in 0..rows.len() - 1 {
         for column in 0..columns.len() - 1 {
@@ -97,7 +99,7 @@ pub(crate) fn images() -> impl Strategy<Value = Image> {
             let sample = 0..=u16::MAX >> (16 - precision);
             let plane = proptest::collection::vec(sample, width * height);
             proptest::collection::vec(plane, component_count).prop_map(move |planes| {
-                Image::from_bottom_up(width, height, precision, planes).unwrap()
+                Image::from_bottom_up(width, height, precision, planes).unwrap().premultiplied()
             })
         },
     )

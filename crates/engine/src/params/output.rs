@@ -10,8 +10,10 @@ use pixmesh_codec::{
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::Reconstruction;
 
-/// The parameters that change how a mesh is written, and not the mesh.
-pub const WRITING: [&str; 16] = [
+/// The parameters that change how a mesh is written, and not the mesh. Of `alpha` these are
+/// [`WRITTEN_ALPHAS`].
+pub const WRITING: [&str; 17] = [
+    "alpha",
     "relief",
     "height",
     "z_scale",
@@ -29,6 +31,9 @@ pub const WRITING: [&str; 16] = [
     "shading",
     "png_compression",
 ];
+
+/// The values of `alpha` that say how a mesh is written.
+pub const WRITTEN_ALPHAS: &[&str] = &["keep", "cut"];
 
 /// How the image is read and the mesh is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,7 +74,8 @@ impl Output {
     #[must_use]
     pub fn writing<'a>(&self, texture: Option<&'a Texture>) -> EncodeOptions<'a> {
         let Self { geometry, compression, shading, png_compression, .. } = *self;
-        EncodeOptions { geometry, compression, texture, shading, png_compression }
+        let cut = self.alpha.is_cut();
+        EncodeOptions { geometry, compression, texture, shading, cut, png_compression }
     }
 
     /// Checks what is asked for against the image.

@@ -341,8 +341,8 @@ pub static TABLE: [Parameter; 50] = [
     )),
     Parameter {
         name: "alpha",
-        about: "What becomes of the image's alpha: keep, a component like any other; drop; or over:#rrggbb, composed over that colour (in a query the # is %23, or is left out). Default: keep.",
-        takes: Takes::Pattern("^(keep|drop|over:#?[0-9A-Fa-f]{6})$"),
+        about: "What becomes of the image's alpha: keep; cut or cut:0 to cut:254, which makes pixels of at most that alpha transparent (cut alone: 8) and leaves the triangles that show nothing out of every format but MODEL, pmesh and pictures; drop; or over:#rrggbb, composed over that colour (in a query the # is %23, or is left out). Default: keep.",
+        takes: Takes::Pattern("^(keep|cut(:[0-9]{1,3})?|drop|over:#?[0-9A-Fa-f]{6})$"),
         read: Reader::Word(|choices, text| put_word(&mut choices.alpha, text)),
         show: |options| {
             (options.output.alpha != Alpha::Keep).then(|| options.output.alpha.to_string())

@@ -24,7 +24,7 @@ pub struct Buffers {
     pub positions: Vec<[f32; 3]>,
     /// Red, green, blue and alpha for each vertex, 0 to 255, encoded as the samples are, which is
     /// sRGB in most pictures: `Unorm8x4`. One component is gray, two are gray and alpha, three
-    /// are RGB, four RGBA; of more than four the first three count.
+    /// are RGB, four RGBA; of more than four the first three count. Colours are straight.
     pub colors: Vec<[u8; 4]>,
     /// Coordinates of each vertex in the image as a texture: 0 to 1, `v` downwards from the top
     /// edge as in WebGPU and glTF: `Float32x2`.
@@ -40,19 +40,19 @@ impl Buffers {
         let Shape { width, height, component_count, precision } = mesh.shape();
         let largest = crate::image::largest_sample(precision);
         let count = component_count;
-        let (vertices, samples, indices): (Vec<u32>, Vec<&[u16]>, Vec<u32>) =
-            match mesh.face_samples() {
-                None => (
-                    (0..mesh.points().len() as u32).collect(),
-                    mesh.samples().chunks_exact(count).collect(),
-                    mesh.faces().as_flattened().to_vec(),
-                ),
-                Some(samples) => (
-                    mesh.faces().as_flattened().to_vec(),
-                    samples.chunks_exact(count).flat_map(|samples| [samples; 3]).collect(),
-                    (0..3 * mesh.faces().len() as u32).collect(),
-                ),
-            };
+        let (straight, of_faces) = (mesh.straight_samples(), mesh.straight_face_samples());
+        let (vertices, samples, indices): (Vec<u32>, Vec<&[u16]>, Vec<u32>) = match &of_faces {
+            None => (
+                (0..mesh.points().len() as u32).collect(),
+                straight.chunks_exact(count).collect(),
+                mesh.faces().as_flattened().to_vec(),
+            ),
+            Some(samples) => (
+                mesh.faces().as_flattened().to_vec(),
+                samples.chunks_exact(count).flat_map(|samples| [samples; 3]).collect(),
+                (0..3 * mesh.faces().len() as u32).collect(),
+            ),
+        };
         let points: Vec<Point> = vertices.iter().map(|&v| mesh.points()[v as usize]).collect();
         let [columns, rows] = [width, height].map(|side| side as f32);
         let uv = |x: i32, y: i32| [(x as f32 + 0.5) / columns, (rows - y as f32 - 0.5) / rows];

@@ -156,6 +156,11 @@ impl Mesh {
         Self { face_samples, ..self }
     }
 
+    /// Gives the vertices other samples, which a kernel has made valid.
+    pub(crate) fn with_kernel_samples(self, samples: Vec<u16>) -> Self {
+        Self { samples, ..self }
+    }
+
     /// The same mesh without colours of its faces.
     #[must_use]
     pub fn without_face_samples(self) -> Self {

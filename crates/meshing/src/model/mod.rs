@@ -3,5 +3,7 @@
 pub(crate) mod buffers;
 pub(crate) mod flat_color;
 pub(crate) mod mesh;
+pub(crate) mod outline;
 pub(crate) mod progression;
 pub(crate) mod rasterize;
+pub(crate) mod seen;

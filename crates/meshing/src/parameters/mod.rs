@@ -232,6 +232,9 @@ parameters! {
     seed: u64 = 0;
     /// The weight of the squared error of each lattice point; without weights all count alike.
     weights: Option<Weights> = None;
+    /// Whether each pixel of an alpha over 0 belongs to a face that
+    /// [is seen](crate::Mesh::is_seen), for which some transparent vertices get the least alpha.
+    covers_alpha: bool = false;
     /// Whether [`Approximation::removals`](crate::Approximation::removals) lists the removed
     /// vertices: 16 bytes each.
     lists_removals: bool = false;

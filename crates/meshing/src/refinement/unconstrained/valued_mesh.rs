@@ -1,5 +1,6 @@
 //! A mesh whose vertices have values of their own, and whose faces need not be Delaunay.
 
+use crate::alpha::has_alpha;
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::{DynamicTriangulation, Link};
 use crate::face_error::{ErrorEvaluator, FaceErrors};
@@ -47,6 +48,19 @@ impl<'a> ValuedMesh<'a> {
             self.triangulation.set_face_error(slot, error);
         }
         Ok(())
+    }
+
+    /// Lowers premultiplied colours that exceed their alpha; says whether there were any.
+    pub(crate) fn limit_colors_to_alpha(&mut self) -> bool {
+        let (count, mut is_limited) = (self.image.component_count(), false);
+        for values in self.values.chunks_exact_mut(count).filter(|_| has_alpha(count)) {
+            let alpha = values[count - 1];
+            for value in values.iter_mut().filter(|value| **value > alpha) {
+                *value = alpha;
+                is_limited = true;
+            }
+        }
+        is_limited
     }
 
     pub(crate) fn values_of(&self, vertex: u32) -> &[u16] {
