@@ -17,7 +17,7 @@ const APART_MIB: u64 = 32;
 #[test]
 fn no_work_takes_more_memory_than_it_was_admitted_for() {
     let _alone = crate::alone();
-    let works: [Work; 22] = [
+    let works: [Work; 23] = [
         ("method=med&density=2&format=model", Format::Model, noise(1500)),
         ("method=med&density=1&format=png", Format::Png, flat(2500, 2500)),
         ("method=mgprfs&density=1&format=model", Format::Model, noise(1200)),
@@ -40,6 +40,7 @@ fn no_work_takes_more_memory_than_it_was_admitted_for() {
             noise(700),
         ),
         ("method=preview&density=8&format=model", Format::Model, noise(800)),
+        ("method=preview&density=2&format=model", Format::Model, noise(1500)),
         ("method=optimal&effort=1&density=4&format=model", Format::Model, noise(600)),
         ("connectivity=free&values=fitted&density=4&format=model", Format::Model, noise(700)),
         ("method=flat&density=1&format=png", Format::Png, noise(600)),

@@ -23,12 +23,14 @@ const BOUND_MS: f64 = 20.0;
 
 type Call = (&'static str, fn() -> Parameters);
 
-const CALLS: [Call; 10] = [
+const CALLS: [Call; 12] = [
     ("few-vertices", few_vertices),
     ("effort-1", || few_vertices().effort(1)),
     ("effort-4", || Method::Mgprfs.parameters(Target::Size(120)).effort(4)),
     ("default", || Method::Mgprfs.parameters(Target::Percent(2.0))),
     ("removal-from-40-percent", || Method::Mgprfs.parameters(Target::Percent(10.0))),
+    ("preview", || Method::Preview.parameters(Target::Percent(2.0))),
+    ("preview-of-few-vertices", || Method::Preview.parameters(Target::Size(24))),
     ("half-of-the-points", || Method::Med.parameters(Target::Percent(50.0))),
     ("flat", || few_vertices().effort(1).reconstruction(Reconstruction::Flat)),
     ("fitted", || few_vertices().effort(1).values(Values::Fitted)),

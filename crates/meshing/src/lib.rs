@@ -42,7 +42,8 @@
 //!   shared among threads.
 //! - [`parameters`]: what a caller chooses, its bounds, and the named [`Method`]s.
 //! - `density`: second derivatives, significance, and the sampling [`Density`].
-//! - `points`: initial points by error diffusion, on a grid, at random or by insertion.
+//! - `points`: initial points by error diffusion, on a grid, at random, by insertion or by error
+//!   diffusion in a reduced picture.
 //! - `triangulation`: preferred-directions Delaunay triangulation and exact predicates.
 //! - `face_error`: the error of a triangle's interpolant against the image, by each metric.
 //! - `dynamic_mesh`: a triangulation with the errors of its faces, for vertices that move.

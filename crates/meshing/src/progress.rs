@@ -49,9 +49,12 @@ impl<'a> Run<'a> {
             (Stage::Refine, REFINEMENT_PER_POINT * f64::from(parameters.effort) * refined),
             (Stage::Measure, MEASURE_PER_SAMPLE * samples),
         ];
+        let (inserts, generator) = (parameters.inserts(shape), parameters.generator);
         let runs = |stage| match stage {
-            Stage::Insert => parameters.generator == Generator::Insertion,
-            Stage::Density | Stage::Diffuse => parameters.generator == Generator::ErrorDiffusion,
+            Stage::Insert => inserts,
+            Stage::Density | Stage::Diffuse => {
+                !inserts && matches!(generator, Generator::ErrorDiffusion | Generator::Insertion)
+            }
             _ => true,
         };
         let durations = durations.into_iter().filter(|(stage, _)| runs(*stage)).collect();

@@ -27,14 +27,14 @@ impl Control for Recorder {
 }
 
 /// A picture of discs on a slope.
-fn image() -> Image {
+fn image(width: usize, height: usize) -> Image {
     let sample = |i: usize| {
-        let (x, y) = (i % 96, i / 96);
+        let (x, y) = (i % width, i / width);
         let disc = x.abs_diff(40).pow(2) + y.abs_diff(30).pow(2) < 300;
-        (if disc { 200 } else { x + y } + (x * 7 + y * 13) % 5) as u16
+        (if disc { 200 } else { (x + y) % 160 } + (x * 7 + y * 13) % 5) as u16
     };
-    let plane: Vec<u16> = (0..96 * 64).map(sample).collect();
-    Image::from_top_down(96, 64, 8, vec![plane]).unwrap()
+    let plane: Vec<u16> = (0..width * height).map(sample).collect();
+    Image::from_top_down(width, height, 8, vec![plane]).unwrap()
 }
 
 fn check(name: &str, recorder: Recorder) {
@@ -60,19 +60,20 @@ fn check(name: &str, recorder: Recorder) {
     }
 }
 
-fn run(name: &str, parameters: &Parameters) {
-    let (image, recorder) = (image(), Recorder::default());
-    let made = mesh_image(&image, parameters, &recorder).unwrap();
+fn run(name: &str, image: &Image, parameters: &Parameters) {
+    let recorder = Recorder::default();
+    let made = mesh_image(image, parameters, &recorder).unwrap();
     check(name, recorder);
     if parameters.is_of_points_alone() {
         let recorder = Recorder::default();
-        Progression::new(&image, &made.mesh, parameters, &recorder).unwrap();
+        Progression::new(image, &made.mesh, parameters, &recorder).unwrap();
         check(&format!("{name}, its progression"), recorder);
     }
 }
 
 #[test]
 fn every_stage_begins_once_and_its_fraction_never_falls() {
+    let image = &image(96, 64);
     for method in Method::NAMES {
         let method: Method = method.parse().unwrap();
         if method.check_component_count(1).is_err() {
@@ -81,11 +82,17 @@ fn every_stage_begins_once_and_its_fraction_never_falls() {
         for target in
             [Target::Size(200), Target::Psnr(30.0), Target::MeanError(5.0), Target::MaxError(30)]
         {
-            run(&format!("{method}, {target:?}"), &method.parameters(target));
+            run(&format!("{method}, {target:?}"), image, &method.parameters(target));
         }
     }
     for effort in [3, 9] {
         let parameters = Method::Mgprfs.parameters(Target::Size(300)).effort(effort);
-        run(&format!("effort {effort}"), &parameters);
+        run(&format!("effort {effort}"), image, &parameters);
     }
+}
+
+#[test]
+fn stages_of_large_preview_begin_once() {
+    let parameters = Method::Preview.parameters(Target::Percent(0.1));
+    run("preview of a large picture", &image(1100, 1000), &parameters);
 }

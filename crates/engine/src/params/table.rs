@@ -272,7 +272,7 @@ pub static TABLE: [Parameter; 50] = [
             _ => None,
         }
     ),
-    word!(initial: Generator, "How the initial points are chosen: by error diffusion, by greedy insertion, all, at random, or on a regular grid.",
+    word!(initial: Generator, "How the initial points are chosen: by error diffusion, by greedy insertion (above a megapixel by error diffusion in a reduced picture), all, at random, or on a regular grid.",
         |options| Some(options.parameters.generator.to_string())),
     word!(policy: Policy, "How the image becomes the density of the initial points.",
         |options| Some(options.parameters.policy.to_string())),

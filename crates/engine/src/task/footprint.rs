@@ -125,14 +125,17 @@ impl<'a> Footprint<'a> {
         let chosen_from = match self.parameters.generator {
             _ if self.initial >= self.pixels => 0,
             Generator::ErrorDiffusion => self.density_per_pixel(),
-            Generator::Insertion => self.copy_per_pixel() + REFINED_MARKS,
+            Generator::Insertion if self.inserts() => self.copy_per_pixel() + REFINED_MARKS,
+            // The most, where the points are too many for a reduced picture.
+            Generator::Insertion => FIELD,
             Generator::All | Generator::Random | Generator::Uniform => 0,
         };
-        let inserted = match self.parameters.generator {
-            Generator::Insertion => self.initial * INSERTED,
-            _ => 0,
-        };
+        let inserted = if self.inserts() { self.initial * INSERTED } else { 0 };
         self.image() + self.meshed_luma() + self.pixels * (MARK + chosen_from) + inserted
+    }
+
+    fn inserts(&self) -> bool {
+        self.parameters.inserts(self.header.shape())
     }
 
     fn density_per_pixel(&self) -> u64 {
@@ -339,6 +342,15 @@ mod tests {
         assert!(of(Generator::Uniform) <= of(Generator::Random));
         let few = changed(Method::Preview, |with| with.target = Target::Percent(10.0));
         assert!(changed(Method::Preview, |with| with.target = Target::Percent(20.0)) > few);
+    }
+
+    #[test]
+    fn preview_of_large_picture_takes_what_med_takes() {
+        let of = |method: Method, side| {
+            peak(&header(side, side, 3), &method.parameters(Target::Percent(2.0)), Format::Model)
+        };
+        assert_ne!(of(Method::Preview, 1024), of(Method::Med, 1024));
+        assert_eq!(of(Method::Preview, 1025), of(Method::Med, 1025));
     }
 
     #[test]

@@ -106,7 +106,8 @@ named_values! {
     "initial" Generator {
         /// Error diffusion of the density.
         ErrorDiffusion = "ed",
-        /// Greedy insertion into the face of largest error.
+        /// Greedy insertion into the face of largest error; above a megapixel error diffusion in a
+        /// reduced picture, which is quick.
         Insertion = "insertion",
         /// Every lattice point.
         All = "all",

@@ -45,8 +45,8 @@ named_values! {
         Cgprfsed = "cgprfsed",
         /// GPR on the gray picture of three components, whose colours the mesh then carries.
         Cgpr = "cgpr",
-        /// Points inserted one by one where the error is largest, any number of components; no
-        /// simplification: fastest.
+        /// Points inserted one by one where the error is largest, above a megapixel diffused in a
+        /// reduced picture, any number of components; no simplification: fastest.
         Preview = "preview",
     }
 }

@@ -28,6 +28,8 @@ pub const MAX_PSNR_DB: f64 = 200.0;
 pub const MAX_MEAN_ERROR: f64 = 1e12;
 /// The largest ratio of initial to final points.
 pub const MAX_GAMMA: f64 = 1000.0;
+/// The most pixels of an image into which points are inserted; above, that takes seconds.
+const MOST_INSERTED_INTO: usize = 1 << 20;
 /// The largest smoothing order.
 pub const MAX_SMOOTHING_ORDER: usize = 21;
 
@@ -356,6 +358,12 @@ impl Parameters {
     #[must_use]
     pub fn is_flat(&self) -> bool {
         self.reconstruction == Reconstruction::Flat
+    }
+
+    /// Whether greedy insertion chooses the initial points of an image of this shape.
+    #[must_use]
+    pub fn inserts(&self, shape: Shape) -> bool {
+        self.generator == Generator::Insertion && shape.width * shape.height <= MOST_INSERTED_INTO
     }
 
     /// Whether greedy removal, or refinement after it, makes the mesh.

@@ -172,6 +172,21 @@ fn one_shot_methods_are_independent_of_threads() {
     }
 }
 
+#[test]
+fn previews_of_large_pictures_are_independent_of_threads() {
+    let (width, height) = (1200, 900);
+    let sample = |i: usize| noise(i % width / 3, i / width / 5) % 64 + (i / width / 8) as u16;
+    let picture = image(width, height, 8, vec![(0..width * height).map(sample).collect()]);
+    for density in [0.1, 2.0, 5.0] {
+        let parameters = Method::Preview.parameters(Target::Percent(density));
+        let expected = model_on(1, &picture, &parameters);
+        for threads in [2, 5] {
+            let made = model_on(threads, &picture, &parameters);
+            assert!(made == expected, "{density} % on {threads} threads");
+        }
+    }
+}
+
 /// A control that cancels from a given step of a stage on, and records when.
 struct CancelAt {
     stage: Stage,
