@@ -84,6 +84,14 @@ pub fn mesh_image(
         let run = Run::of_mesh(control, image.shape(), parameters, &plan);
         mesh_by_plan(image, parameters, plan, &run)?
     };
+    // All lattice points make a perfect mesh, some may not.
+    if is_bounded
+        && plan.initial_size < image.pixel_count()
+        && !is_within(image, &made, parameters, control)?
+    {
+        let (parameter, points) = (parameters.target.parameter(), plan.initial_size);
+        return Err(MeshingError::TargetMissed { parameter, points });
+    }
     control.whole(1.0);
     Ok(made)
 }
@@ -274,8 +282,7 @@ fn unconstrain(
     let mut mesh = ValuedMesh::new(image, weights, guide, points, control)?;
     let SortedMesh { points, faces, order } =
         refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
-    let is_limited = mesh.limit_colors_to_alpha();
-    if weighted.is_some() || is_limited {
+    if weighted.is_some() {
         mesh.errors = FaceErrors::new(&unweighted);
         mesh.measure(Stage::Measure, control)?;
     }

@@ -33,6 +33,7 @@ pub(crate) fn fit_values(
             *rounded = (value + 0.5).floor().clamp(0.0, largest) as u16;
         }
     }
+    mesh.limit_colors_to_alpha();
     mesh.measure(Stage::Refine, control)?;
     if mesh.triangulation.total_error >= error_before {
         mesh.values = values_before;
@@ -244,8 +245,10 @@ mod tests {
             let best: Vec<f64> = first.iter().zip(&second).flat_map(|(a, b)| [*a, *b]).collect();
             // Where one is as near to another whole number either will do.
             prop_assume!(best.iter().all(|value| (value.rem_euclid(1.0) - 0.5).abs() > 1e-3));
-            let rounded: Vec<u16> =
+            let mut rounded: Vec<u16> =
                 best.iter().map(|value| value.round().clamp(0.0, 7.0) as u16).collect();
+            // A colour is at most its alpha.
+            rounded.chunks_exact_mut(2).for_each(|values| values[0] = values[0].min(values[1]));
             let error = |values: &[u16]| {
                 error_of_rebuilt(&image, &points, values, &faces_of(&mesh))
             };

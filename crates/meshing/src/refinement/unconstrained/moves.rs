@@ -5,6 +5,7 @@
 //! and its error, for each component. Of the vertex's position and the 8 around it, the one of
 //! least estimated error is measured with the rounded value, and taken if the error falls.
 
+use crate::alpha::has_alpha;
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::half_edges::Link;
 use crate::face_error::scan_conversion::try_for_each_row;
@@ -146,12 +147,17 @@ impl VertexMoves {
             let values = [a, b].map(|v| mesh.values_of(v));
             add_face(mesh, [from, to, at], values, &mut self.parabolas, poller)?;
         }
+        let value = |c: usize, largest| {
+            let fitted = self.parabolas[c].best(largest).filter(|_| self.freedom.values);
+            fitted.unwrap_or_else(|| image.sample(c, at.x as usize, at.y as usize))
+        };
+        let (last, largest) = (image.component_count() - 1, image.max_sample());
+        // Premultiplied colours are at most the alpha.
+        let most = if has_alpha(last + 1) { value(last, largest) } else { largest };
         self.values.clear();
+        self.values.extend((0..=last).map(|c| value(c, if c < last { most } else { largest })));
         let mut sum = 0.0;
-        for (c, parabola) in self.parabolas.iter().enumerate() {
-            let fitted = parabola.best(image.max_sample()).filter(|_| self.freedom.values);
-            let value = fitted.unwrap_or_else(|| image.sample(c, at.x as usize, at.y as usize));
-            self.values.push(value);
+        for (parabola, &value) in self.parabolas.iter().zip(&self.values) {
             sum += parabola.at(value.into());
         }
         Ok(sum)
@@ -294,7 +300,9 @@ mod tests {
                     prop_assert!((estimate - at_best).abs() < 1e-6 * (1.0 + at_best));
                     for c in 0..2 {
                         let best = error(c, moves.values[c]);
-                        for z in 0..=image.max_sample() {
+                        // A colour is at most its alpha.
+                        let most = if c == 0 { moves.values[1] } else { image.max_sample() };
+                        for z in 0..=most {
                             prop_assert!(best <= error(c, z) + 1e-6 * (1.0 + best));
                         }
                     }
@@ -344,7 +352,10 @@ mod tests {
         let inner = inner.into_iter().map(|(x, y)| Point::new(x, y));
         let mut points: Vec<Point> = inner.chain(corner_points(25, 25)).collect();
         points.sort_unstable();
-        let values = (0..points.len() as u16).flat_map(|v| [v * 97 % 211, 250 - v * 61 % 239]);
+        let values = (0..points.len() as u16).flat_map(|v| {
+            let alpha = 250 - v * 61 % 239;
+            [alpha.min(v * 97 % 211), alpha]
+        });
         let shape = Shape { width: 25, height: 25, component_count: 2, precision: 8 };
         let faces = triangulate(&points);
         let mesh = Mesh::from_kernel(shape, points.clone(), values.collect(), faces);

@@ -50,17 +50,14 @@ impl<'a> ValuedMesh<'a> {
         Ok(())
     }
 
-    /// Lowers premultiplied colours that exceed their alpha; says whether there were any.
-    pub(crate) fn limit_colors_to_alpha(&mut self) -> bool {
-        let (count, mut is_limited) = (self.image.component_count(), false);
+    /// Lowers premultiplied colours that exceed their alpha.
+    pub(crate) fn limit_colors_to_alpha(&mut self) {
+        let count = self.image.component_count();
         for values in self.values.chunks_exact_mut(count).filter(|_| has_alpha(count)) {
-            let alpha = values[count - 1];
-            for value in values.iter_mut().filter(|value| **value > alpha) {
-                *value = alpha;
-                is_limited = true;
+            if let [colors @ .., alpha] = values {
+                colors.iter_mut().for_each(|color| *color = (*color).min(*alpha));
             }
         }
-        is_limited
     }
 
     pub(crate) fn values_of(&self, vertex: u32) -> &[u16] {
