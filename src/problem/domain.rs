@@ -318,6 +318,9 @@ impl From<MeshingError> for Problem {
         match error {
             MeshingError::Parameter(error) => error.into(),
             MeshingError::Cancelled(cancelled) => cancelled.into(),
+            MeshingError::TargetMissed { parameter, .. } => {
+                Self::new(Kind::ConflictingParameters, error.to_string()).param(parameter)
+            }
             MeshingError::Shape(error) => {
                 Self::new(Kind::ShapeMismatch, error.to_string()).param("approximation")
             }

@@ -196,10 +196,28 @@ fn a_refusal_carries_bounds_alternatives_and_the_nearest_name() {
     assert_eq!(refusal("size=401")["maximum"], 400.0, "no more vertices than pixels");
     assert_eq!(refusal("desnity=5")["nearest"], "density");
     assert_eq!(refusal("smooting_order=5")["nearest"], "smoothing_order");
+    for (name, meant) in [("psnr", "target_psnr"), ("vertices", "size"), ("quality", "target_psnr")]
+    {
+        assert_eq!(refusal(&format!("{name}=40"))["nearest"], meant);
+    }
     let allowed = refusal("method=MED")["allowed"].clone();
     assert!(allowed.as_array().unwrap().contains(&"med".into()), "{allowed}");
     let allowed = refusal("method=ced")["allowed"].clone();
     assert!(!allowed.as_array().unwrap().contains(&"cgpr".into()), "{allowed}");
+}
+
+#[test]
+fn a_target_that_the_initial_points_cannot_reach_is_refused() {
+    let server = Server::start(&[]);
+    let image = disc(40, 40, 1);
+    for target in ["target_psnr=60", "target_error=0.01", "max_error=1"] {
+        let query = format!("{target}&initial_size=50");
+        let problem = server.mesh(&query, &[], &image).problem(422, "conflicting-parameters");
+        assert_eq!(problem["param"], target.split('=').next().unwrap());
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains("50 initial points"), "{detail}");
+        assert_eq!(server.mesh(target, &[], &image).status, 200, "{target}");
+    }
 }
 
 #[test]

@@ -149,6 +149,21 @@ fn a_picture_in_a_part_of_another_name_is_refused_with_both_names() {
 }
 
 #[test]
+fn a_mesh_in_a_part_of_another_name_is_refused_with_both_names() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    for format in ["model", "pmesh"] {
+        let mesh = server.mesh(&format!("size=30&format={format}"), &[], &image).body;
+        let (label, body) = form(&[(&field("file"), &mesh)]);
+        let headers = [("Content-Type", label.as_str())];
+        let answer = send(server.public, "POST", "/v1/conversions?format=svg", &headers, &body);
+        let problem = answer.problem(400, "part-missing");
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.starts_with("the part 'file' holds a mesh: name it 'mesh'"), "{detail}");
+    }
+}
+
+#[test]
 fn slips_with_curl_are_answered_with_the_option_to_use() {
     let server = Server::start(&[]);
     let urlencoded = [("Content-Type", "application/x-www-form-urlencoded")];

@@ -11,7 +11,7 @@ struct Unread {
 }
 
 /// The rows. The first that fits a file is its format.
-const UNREAD: [Unread; 13] = [
+const UNREAD: [Unread; 14] = [
     Unread {
         name: "AVIF",
         conversion: "magick photo.avif photo.png",
@@ -35,6 +35,13 @@ const UNREAD: [Unread; 13] = [
         conversion: "djxl photo.jxl photo.png",
         begins: |bytes| {
             bytes.starts_with(b"\xFF\x0A") || bytes.starts_with(b"\0\0\0\x0CJXL \r\n\x87\n")
+        },
+    },
+    Unread {
+        name: "JPEG 2000",
+        conversion: "opj_decompress -i photo.jp2 -o photo.png",
+        begins: |bytes| {
+            bytes.starts_with(b"\0\0\0\x0CjP  \r\n\x87\n") || bytes.starts_with(b"\xFF\x4F\xFF\x51")
         },
     },
     Unread {
@@ -216,6 +223,7 @@ mod tests {
             (b"\0\0\0\x18ftypcrx \0\0\0\x01crx isom", "CR3"),
             (b"\xFF\x0A\xFA\x1F", "JPEG XL"),
             (b"\0\0\0\x0CJXL \r\n\x87\n\0\0\0\x14ftypjxl ", "JPEG XL"),
+            (b"\0\0\0\x0CjP  \r\n\x87\n\0\0\0\x14ftypjp2 ", "JPEG 2000"),
             (b"<svg xmlns=\"http://www.w3.org/2000/svg\"/>", "SVG"),
             (b"\xEF\xBB\xBF<?xml version=\"1.0\"?>\n<!-- made --><svg>", "SVG"),
             (b"%PDF-1.7\n", "PDF"),

@@ -178,13 +178,30 @@ pub fn unknown(name: &str, known: &[&str]) -> InputError {
     InputError::Unknown { name, nearest }
 }
 
-/// The known name that is most like a misspelt one, if any is like it at all.
+/// Names that are not known, and those that mean the same.
+const SYNONYMS: [(&str, &str); 6] = [
+    ("vertices", "size"),
+    ("points", "size"),
+    ("count", "size"),
+    ("percent", "density"),
+    ("quality", "target_psnr"),
+    ("preset", "method"),
+];
+
+/// The known name that means the same as an unknown one, or is most like it: that it is a part of,
+/// or a misspelling of.
 #[must_use]
 pub fn nearest_name<'a>(given: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let given: String = given.chars().take(64).collect();
+    let synonym = SYNONYMS.iter().find(|(name, _)| given.eq_ignore_ascii_case(name));
     let distance = |name: &str| strsim::osa_distance(&given, name);
-    let alike = |name: &&str| distance(name) <= name.len().div_ceil(2);
-    known.filter(alike).min_by_key(|name| distance(name))
+    let is_part = |name: &str| given.len() >= 3 && name.split('_').any(|word| word == given);
+    let alike = |name: &&str| distance(name) <= name.len().div_ceil(2) || is_part(name);
+    let rank = |name: &&str| {
+        let means = synonym.is_some_and(|(_, meant)| meant == name);
+        (!means, !is_part(name), distance(name))
+    };
+    known.filter(|name| alike(name) || !rank(name).0).min_by_key(rank)
 }
 
 impl Choices {

@@ -20,6 +20,17 @@ pub enum MeshingError {
     /// A parameter is out of its bounds or not defined for such an image.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
+    /// The mesh of all initial points is not as good as the target asks for.
+    #[error(
+        "{parameter} asks for more than a mesh of {points} initial points has: give more of them, \
+        or leave their number out"
+    )]
+    TargetMissed {
+        /// Name of the target.
+        parameter: &'static str,
+        /// Initial points.
+        points: usize,
+    },
     /// Two images, or an image and a mesh, are of different shapes.
     #[error(transparent)]
     Shape(#[from] ShapeMismatch),

@@ -9,7 +9,7 @@ use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Request};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 use bytes::Bytes;
-use pixmesh_codec::{DecodeError, PictureFormat};
+use pixmesh_codec::{DecodeError, Limits, PictureFormat, probe_mesh};
 use pixmesh_engine::params::pairs_of_json;
 
 /// The most parts of a form.
@@ -81,8 +81,8 @@ impl<const N: usize> Contents<'_, N> {
             }
             _ => {
                 let bytes = file_of(field).await?;
-                if is_picture(&bytes) {
-                    return Err(self.misnamed(&name));
+                if let Some(content) = content_of(&bytes) {
+                    return Err(self.misnamed(&name, content));
                 }
                 fields.add(&name, text(&within_field(bytes)?, &name)?)?;
             }
@@ -90,19 +90,23 @@ impl<const N: usize> Contents<'_, N> {
         Ok(())
     }
 
-    /// A picture in a part that is no file's.
-    fn misnamed(&self, found: &str) -> Problem {
+    /// A file in a part that is no file's.
+    fn misnamed(&self, found: &str, content: &str) -> Problem {
         let found: String = found.chars().take(64).collect();
         let wanted = self.wanted.files.join("' or '");
-        let detail = format!("the part '{found}' holds a picture: name it '{wanted}' instead");
+        let detail = format!("the part '{found}' holds a {content}: name it '{wanted}' instead");
         missing(self.wanted.files[0]).detail(detail).member("actual", found)
     }
 }
 
-/// Whether a part holds a picture, of a format that is read or not.
-fn is_picture(bytes: &[u8]) -> bool {
-    let format = PictureFormat::sniff(bytes);
-    !matches!(format, Err(DecodeError::UnknownFormat | DecodeError::Empty))
+/// What file a part holds, if any: a picture, of a format that is read or not, or a mesh.
+fn content_of(bytes: &[u8]) -> Option<&'static str> {
+    match PictureFormat::sniff(bytes) {
+        Err(DecodeError::UnknownFormat | DecodeError::Empty) => {
+            probe_mesh(bytes, &Limits::default()).is_ok().then_some("mesh")
+        }
+        _ => Some("picture"),
+    }
 }
 
 /// The bytes of a part that is no file.

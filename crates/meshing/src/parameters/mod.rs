@@ -119,6 +119,18 @@ impl Target {
     pub fn is_quality(self) -> bool {
         !matches!(self, Self::Percent(_) | Self::Size(_))
     }
+
+    /// The name of the parameter that sets it.
+    #[must_use]
+    pub fn parameter(self) -> &'static str {
+        match self {
+            Self::Percent(_) => "density",
+            Self::Size(_) => "size",
+            Self::Psnr(_) => "target_psnr",
+            Self::MeanError(_) => "target_error",
+            Self::MaxError(_) => "max_error",
+        }
+    }
 }
 
 /// How many initial points there are.
