@@ -154,24 +154,24 @@ impl Blocks {
         reduced: &Image,
         (column, row): (usize, usize),
     ) -> (usize, usize) {
-        let [last_x, last_y] = [self.width - 1, self.height - 1];
-        let score = |x: usize, y: usize| {
-            let of_component = |c: usize| {
-                let sample = |x, y| i32::from(image.sample(c, x, y));
-                let around = |by: usize| {
-                    let (left, right) = (x.saturating_sub(by), (x + by).min(last_x));
-                    let (below, above) = (y.saturating_sub(by), (y + by).min(last_y));
-                    sample(left, y) + sample(right, y) + sample(x, below) + sample(x, above)
-                };
-                let distance = (sample(x, y) - i32::from(reduced.sample(c, column, row))).abs();
-                (around(1) - around(2)).abs() - DISTANCE_WEIGHT * distance
-            };
-            (0..image.component_count()).map(of_component).sum::<i32>()
-        };
+        let (columns, last) = (self.of(column, self.width), self.width - 1);
         let mut best = (i32::MIN, (0, 0));
         for y in self.of(row, self.height) {
-            for x in self.of(column, self.width) {
-                let score = score(x, y);
+            let mut scores = [0; MOST_FACTOR];
+            for c in 0..image.component_count() {
+                let mean = i32::from(reduced.sample(c, column, row));
+                let row_at = |by| image.row(c, y.saturating_add_signed(by).min(self.height - 1));
+                let [below_2, below, row, above, above_2] = [-2, -1, 0, 1, 2].map(row_at);
+                for (score, x) in scores.iter_mut().zip(columns.clone()) {
+                    let beside = |by| row[x.saturating_add_signed(by).min(last)];
+                    let sum = |four: [u16; 4]| four.map(i32::from).iter().sum::<i32>();
+                    let near = sum([beside(-1), beside(1), below[x], above[x]]);
+                    let far = sum([beside(-2), beside(2), below_2[x], above_2[x]]);
+                    let distance = (i32::from(row[x]) - mean).abs();
+                    *score += (near - far).abs() - DISTANCE_WEIGHT * distance;
+                }
+            }
+            for (score, x) in scores.into_iter().zip(columns.clone()) {
                 if score > best.0 {
                     best = (score, (x, y));
                 }
