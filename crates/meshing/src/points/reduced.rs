@@ -41,8 +41,8 @@ pub(crate) fn diffuse_in_reduced(
     let blocks = Blocks { width: image.width(), height: image.height(), factor };
     let reduced =
         if factor == 1 { Cow::Borrowed(image) } else { Cow::Owned(blocks.reduce(image, control)?) };
-    let tolerance = LEAST_TOLERANCE.max(size / TOLERANCE_PARTS);
-    let parameters = Parameters::default().tolerance(Some(tolerance));
+    let tolerance = (factor > 1).then(|| LEAST_TOLERANCE.max(size / TOLERANCE_PARTS));
+    let parameters = Parameters::default().tolerance(tolerance);
     let mut density = Density::of_checked(&reduced, &parameters, control)?;
     if let Some(weights) = weights {
         weigh(&mut density, &blocks.means(weights.values(), control)?, control)?;
@@ -222,6 +222,15 @@ mod tests {
             let [db, least] = [&preview, &med].map(|made| made.fidelity.psnr_db());
             assert!(db >= least, "{percent} %: {db} dB, MED {least} dB");
         }
+    }
+
+    #[test]
+    fn picture_for_many_points_is_not_reduced() {
+        let image = large_picture();
+        let mesh = |method: Method| {
+            mesh_image(&image, &method.parameters(Target::Percent(3.0)), &()).unwrap().mesh
+        };
+        assert!(mesh(Method::Preview) == mesh(Method::Med));
     }
 
     #[test]
