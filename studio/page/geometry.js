@@ -72,14 +72,18 @@ function outward(at, side) {
 }
 
 /**
- * Writes a sample vector as red, green, blue and alpha.
+ * Writes a sample vector as red, green and blue, premultiplied, and alpha.
  * @param {Points} points @param {Uint16Array} samples @param {number} i
  * @param {Uint16Array} values @param {number} to
  */
 function putColor({ components, precision }, samples, i, values, to) {
   const at = i * components, most = 2 ** precision - 1;
   const isColor = components >= 3;
-  for (let k = 0; k < 3; k++) values[4 * to + k] = samples[at + (isColor ? k : 0)];
   const hasAlpha = components === 2 || components === 4;
-  values[4 * to + 3] = hasAlpha ? samples[at + components - 1] : most;
+  const alpha = hasAlpha ? samples[at + components - 1] : most;
+  for (let k = 0; k < 3; k++) {
+    const straight = samples[at + (isColor ? k : 0)];
+    values[4 * to + k] = Math.floor((2 * straight * alpha + most) / (2 * most));
+  }
+  values[4 * to + 3] = alpha;
 }

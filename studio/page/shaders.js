@@ -25,7 +25,7 @@ vec3 heat(float t) {
 }
 `;
 
-/** Triangles with the interpolation of the method: linear, then rounded, halves up. */
+/** Triangles with the interpolation of the method: linear, then rounded, halves up; straight colours. */
 export const MESH = {
   vertex: `${HEAD}${PLACED}
 layout(location = 0) in vec2 lattice;
@@ -42,8 +42,13 @@ in vec4 value;
 out vec4 color;
 void main() {
   // A sum that must be a half is one within a thousandth.
-  vec4 rounded = floor(value + 0.501);
-  color = (rounds ? rounded : value) / most;
+  vec4 drawn = rounds ? floor(value + 0.501) : value;
+  // Premultiplied colours are interpolated, and pictures hold straight ones.
+  if (drawn.a < most) {
+    vec3 straight = drawn.a > 0.0 ? min(drawn.rgb * most / drawn.a, most) : vec3(0.0);
+    drawn.rgb = rounds ? floor(straight + 0.501) : straight;
+  }
+  color = drawn / most;
 }`,
 };
 

@@ -1,6 +1,6 @@
 //! The parameters that change how the image is read and how the mesh is written.
 
-use crate::pictures::{disc, disc_image, png};
+use crate::pictures::{disc, disc_image, png, sprite};
 use crate::server::Server;
 use pixmesh_codec::{
     DecodeOptions, Encodable, EncodeOptions, Format, Geometry, Limits, Relief, ReliefHeight,
@@ -120,7 +120,7 @@ fn gltf_is_compressed_and_textured_on_request() {
 }
 
 #[test]
-fn alpha_is_kept_dropped_or_composed() {
+fn alpha_is_kept_cut_dropped_or_composed() {
     let server = Server::start(&[]);
     let image = disc(20, 20, 4);
     let start = |query: &str| {
@@ -136,8 +136,26 @@ fn alpha_is_kept_dropped_or_composed() {
     assert_eq!(start(&ran).0, text);
     // A method for three components, which the image has without its alpha.
     assert_eq!(start("alpha=drop&method=ced").0, "20 20 3 ");
-    let problem = server.mesh("alpha=over:red", &[], &image).problem(422, "unknown-value");
-    assert_eq!(problem["param"], "alpha");
+    assert!(start("alpha=cut:20").1.contains("alpha=cut:20"));
+    for alpha in ["over:red", "cut:255", "cut:-1", "cut:"] {
+        let answer = server.mesh(&format!("alpha={alpha}"), &[], &image);
+        assert_eq!(answer.problem(422, "unknown-value")["param"], "alpha", "{alpha}");
+    }
+}
+
+#[test]
+fn a_jobs_mesh_can_be_cut_later_but_its_alpha_not_dropped() {
+    let server = Server::start(&[]);
+    let job = server.job("size=40", &sprite(60));
+    server.wait_for(&job, "completed");
+    let mesh = |query: &str| server.get(&format!("{job}/mesh?format=ply{query}"));
+    let (whole, cut) = (mesh(""), mesh("&alpha=cut"));
+    assert_eq!((whole.status, cut.status), (200, 200), "{}", cut.text());
+    assert!(cut.body.len() < whole.body.len());
+    for alpha in ["drop", "over:%23ffffff", "cut:9"] {
+        let problem = mesh(&format!("&alpha={alpha}")).problem(422, "unknown-value");
+        assert_eq!(problem["allowed"], serde_json::json!(["keep", "cut"]), "{alpha}");
+    }
 }
 
 #[test]

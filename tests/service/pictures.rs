@@ -17,6 +17,16 @@ pub(crate) fn disc_image(width: usize, height: usize, components: usize) -> Imag
     image(width, height, components, sample)
 }
 
+/// A square with a hard edge in the middle of transparent pixels.
+pub(crate) fn sprite(side: usize) -> Vec<u8> {
+    let is_inside = |at: usize| (side / 4..3 * side / 4).contains(&at);
+    let plane = |sample: u16| {
+        let pixels = (0..side * side).map(|i| is_inside(i % side) && is_inside(i / side));
+        pixels.map(|inside| if inside { sample } else { 0 }).collect()
+    };
+    png(&Image::from_top_down(side, side, 8, [200, 90, 30, 255].map(plane).to_vec()).unwrap())
+}
+
 /// Noise, 8 bits gray, as PGM: nothing simplifies quickly in it.
 pub(crate) fn noise(side: usize) -> Vec<u8> {
     let mut state = 1_u32;

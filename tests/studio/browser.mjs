@@ -118,6 +118,29 @@ export function grayPicture(width, height) {
   return { name: "gray.pgm", mimeType: "image/x-portable-graymap", buffer: Buffer.concat([head, body]) };
 }
 
+/** A disc of two colours with a soft edge, and white where nothing is seen, as PAM. */
+export function sprite(side) {
+  const head = Buffer.from(`P7\nWIDTH ${side}\nHEIGHT ${side}\nDEPTH 4\nMAXVAL 255\nTUPLTYPE RGB_ALPHA\nENDHDR\n`);
+  const body = Buffer.alloc(4 * side * side, 255);
+  for (let y = 0; y < side; y++) {
+    for (let x = 0; x < side; x++) {
+      const alpha = Math.round(255 * Math.min(1, Math.max(0, (side / 3 - Math.hypot(x - side / 2, y - side / 2)) / 4)));
+      const color = alpha === 0 ? [255, 255, 255] : x > y ? [200, 40, 20] : [20, 60, 180];
+      body.set([...color, alpha], 4 * (y * side + x));
+    }
+  }
+  return { name: "sprite.pam", mimeType: "image/x-portable-anymap", buffer: Buffer.concat([head, body]) };
+}
+
+/** The largest difference of what is seen of two pictures: of their colours times alpha, and of alpha. */
+export function largestSeenDifference(a, b) {
+  assert.equal(a.length, b.length);
+  const seen = (rgba, i) => (i % 4 === 3 ? rgba[i] : Math.round((rgba[i] * rgba[i - (i % 4) + 3]) / 255));
+  let most = 0;
+  for (let i = 0; i < a.length; i++) most = Math.max(most, Math.abs(seen(a, i) - seen(b, i)));
+  return most;
+}
+
 /** The largest difference of two pictures in red, green and blue. */
 export function largestDifference(a, b) {
   assert.equal(a.length, b.length);

@@ -1,7 +1,7 @@
 // What is drawn, pixel by pixel, and how long a frame takes.
 
 import { strict as assert } from "node:assert";
-import { bytesOf, choose, finished, grayPicture, largestDifference, meshPath, opened, picturePixels, setSize, settled } from "../browser.mjs";
+import { bytesOf, choose, finished, grayPicture, largestDifference, largestSeenDifference, meshPath, opened, picturePixels, setSize, settled, sprite } from "../browser.mjs";
 
 /** What the canvas shows in a rectangle, rows from the bottom, once it is drawn anew. */
 function seen(page, place) {
@@ -45,6 +45,14 @@ export async function pixels() {
       console.log(`${size} vertices: at most ${texture} level in the texture, ${screen} on the canvas; ${unequal} of ${drawn.length} samples differ`);
       assert.ok(texture <= 1 && screen <= 1);
     }
+  }
+  const most = await choose(page, sprite(90));
+  const path = await meshPath(page);
+  for (const size of [most, Math.round(most / 4), 12]) {
+    await setSize(page, size);
+    const difference = largestSeenDifference(await picture(page), await picturePixels(page, `${path}?size=${size}&format=png`));
+    console.log(`sprite of ${size} vertices: at most ${difference} level`);
+    assert.ok(difference <= 1);
   }
   assert.deepEqual(page.failures, []);
   const flat = await opened("/?sample=spheres&method=flat&size=500");
