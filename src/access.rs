@@ -1,4 +1,5 @@
-//! Who may use the service, and how often: keys and their quotas.
+//! Who may use the service, how often, and how much of it at a time: keys, their quotas, and the
+//! [`Shares`] of connections and event streams.
 //!
 //! Without a file of keys everyone is [anonymous](Owner::Anonymous), without a quota. With one,
 //! every request below `/v1/` needs a key. The file holds a digest of each key and never the key
@@ -10,11 +11,13 @@ mod file;
 mod issue;
 mod key;
 mod quota;
+mod shares;
 
 pub use file::{KeyLine, parse};
 pub use issue::{NewKey, issue};
 pub use key::{Digest, Key};
 pub use quota::{Quota, Standing};
+pub use shares::{Share, Shares};
 
 use crate::config::AccessSettings;
 use pixmesh_engine::Owner;

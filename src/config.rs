@@ -9,7 +9,7 @@ mod container;
 mod quantity;
 mod trace;
 
-pub use access::AccessSettings;
+pub use access::{AccessSettings, Visitors};
 pub use container::{BESIDE_BUDGET, memory_limit};
 use pixmesh_jobs::Caps;
 use pixmesh_jobs::Terms;
@@ -120,9 +120,14 @@ pub struct Limits {
     /// Longest time for a request's body to arrive, and for a client to take nothing of its answer.
     #[arg(long, env = "PIXMESH_BODY_TIMEOUT", default_value = "30s")]
     pub body_timeout: Period,
-    /// Most connections open at the same time; fewer where the limit on open files is low.
-    #[arg(long, env = "PIXMESH_MAX_CONNECTIONS", default_value = "1024")]
-    pub max_connections: NonZeroUsize,
+    /// Most connections open at the same time; fewer where the limit on open files is low [default: two
+    /// for each MiB of the memory budget, 1024 to 16384].
+    #[arg(long, env = "PIXMESH_MAX_CONNECTIONS", hide_env_values = true)]
+    pub max_connections: Option<NonZeroUsize>,
+    /// Most of them from one address; behind a proxy all of them have its address [default: three
+    /// quarters].
+    #[arg(long, env = "PIXMESH_CONNECTIONS_PER_ADDRESS", hide_env_values = true)]
+    pub connections_per_address: Option<NonZeroUsize>,
 }
 
 /// The settings of `pixmesh health`.
@@ -165,6 +170,37 @@ impl Settings {
         self.access.check()?;
         self.jobs.check()?;
         Ok(self)
+    }
+
+    /// Most connections of the public listener.
+    #[must_use]
+    pub fn max_connections(&self) -> usize {
+        let by_memory = || (self.memory_budget().0 >> 19).clamp(1024, 16384) as usize;
+        self.limits.max_connections.map_or_else(by_memory, NonZeroUsize::get)
+    }
+
+    /// Most of them from one address.
+    #[must_use]
+    pub fn connections_per_address(&self) -> usize {
+        let most = || (self.max_connections() * 3).div_ceil(4);
+        self.limits.connections_per_address.map_or_else(most, NonZeroUsize::get)
+    }
+
+    /// Most clients that follow events at the same time, of one key's name or of all without keys.
+    #[must_use]
+    pub fn event_streams(&self) -> usize {
+        let is_open = self.access.keys_file.is_none();
+        if is_open { self.max_connections() / 2 } else { self.access.key_event_streams.get() }
+    }
+
+    /// Which pages' requests are taken: of a service that has no keys and is not open on purpose,
+    /// those under a name of this machine.
+    #[must_use]
+    pub fn visitors(&self) -> Visitors {
+        let AccessSettings { cors_origins: origins, allowed_hosts: hosts, .. } = &self.access;
+        let is_private = self.access.keys_file.is_none() && !self.insecure_no_auth;
+        let hosts = (is_private || !hosts.is_empty()).then(|| hosts.clone());
+        Visitors { origins: origins.clone(), hosts }
     }
 
     /// The settings of a node that only works, after the checks that need more than one of them.
@@ -323,7 +359,8 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--max-side {}", limits.max_side)?;
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
-        writeln!(formatter, "--max-connections {}", limits.max_connections)?;
+        writeln!(formatter, "--max-connections {}", self.max_connections())?;
+        writeln!(formatter, "--connections-per-address {}", self.connections_per_address())?;
         writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;
         write!(formatter, "{}", jobs.queue.shown())?;
         writeln!(formatter, "--blobs {}", jobs.blobs)?;

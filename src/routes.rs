@@ -17,6 +17,7 @@ mod answer;
 mod cors;
 mod guard;
 mod observe;
+mod origin;
 
 use crate::extract::auth::authenticate;
 use crate::extract::request_id::identify;
@@ -41,7 +42,8 @@ use utoipa_axum::routes;
 pub fn public(service: Arc<Service>) -> Router {
     let authenticate = from_fn_with_state(service.keys.clone(), authenticate);
     let stop = from_fn_with_state(service.cut.clone(), stop);
-    let cors = cors::layer(&service.origins);
+    let cors = cors::layer(&service.visitors.origins);
+    let admit = from_fn_with_state(Arc::clone(&service.visitors), origin::admit);
     let (documented, document) = documented().split_for_parts();
     let routes = documented
         .route("/studio/{asset}", get(studio::asset))
@@ -55,6 +57,7 @@ pub fn public(service: Arc<Service>) -> Router {
             ServiceBuilder::new()
                 .layer(from_fn(observe::observe))
                 .layer(from_fn(guard::guard))
+                .layer(admit)
                 .option_layer(cors)
                 .layer(CatchPanicLayer::custom(panicked))
                 .layer(authenticate)

@@ -196,9 +196,12 @@ async fn serve_public(
     service: &Arc<Service>,
     stop: CancellationToken,
 ) -> io::Result<()> {
-    let connections = descriptors::public_connections(settings.limits.max_connections.get());
+    let connections = descriptors::public_connections(settings.max_connections());
     let routes = routes::public(Arc::clone(service));
-    let listener = Listener::new(listener, routes, connections, timeouts(settings));
+    // A quarter is left to others also where there are fewer than asked for.
+    let each = settings.connections_per_address().min((3 * connections).div_ceil(4));
+    let each = settings.limits.connections_per_address.map_or(each, |asked| asked.get());
+    let listener = Listener::new(listener, routes, connections, timeouts(settings)).public(each);
     let mut draining = listener.serve(stop).await?;
     if !draining.finish(GRACE).await {
         service.cut.cancel();

@@ -1,11 +1,11 @@
 //! What the handlers share.
 
-use crate::access::KeyRing;
-use crate::config::Settings;
+use crate::access::{KeyRing, Shares};
+use crate::config::{Settings, Visitors};
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::lifecycle::Lifecycle;
 use metrics_exporter_prometheus::PrometheusHandle;
-use pixmesh_engine::{Scheduler, Workers};
+use pixmesh_engine::{Owner, Scheduler, Workers};
 use pixmesh_jobs::Jobs;
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,8 +20,8 @@ pub struct Service {
     pub pictures: pixmesh_codec::Limits,
     /// The keys that requests need one of, if they do.
     pub keys: Option<Arc<KeyRing>>,
-    /// The origins whose pages may use the service.
-    pub origins: Vec<String>,
+    /// Which pages' requests are taken, and under which names.
+    pub visitors: Arc<Visitors>,
     /// Admits every task.
     pub scheduler: Scheduler,
     /// The threads that tasks run on.
@@ -30,6 +30,10 @@ pub struct Service {
     pub deadline: Duration,
     /// The jobs.
     pub jobs: Jobs,
+    /// The streams of events that each owner has open.
+    pub followers: Arc<Shares<Owner>>,
+    /// The most of them.
+    pub followers_of_each: usize,
     /// Raised when the service stops: who only waits shall come back later.
     pub stop: CancellationToken,
     /// Raised when a stopping service can wait no longer for its work.
@@ -59,7 +63,7 @@ impl Service {
         Self {
             workers,
             keys,
-            origins: settings.access.cors_origins.clone(),
+            visitors: Arc::new(settings.visitors()),
             intake: Intake {
                 max_body: BodyLimit {
                     bytes: settings.longest_body().0,
@@ -72,6 +76,8 @@ impl Service {
             scheduler: Scheduler::new(&settings.of_scheduler()),
             deadline: settings.deadline(),
             jobs,
+            followers: Arc::default(),
+            followers_of_each: settings.event_streams(),
             stop: CancellationToken::new(),
             cut: CancellationToken::new(),
         }

@@ -54,6 +54,10 @@ pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
     let commit = option_env!("PIXMESH_COMMIT").unwrap_or("unknown");
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION"), "commit" => commit).set(1.0);
     requests_in_progress(0.0);
+    drop((Open::connection(), Open::event_stream()));
+    for reason in ["total", "address"] {
+        counter!(CONNECTIONS_REFUSED, "reason" => reason).absolute(0);
+    }
     pixmesh_engine::telemetry::start();
     Ok(handle)
 }
@@ -79,6 +83,40 @@ pub fn answered(route: &str, method: &'static str, code: u16, duration: Duration
 /// One request more (1) or less (-1).
 pub fn requests_in_progress(change: f64) {
     gauge!(REQUESTS_IN_PROGRESS).increment(change);
+}
+
+/// One of a gauge's while it is kept.
+#[derive(Debug)]
+pub struct Open(&'static str);
+
+impl Open {
+    /// One connection of the public listener.
+    #[must_use]
+    pub fn connection() -> Self {
+        Self::begin(CONNECTIONS)
+    }
+
+    /// One stream of events.
+    #[must_use]
+    pub fn event_stream() -> Self {
+        Self::begin(EVENT_STREAMS)
+    }
+
+    fn begin(gauge: &'static str) -> Self {
+        gauge!(gauge).increment(1.0);
+        Self(gauge)
+    }
+}
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        gauge!(self.0).decrement(1.0);
+    }
+}
+
+/// Counts a connection that was refused.
+pub fn connection_refused(reason: &'static str) {
+    counter!(CONNECTIONS_REFUSED, "reason" => reason).increment(1);
 }
 
 /// What the system knows of this process: resident memory, processor time and open files.

@@ -65,7 +65,7 @@ impl Reply {
 pub(crate) fn request(class: &'static str, method: &str, target: &str, body: &[u8]) -> Request {
     let length = body.len();
     let head = format!(
-        "{method} {target} HTTP/1.1\r\nHost: load\r\nConnection: close\r\n\
+        "{method} {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\
          Content-Length: {length}\r\n\r\n"
     );
     Request { class, bytes: [head.as_bytes(), body].concat().into() }

@@ -24,9 +24,25 @@ pub struct AccessSettings {
     /// Jobs of one key's name that may wait.
     #[arg(long, env = "PIXMESH_KEY_QUEUED_JOBS", default_value = "1000")]
     pub key_queued_jobs: NonZeroUsize,
+    /// Clients with one key's name that may follow events of jobs at the same time.
+    #[arg(long, env = "PIXMESH_KEY_EVENT_STREAMS", default_value = "64")]
+    pub key_event_streams: NonZeroUsize,
     /// Origins whose pages may use the service, such as `https://example.org`; none by default.
     #[arg(long = "cors-origin", env = "PIXMESH_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',', num_args = 1.., value_parser = origin)]
     pub cors_origins: Vec<String>,
+    /// Names under which the service answers beside localhost; without keys no other by default, with
+    /// keys or --insecure-no-auth any.
+    #[arg(long = "allowed-host", env = "PIXMESH_ALLOWED_HOST", value_name = "HOST", value_delimiter = ',', num_args = 1.., value_parser = host)]
+    pub allowed_hosts: Vec<String>,
+}
+
+/// Which pages' requests are taken, and under which names.
+#[derive(Clone, Debug)]
+pub struct Visitors {
+    /// Origins whose pages may use the service.
+    pub origins: Vec<String>,
+    /// Names of this host beside those of loopback; `None` where any name will do.
+    pub hosts: Option<Vec<String>>,
 }
 
 impl AccessSettings {
@@ -43,13 +59,16 @@ impl AccessSettings {
         let keys_file = self.keys_file.as_ref().map(|path| path.display().to_string());
         format!(
             "--keys-file {}\n--key-requests-per-minute {}\n--key-running {}\n--key-queued {}\n\
-             --key-queued-jobs {}\n--cors-origin {}\n",
+             --key-queued-jobs {}\n--key-event-streams {}\n--cors-origin {}\n\
+             --allowed-host {}\n",
             keys_file.unwrap_or_default(),
             self.key_requests_per_minute,
             self.running(workers),
             self.key_queued,
             self.key_queued_jobs,
-            self.cors_origins.join(",")
+            self.key_event_streams,
+            self.cors_origins.join(","),
+            self.allowed_hosts.join(",")
         )
     }
 
@@ -60,6 +79,15 @@ impl AccessSettings {
     pub fn check(&self) -> Result<(), Box<dyn Error>> {
         KeyRing::of(self).map(|_| ())
     }
+}
+
+/// The name of a host, without a port.
+fn host(text: &str) -> Result<String, String> {
+    let allowed = |letter: u8| letter.is_ascii_alphanumeric() || b".-".contains(&letter);
+    if !text.is_empty() && text.bytes().all(allowed) {
+        return Ok(text.to_ascii_lowercase());
+    }
+    Err(format!("'{text}' is no host: write its name or IPv4 address, without scheme and port"))
 }
 
 /// An origin as browsers send it: scheme, host, and the port if it is not the scheme's own.

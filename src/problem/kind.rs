@@ -96,6 +96,11 @@ problems! {
     Unauthorized = UNAUTHORIZED "unauthorized" "The request needs a key"
         "The request has no key, or one that the service does not know."
         "Send the header Authorization: Bearer KEY with a key of the operator.";
+    ForeignOrigin = FORBIDDEN "foreign-origin" "A page of another origin sent the request"
+        "A browser says that a page of another site sent the request, and the operator lets no \
+         such page in."
+        "Open the service's own page, or ask the operator to name the page's origin with \
+         --cors-origin.";
     NotFound = NOT_FOUND "not-found" "Not found"
         "Nothing is at this path, or the job belongs to another key."
         "Compare the path with GET /openapi.json, and send the key that submitted the job.";
@@ -146,6 +151,9 @@ problems! {
     UnsupportedImage = UNSUPPORTED_MEDIA_TYPE "unsupported-image" "Unsupported image format"
         "The file is of a format, or of a variant of it, that the service does not read."
         "Convert the file to PNG, for example with `magick photo.heic photo.png`.";
+    UnknownHost = MISDIRECTED_REQUEST "unknown-host" "The service does not answer to this name"
+        "The Host header names another host than the service answers to."
+        "Use localhost or 127.0.0.1, or ask the operator to name the host with --allowed-host.";
     UnknownValue = UNPROCESSABLE_ENTITY "unknown-value" "Unknown parameter value"
         "The parameter takes one of a few words, and the value is none of them."
         "Give one of the words in 'allowed'.";
@@ -181,7 +189,8 @@ problems! {
         "The task needs more memory than the service may use."
         "Scale the picture down, or choose a method with less memory such as med.";
     QuotaExceeded = TOO_MANY_REQUESTS "quota-exceeded" "The key's quota is used up"
-        "The key made more requests, or has more waiting tasks, than its quota allows."
+        "The key made more requests, or has more waiting tasks or event streams, than its quota \
+         allows."
         "Wait for the seconds in Retry-After before the next request.";
     ShapeMismatch = UNPROCESSABLE_ENTITY "shape-mismatch" "The pictures are not of the same shape"
         "Two pictures differ in columns, rows, components or precision."

@@ -2,8 +2,8 @@
 //!
 //! HTTP/2 is spoken with prior knowledge: a connection that begins with its preface. A connection
 //! whose first request, or in HTTP/1.1 whose next request, does not arrive within the header timeout
-//! is closed; an HTTP/2 client that is idle must answer pings. Connections over the number get 503
-//! and are closed; beyond [`REFUSED_AT_A_TIME`] such refusals at a time they are closed without one.
+//! is closed; an HTTP/2 client that is idle must answer pings. Connections over the number, or over
+//! the part of it that one address may have, get 503 and are closed; beyond [`REFUSED_AT_A_TIME`] such refusals at a time they are closed without one.
 //! What hyper cannot parse it answers itself, with 400, 414 or 431 and no body.
 //!
 //! A task is cancelled when its client closes the connection. In HTTP/1.1 that is noticed when the
@@ -12,7 +12,9 @@
 //! counts as gone and gets no response.
 
 use super::stream::Stream;
+use crate::access::Shares;
 use crate::problem::{Kind, Problem};
+use crate::telemetry::{self, Open};
 use axum::Router;
 use axum::body::Body;
 use hyper::body::Incoming;
@@ -20,7 +22,7 @@ use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto;
 use hyper_util::server::graceful::GracefulShutdown;
 use std::io;
-use std::net::TcpListener as StdListener;
+use std::net::{IpAddr, Ipv6Addr, TcpListener as StdListener};
 use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,7 +45,11 @@ const MAX_UNREAD_OF_REQUEST: u32 = 128 * 1024;
 /// The most requests in progress on one connection in HTTP/2.
 const MAX_STREAMS: u32 = 100;
 /// The most connections that are refused with a response at a time.
-pub(super) const REFUSED_AT_A_TIME: usize = 16;
+pub(super) const REFUSED_AT_A_TIME: usize = 64;
+/// How long a closed connection is still read from.
+const LINGER: Duration = Duration::from_secs(2);
+/// The same of one that was refused.
+const LINGER_REFUSED: Duration = Duration::from_millis(250);
 /// The pause after the system has refused a connection, for instance for want of descriptors.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_millis(50);
 
@@ -55,6 +61,9 @@ pub(super) struct Listener {
     http: auto::Builder<TokioExecutor>,
     permits: Arc<Semaphore>,
     refusals: Arc<Semaphore>,
+    /// What each address has of the connections, and the most that one may have; `None` where that
+    /// does not count.
+    addresses: Option<(Arc<Shares<IpAddr>>, usize)>,
 }
 
 /// Limits on slow clients.
@@ -76,7 +85,13 @@ impl Listener {
     ) -> Self {
         let permits = Arc::new(Semaphore::new(connections.min(Semaphore::MAX_PERMITS)));
         let refusals = Arc::new(Semaphore::new(REFUSED_AT_A_TIME));
-        Self { socket, routes, timeouts, http: http(timeouts), permits, refusals }
+        let addresses = None;
+        Self { socket, routes, timeouts, http: http(timeouts), permits, refusals, addresses }
+    }
+
+    /// The same with up to `most` connections of one address, all counted.
+    pub(super) fn public(self, most: usize) -> Self {
+        Self { addresses: Some((Arc::default(), most)), ..self }
     }
 
     /// Accepts connections until `stop`, and returns those that are still open.
@@ -92,7 +107,7 @@ impl Listener {
                 () = stop.cancelled() => break,
             };
             match accepted {
-                Ok((connection, _)) => self.admit(connection, &open),
+                Ok((connection, peer)) => self.admit(connection, peer.ip(), &open),
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");
                     sleep(PAUSE_AFTER_ERROR).await;
@@ -103,13 +118,13 @@ impl Listener {
     }
 
     /// Serves a connection if the limit on connections allows.
-    fn admit(&self, connection: TcpStream, open: &GracefulShutdown) {
+    fn admit(&self, connection: TcpStream, peer: IpAddr, open: &GracefulShutdown) {
         let _ = connection.set_nodelay(true);
-        let Ok(permit) = Arc::clone(&self.permits).try_acquire_owned() else {
-            self.refuse(connection);
-            return;
+        let place = match self.place(peer) {
+            Ok(place) => place,
+            Err(refusal) => return self.refuse(connection, refusal),
         };
-        let stream = Stream::new(connection, self.timeouts.stall, permit);
+        let stream = Stream::new(connection, self.timeouts.stall, LINGER, Box::new(place));
         let routes = self.routes.clone();
         let begun = Arc::new(AtomicBool::new(false));
         let has_begun = Arc::clone(&begun);
@@ -133,12 +148,67 @@ impl Listener {
         });
     }
 
+    /// What a connection of this address holds while it is open.
+    fn place(&self, peer: IpAddr) -> Result<impl Send + use<>, Refusal> {
+        let share = match &self.addresses {
+            Some((shares, most)) => {
+                Some(shares.take(&network(peer), *most).ok_or(Refusal::Address)?)
+            }
+            None => None,
+        };
+        let permit = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| Refusal::Total)?;
+        let counted = share.is_some().then(Open::connection);
+        Ok((permit, share, counted))
+    }
+
     /// Refuses a connection with 503, or closes it when many are being refused.
-    fn refuse(&self, connection: TcpStream) {
+    fn refuse(&self, connection: TcpStream, refusal: Refusal) {
+        telemetry::connection_refused(refusal.reason());
         if let Ok(permit) = Arc::clone(&self.refusals).try_acquire_owned() {
-            let stream = Stream::new(connection, self.timeouts.stall, permit);
-            tokio::spawn(turn_away(stream, self.timeouts.header));
+            let stall = self.timeouts.stall;
+            let stream = Stream::new(connection, stall, LINGER_REFUSED, Box::new(permit));
+            tokio::spawn(turn_away(stream, refusal, self.timeouts.header));
         }
+    }
+}
+
+/// Why a connection is refused.
+#[derive(Clone, Copy, Debug)]
+enum Refusal {
+    /// As many are open as may be.
+    Total,
+    /// Its address has its part of them.
+    Address,
+}
+
+impl Refusal {
+    /// The label of the metric.
+    fn reason(self) -> &'static str {
+        match self {
+            Self::Total => "total",
+            Self::Address => "address",
+        }
+    }
+
+    fn problem(self) -> Problem {
+        let (detail, setting) = match self {
+            Self::Total => ("too many connections are open", "--max-connections"),
+            Self::Address => {
+                ("too many connections of one address are open", "--connections-per-address")
+            }
+        };
+        Problem::new(Kind::Overloaded, detail).setting(setting).retry_after_s(1)
+    }
+}
+
+/// The address that counts: of IPv6 the network of 64 bits, all of which one client may have.
+fn network(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(address) => {
+            let network = address.to_bits() & !u128::from(u64::MAX);
+            Ipv6Addr::from_bits(network).into()
+        }
+        address => address,
     }
 }
 
@@ -161,12 +231,9 @@ fn http(timeouts: Timeouts) -> auto::Builder<TokioExecutor> {
     http
 }
 
-/// Answers a connection over the limit with 503.
-async fn turn_away(mut stream: Stream, limit: Duration) {
-    let document = Problem::new(Kind::Overloaded, "too many connections are open")
-        .setting("--max-connections")
-        .retry_after_s(1)
-        .document(None);
+/// Answers a connection over a limit with 503.
+async fn turn_away(mut stream: Stream, refusal: Refusal, limit: Duration) {
+    let document = refusal.problem().document(None);
     let answer = format!(
         "HTTP/1.1 503 Service Unavailable\r\ncontent-type: application/problem+json\r\n\
          content-length: {}\r\nretry-after: 1\r\nconnection: close\r\n\r\n{document}",

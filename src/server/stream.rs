@@ -2,7 +2,7 @@
 //!
 //! A socket that is closed while bytes of the client are unread resets the connection, and the
 //! client may lose the response it was just sent. A dropped stream therefore reads on for up to
-//! [`LINGER`] and discards what arrives.
+//! a moment and discards what arrives.
 //!
 //! A connection is closed when the socket accepts no response bytes for the stall timeout. The
 //! system buffers up to some megabytes and reports the socket writable only when about a third of
@@ -17,11 +17,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::runtime::Handle;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Sleep, sleep, timeout};
-
-/// How long a closed connection is still read from.
-const LINGER: Duration = Duration::from_secs(2);
 
 /// A connection.
 pub(super) struct Stream {
@@ -29,17 +25,20 @@ pub(super) struct Stream {
     socket: Option<TcpStream>,
     stall_timeout: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
-    /// Counts the connection as open until its socket is closed.
-    permit: Option<OwnedSemaphorePermit>,
+    /// How long it is read from after it was closed.
+    linger: Duration,
+    /// What the connection holds until its socket is closed.
+    place: Option<Box<dyn Send>>,
 }
 
 impl Stream {
     pub(super) fn new(
         socket: TcpStream,
         stall_timeout: Duration,
-        permit: OwnedSemaphorePermit,
+        linger: Duration,
+        place: Box<dyn Send>,
     ) -> Self {
-        Self { socket: Some(socket), stall_timeout, stalled: None, permit: Some(permit) }
+        Self { socket: Some(socket), stall_timeout, stalled: None, linger, place: Some(place) }
     }
 
     fn socket(&mut self) -> io::Result<Pin<&mut TcpStream>> {
@@ -108,11 +107,11 @@ impl AsyncWrite for Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        let permit = self.permit.take();
+        let (place, limit) = (self.place.take(), self.linger);
         if let (Some(socket), Ok(runtime)) = (self.socket.take(), Handle::try_current()) {
             runtime.spawn(async move {
-                let _ = timeout(LINGER, linger(socket)).await;
-                drop(permit);
+                let _ = timeout(limit, linger(socket)).await;
+                drop(place);
             });
         }
     }

@@ -12,6 +12,10 @@ declare_metrics! {
         "Seconds from a request's header to its answer";
     REQUESTS_IN_PROGRESS: Gauge "pixmesh_requests_in_progress" []
         "Requests being received, waiting or worked on";
+    CONNECTIONS: Gauge "pixmesh_connections" [] "Connections of the public listener that are open";
+    CONNECTIONS_REFUSED: Counter "pixmesh_connections_refused_total" ["reason"]
+        "Connections refused: 'total' are open, or 'address' has its part";
+    EVENT_STREAMS: Gauge "pixmesh_event_streams" [] "Clients that follow the events of a job";
     WORKERS: Gauge "pixmesh_workers" [] "Meshes that can be made at the same time";
     PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";
     DECODER_PANICS: Counter "pixmesh_decoder_panics_total" []

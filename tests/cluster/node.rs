@@ -78,7 +78,7 @@ impl Node {
     /// The whole text of an answer that ends with its connection, with the frames of its chunks.
     pub(crate) fn stream(&self, target: &str) -> String {
         let mut connection = connect(self.public);
-        let head = format!("GET {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n");
+        let head = format!("GET {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
         connection.write_all(head.as_bytes()).unwrap();
         let mut text = String::new();
         connection.read_to_string(&mut text).unwrap();

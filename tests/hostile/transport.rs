@@ -23,7 +23,7 @@ const FLAGS: [&str; 10] = [
     "1",
 ];
 const MALFORMED: Expected = Expected::Refused(400, "multipart-malformed");
-const HEAD: &str = "POST /v1/meshes HTTP/1.1\r\nHost: test\r\n";
+const HEAD: &str = "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\n";
 /// Work that takes seconds.
 const SLOW: &str = "method=mgpr&density=1";
 
@@ -179,8 +179,9 @@ fn of_lengths() -> Vec<Row> {
 fn begin(server: &Server, query: &str, image: &[u8]) -> TcpStream {
     let mut stream = connect(server.public);
     let length = image.len();
-    let head =
-        format!("POST /v1/meshes?{query} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
+    let head = format!(
+        "POST /v1/meshes?{query} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n"
+    );
     stream.write_all(&[head.as_bytes(), image].concat()).unwrap();
     stream
 }
@@ -370,7 +371,7 @@ fn of_heads() -> Vec<Row> {
             || [16_000, 60_000].map(|length| get(&format!("/{}", "a".repeat(length)), &[])).into(),
         ),
         Row::new("T13d", "target of 70 kB", Expected::Unparsed(414), || {
-            raw(format!("GET /{} HTTP/1.1\r\nHost: a\r\n\r\n", "a".repeat(70_000)))
+            raw(format!("GET /{} HTTP/1.1\r\nHost: localhost\r\n\r\n", "a".repeat(70_000)))
         }),
         Row::new(
             "T13b",
@@ -392,10 +393,10 @@ fn of_heads() -> Vec<Row> {
                     "\u{16}\u{3}\u{1} a TLS greeting \r\n\r\n",
                     "SSH-2.0-OpenSSH_9.7\r\n\r\n",
                     "EHLO mail.example.org\r\n\r\n",
-                    "GET / HTTP/9.9\r\nHost: a\r\n\r\n",
-                    "GET / HTTP/1.1\r\nHost: a\r\nX: a\0b\r\n\r\n",
-                    "GET / HTTP/1.1\r\nHost: a\r\nX\u{7}: b\r\n\r\n",
-                    "GET  / HTTP/1.1\r\nHost: a\r\n\r\n",
+                    "GET / HTTP/9.9\r\nHost: localhost\r\n\r\n",
+                    "GET / HTTP/1.1\r\nHost: localhost\r\nX: a\0b\r\n\r\n",
+                    "GET / HTTP/1.1\r\nHost: localhost\r\nX\u{7}: b\r\n\r\n",
+                    "GET  / HTTP/1.1\r\nHost: localhost\r\n\r\n",
                     "GET /\r\n\r\n",
                 ]
                 .map(|bytes| Request::Raw(bytes.as_bytes().to_vec()))
@@ -420,8 +421,8 @@ fn of_heads() -> Vec<Row> {
             "all are answered in turn",
             |server| {
                 let mut stream = connect(server.public);
-                let one = b"GET /v1/methods HTTP/1.1\r\nHost: a\r\n\r\n";
-                let head = b"GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n";
+                let one = b"GET /v1/methods HTTP/1.1\r\nHost: localhost\r\n\r\n";
+                let head = b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
                 let writing = stream.try_clone().unwrap();
                 let sender = thread::spawn(move || {
                     let mut writing = writing;
@@ -464,8 +465,9 @@ fn both_lengths(server: &Server) {
         "Transfer-Encoding: chunked\r\nContent-Length: 5\r\n",
         "transfer-encoding: CHUNKED\r\ncontent-length: 0\r\n",
     ] {
-        let request =
-            format!("{HEAD}{lengths}\r\n0\r\n\r\nGET /v1/methods HTTP/1.1\r\nHost: a\r\n\r\n");
+        let request = format!(
+            "{HEAD}{lengths}\r\n0\r\n\r\nGET /v1/methods HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        );
         let mut stream = connect(server.public);
         stream.write_all(request.as_bytes()).unwrap();
         let mut all = String::new();
@@ -508,7 +510,8 @@ fn idle_connections(server: &Server) {
     drop(idle);
     server.wait_until("there is a place again", || {
         let mut stream = connect(server.public);
-        let sent = stream.write_all(b"GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n");
+        let sent =
+            stream.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
         let mut answer = String::new();
         let _ = stream.read_to_string(&mut answer);
         sent.is_ok() && answer.starts_with("HTTP/1.1 200")
@@ -553,7 +556,7 @@ fn every_method(server: &Server) {
                 assert_ne!(answer.header("content-type"), "", "{method} {path}");
             }
         }
-        let garbage = format!("{} {path} HTTP/1.1\r\nHost: a\r\n\r\n", "M".repeat(5000));
+        let garbage = format!("{} {path} HTTP/1.1\r\nHost: localhost\r\n\r\n", "M".repeat(5000));
         let answer = exchange(server.public, garbage.as_bytes());
         assert!((400..500).contains(&answer.status), "{}", answer.status);
     }
@@ -566,7 +569,8 @@ fn every_method(server: &Server) {
 /// The status line and header of an answer to a request without a body, and all that follows.
 fn head_and_rest(server: &Server, method: &str, path: &str) -> (Vec<String>, Vec<u8>) {
     let mut stream = connect(server.public);
-    let request = format!("{method} {path} HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n");
+    let request =
+        format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).unwrap();
     let mut bytes = Vec::new();
     stream.read_to_end(&mut bytes).unwrap();

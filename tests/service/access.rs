@@ -1,10 +1,11 @@
 //! Who may use the service: keys, quotas, origins, and what browsers are told.
 
-use crate::client::{Answer, send};
+use crate::client::{Answer, connect, exchange, send};
 use crate::keys::KeysFile;
-use crate::pictures::disc;
+use crate::pictures::{disc, noise};
 use crate::server::{Server, program};
 use std::fs;
+use std::io::{Read, Write};
 
 fn methods(server: &Server, key: &str) -> Answer {
     let bearer = format!("Bearer {key}");
@@ -146,7 +147,8 @@ fn pages_of_other_origins_are_let_in_by_name_only() {
     };
     let closed = Server::start(&[]);
     let answer = preflight(&closed, origin);
-    assert_eq!((answer.status, answer.header("access-control-allow-origin")), (405, ""));
+    answer.problem(403, "foreign-origin");
+    assert_eq!(answer.header("access-control-allow-origin"), "");
     drop(closed);
     let file = KeysFile::new("origins");
     file.issue("studio");
@@ -166,6 +168,64 @@ fn pages_of_other_origins_are_let_in_by_name_only() {
             !program().args(["config", "--cors-origin", wrong]).output().unwrap().status.success()
         );
     }
+}
+
+#[test]
+fn a_key_follows_so_many_jobs_at_a_time_and_takes_no_place_of_others() {
+    let file = KeysFile::new("followers");
+    let [alice, bob] = ["alice", "bob"].map(|name| format!("Bearer {}", file.issue(name)));
+    let flags = ["--keys-file", file.path(), "--workers", "1", "--key-event-streams", "3"];
+    let server = Server::start(&flags);
+    let follow = |key: &str| {
+        let headers = [("Authorization", key)];
+        // It waits behind the first one, or runs.
+        let job = server.submit("method=mgpr&density=1", &headers, &noise(900));
+        assert_eq!(job.status, 202, "{}", job.text());
+        let path = format!("{}/events", job.header("location"));
+        let mut stream = connect(server.public);
+        let request =
+            format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nAuthorization: {key}\r\n\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut start = [0; 12];
+        stream.read_exact(&mut start).unwrap();
+        (String::from_utf8_lossy(&start[9..]).into_owned(), stream)
+    };
+    let held: Vec<_> = (0..3).map(|_| follow(&alice)).collect();
+    assert!(held.iter().all(|(status, _)| status == "200"));
+    assert_eq!(follow(&alice).0, "429");
+    assert_eq!(follow(&bob).0, "200");
+    assert!(server.metric("pixmesh_event_streams") >= 3.0);
+    drop(held);
+    server.wait_until("her places are free again", || follow(&alice).0 == "200");
+}
+
+#[test]
+fn a_page_that_forges_requests_or_names_changes_and_reads_nothing() {
+    let server = Server::start(&[]);
+    let image = disc(20, 20, 1);
+    let forged = [("Origin", "https://evil.example"), ("Sec-Fetch-Site", "cross-site")];
+    server.submit("size=20", &forged, &image).problem(403, "foreign-origin");
+    let job = server.job("size=20", &image);
+    server.wait_for(&job, "completed");
+    for (method, target) in [("GET", "/v1/jobs"), ("GET", &job), ("DELETE", &job)] {
+        let answer = send(server.public, method, target, &forged, &[]);
+        assert_eq!(answer.problem(403, "foreign-origin")["setting"], "--cors-origin");
+        // The page's name resolves to this machine.
+        let rebound = format!("{method} {target} HTTP/1.1\r\nHost: evil.example:8080\r\n\r\n");
+        let answer = exchange(server.public, rebound.as_bytes());
+        assert_eq!(answer.problem(421, "unknown-host")["setting"], "--allowed-host");
+    }
+    let own = [("Origin", "http://localhost"), ("Sec-Fetch-Site", "same-origin")];
+    assert_eq!(send(server.public, "GET", &job, &own, &[]).status, 200);
+    drop(server);
+    let server = Server::start(&["--allowed-host", "mesh.test"]);
+    for (host, status) in [("mesh.test:80", 200), ("MESH.test", 200), ("other.test", 421)] {
+        let request =
+            format!("GET /v1/methods HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+        assert_eq!(exchange(server.public, request.as_bytes()).status, status, "{host}");
+    }
+    let wrong = ["config", "--allowed-host", "http://mesh.test"];
+    assert!(!program().args(wrong).output().unwrap().status.success());
 }
 
 #[test]

@@ -24,8 +24,9 @@ impl Stream {
     fn of(server: &Server, job: &str, last: Option<u64>) -> Self {
         let mut stream = connect(server.public);
         let last = last.map_or_else(String::new, |id| format!("Last-Event-ID: {id}\r\n"));
-        let request =
-            format!("GET {job}/events HTTP/1.1\r\nHost: a\r\n{last}Connection: close\r\n\r\n");
+        let request = format!(
+            "GET {job}/events HTTP/1.1\r\nHost: localhost\r\n{last}Connection: close\r\n\r\n"
+        );
         stream.write_all(request.as_bytes()).unwrap();
         let mut stream = Self(BufReader::new(stream));
         let head = stream.paragraph().unwrap();

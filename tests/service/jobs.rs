@@ -100,7 +100,7 @@ fn faces_of_a_flat_mesh_have_the_same_colors_in_every_answer() {
 fn head(server: &Server, target: &str) -> String {
     use std::io::{Read, Write};
     let mut stream = crate::client::connect(server.public);
-    let request = format!("HEAD {target} HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n");
+    let request = format!("HEAD {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).unwrap();
     let mut head = String::new();
     stream.read_to_string(&mut head).unwrap();

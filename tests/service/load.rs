@@ -20,8 +20,9 @@ fn begin_slow_work(server: &Server, image: &[u8]) -> TcpStream {
 fn begin_work(server: &Server, query: &str, image: &[u8]) -> TcpStream {
     let mut stream = connect(server.public);
     let length = image.len();
-    let head =
-        format!("POST /v1/meshes?{query} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
+    let head = format!(
+        "POST /v1/meshes?{query} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n"
+    );
     stream.write_all(&[head.as_bytes(), image].concat()).unwrap();
     stream
 }
@@ -229,7 +230,7 @@ fn large() -> Vec<u8> {
 fn ask_for_large_answer(server: &Server, image: &[u8]) -> TcpStream {
     let mut stream = connect(server.public);
     let head = format!(
-        "POST /v1/meshes?method=med&size=4&format=pnm HTTP/1.1\r\nHost: a\r\n\
+        "POST /v1/meshes?method=med&size=4&format=pnm HTTP/1.1\r\nHost: localhost\r\n\
          Content-Length: {}\r\n\r\n",
         image.len()
     );

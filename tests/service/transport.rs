@@ -1,6 +1,6 @@
 //! The wire: limits, timeouts, methods, and requests that mean two things.
 
-use crate::client::{assert_median_within, connect, exchange, receive, send};
+use crate::client::{assert_median_within, connect, connect_from, exchange, receive, send};
 use crate::pictures::disc;
 use crate::server::Server;
 use std::io::{Read, Write};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 #[test]
 fn a_body_over_the_limit_is_refused_announced_or_not() {
     let server = Server::start(&["--max-body", "64KiB"]);
-    let head = "POST /v1/meshes HTTP/1.1\r\nHost: test\r\n";
+    let head = "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\n";
     let announced = format!("{head}Content-Length: 65537\r\nExpect: 100-continue\r\n\r\n");
     let mut stream = connect(server.public);
     stream.write_all(announced.as_bytes()).unwrap();
@@ -39,7 +39,8 @@ fn a_chunked_body_is_received_and_ends_its_connection() {
     let server = Server::start(&[]);
     let image = disc(20, 20, 1);
     let mut request =
-        b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n".to_vec();
+        b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n"
+            .to_vec();
     for piece in image.chunks(100) {
         request.extend_from_slice(format!("{:x}\r\n", piece.len()).as_bytes());
         request.extend_from_slice(piece);
@@ -57,7 +58,7 @@ fn one_connection_serves_many_requests() {
     let mut stream = connect(server.public);
     for _ in 0..5 {
         let head = format!(
-            "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: {}\r\n\r\n",
+            "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n",
             image.len()
         );
         stream.write_all(&[head.as_bytes(), &image].concat()).unwrap();
@@ -100,24 +101,26 @@ fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
     for request in [
         "nonsense\r\n\r\n",
         "GET / HTTP/1.1\r\nA b: c\r\n\r\n",
-        "GET / HTTP/9.9\r\nHost: a\r\n\r\n",
-        "GET http://[ HTTP/1.1\r\nHost: a\r\n\r\n",
-        "GET / HTTP/1.1\r\nHost: a\r\nContent-Length: 1, 2\r\n\r\n",
-        "GET / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: x\r\n\r\n",
+        "GET / HTTP/9.9\r\nHost: localhost\r\n\r\n",
+        "GET http://[ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1, 2\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: x\r\n\r\n",
         "\u{16}\u{3}\u{1} a TLS greeting \r\n\r\n",
     ] {
         let answer = exchange(server.public, request.as_bytes());
         assert_eq!((answer.status, answer.text().as_str()), (400, ""), "{request}");
     }
-    let target = format!("GET /{} HTTP/1.1\r\nHost: a\r\n\r\n", "a".repeat(70_000));
+    let target = format!("GET /{} HTTP/1.1\r\nHost: localhost\r\n\r\n", "a".repeat(70_000));
     assert_eq!(exchange(server.public, target.as_bytes()).status, 414);
     for target in ["CONNECT test:80", "OPTIONS *", "GET *"] {
-        let request = format!("{target} HTTP/1.1\r\nHost: test\r\n\r\n");
+        let request = format!("{target} HTTP/1.1\r\nHost: localhost\r\n\r\n");
         let answer = exchange(server.public, request.as_bytes());
         assert!((400..500).contains(&answer.status), "{target}: {}", answer.status);
     }
-    let absolute = "GET http://elsewhere/v1/methods HTTP/1.0\r\n\r\n";
-    assert_eq!(exchange(server.public, absolute.as_bytes()).status, 200);
+    for (host, status) in [("localhost", 200), ("elsewhere", 421)] {
+        let absolute = format!("GET http://{host}/v1/methods HTTP/1.0\r\n\r\n");
+        assert_eq!(exchange(server.public, absolute.as_bytes()).status, status);
+    }
 }
 
 #[test]
@@ -139,8 +142,9 @@ fn a_header_that_does_not_arrive_closes_the_connection() {
     // So long that no busy machine takes it between a connection and its first bytes.
     let server = Server::start(&["--header-timeout", "3s"]);
     let mut idle = connect(server.public);
-    idle.write_all(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n").unwrap();
-    let parts = ["", "POST /v1/meshes HTT", "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nX-Slow: "];
+    idle.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let parts =
+        ["", "POST /v1/meshes HTT", "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nX-Slow: "];
     let streams = parts.map(|sent| {
         let mut stream = connect(server.public);
         stream.write_all(sent.as_bytes()).unwrap();
@@ -158,7 +162,7 @@ fn a_body_that_does_not_arrive_is_answered_408() {
     let mut stream = connect(server.public);
     let began = Instant::now();
     stream
-        .write_all(b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 1000\r\n\r\nP5")
+        .write_all(b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000\r\n\r\nP5")
         .unwrap();
     let answer = receive(&mut stream, began);
     answer.problem(408, "request-timeout");
@@ -179,16 +183,39 @@ fn connections_over_the_number_are_told_so() {
     drop(held);
     server.wait_until("there is a place again", || {
         let mut stream = connect(server.public);
-        stream.write_all(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n").unwrap();
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
         receive(&mut stream, Instant::now()).status == 200
     });
+}
+
+#[test]
+fn one_address_leaves_connections_to_others() {
+    let server = Server::start(&["--max-connections", "40"]);
+    let slow: Vec<_> = (0..60).map(|_| connect(server.public)).collect();
+    server.wait_until("its part is taken", || server.metric("pixmesh_connections") >= 30.0);
+    for _ in 0..20 {
+        // Its own address has no more.
+        let answer = receive(&mut connect(server.public), Instant::now());
+        assert_eq!(answer.status, 503);
+        assert_eq!(answer.json()["setting"], "--connections-per-address");
+        // Another has the rest.
+        let mut stream = connect_from("127.0.0.2", server.public);
+        stream
+            .write_all(b"GET /v1/methods HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+            .unwrap();
+        assert_eq!(receive(&mut stream, Instant::now()).status, 200);
+    }
+    assert_eq!(server.metric("pixmesh_connections"), 30.0);
+    let refused = "pixmesh_connections_refused_total{reason=\"address\"}";
+    assert_eq!(server.metric(refused), 50.0);
+    drop(slow);
 }
 
 #[test]
 fn bodies_share_a_memory_of_their_own() {
     let server = Server::start(&["--memory-budget", "4MiB"]);
     let mut slow = connect(server.public);
-    let head = b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 1000000\r\n\r\n";
+    let head = b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000000\r\n\r\n";
     slow.write_all(&[head.as_slice(), &[0; 900_000]].concat()).unwrap();
     std::thread::sleep(Duration::from_millis(300));
     server.wait_until("bodies take their memory", || {
@@ -234,7 +261,8 @@ fn few_descriptors_leave_the_listener_for_operations_its_own() {
     drop(idle);
     server.wait_until("there is a place again", || {
         let mut stream = connect(server.public);
-        let sent = stream.write_all(b"GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n");
+        let sent =
+            stream.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
         let mut answer = String::new();
         let _ = stream.read_to_string(&mut answer);
         sent.is_ok() && answer.starts_with("HTTP/1.1 200")
@@ -244,7 +272,8 @@ fn few_descriptors_leave_the_listener_for_operations_its_own() {
 #[test]
 fn a_request_names_one_host() {
     let server = Server::start(&[]);
-    for headers in ["", "Host: a\r\nHost: b\r\n", "Host: a\r\nHost: a\r\n"] {
+    for headers in ["", "Host: localhost\r\nHost: b\r\n", "Host: localhost\r\nHost: localhost\r\n"]
+    {
         let request = format!("GET / HTTP/1.1\r\n{headers}\r\n");
         let answer = exchange(server.public, request.as_bytes());
         answer.problem(400, "bad-request");

@@ -202,9 +202,10 @@ fn a_form_over_the_limit_of_bodies_is_refused_like_any_body() {
     let server = Server::start(&["--max-body", "64KiB"]);
     let answer = post_form(&server, "", &[(IMAGE, &[0; 100_000])]);
     assert_eq!(answer.problem(413, "body-too-large")["setting"], "--max-body");
-    let mut chunked = b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\
+    let mut chunked =
+        b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\
         Content-Type: multipart/form-data; boundary=limit\r\n\r\n18700\r\n"
-        .to_vec();
+            .to_vec();
     let (_, body) = form(&[(IMAGE, &[0; 100_000])]);
     chunked.extend_from_slice(&body[..0x18700]);
     exchange(server.public, &chunked).problem(413, "body-too-large");
@@ -223,7 +224,7 @@ fn a_form_may_be_as_long_as_any_body() {
     let (content_type, body) = form(&[(IMAGE, &image)]);
     assert!(body.len() > 3_000_100);
     let mut chunked = format!(
-        "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\
+        "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\
          Content-Type: {content_type}\r\n\r\n{:x}\r\n",
         body.len()
     )
@@ -245,7 +246,7 @@ fn a_form_may_come_in_the_smallest_pieces() {
     let whole = post_form(&server, "density=5", &[(IMAGE, &image)]);
     let mut stream = connect(server.public);
     let head = format!(
-        "POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: {}\r\n\
+        "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\
          Content-Type: {content_type}\r\n\r\n",
         body.len()
     );

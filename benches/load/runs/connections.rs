@@ -88,7 +88,7 @@ fn crawl(address: SocketAddr, count: usize, is_over: &AtomicBool, opened: &Atomi
         let head: &[u8] = if number.is_multiple_of(2) {
             b"POST /v1/meshes HTTP/1.1\r\nHost: "
         } else {
-            b"POST /v1/meshes HTTP/1.1\r\nHost: load\r\nContent-Length: 100000\r\n\r\n"
+            b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100000\r\n\r\n"
         };
         stream.write_all(head).ok()?;
         opened.fetch_add(1, Ordering::Relaxed);

@@ -87,7 +87,7 @@ fn read_slowly(address: SocketAddr, image: &[u8], period: Duration) -> u16 {
     let mut stream = connect(address);
     stream.set_read_timeout(Some(Duration::from_secs(300))).unwrap();
     let head = format!(
-        "POST /v1/meshes?method=med&size=4&format=pnm HTTP/1.1\r\nHost: load\r\n\
+        "POST /v1/meshes?method=med&size=4&format=pnm HTTP/1.1\r\nHost: localhost\r\n\
          Content-Length: {}\r\n\r\n",
         image.len()
     );

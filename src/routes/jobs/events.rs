@@ -6,12 +6,14 @@
 
 use super::document::JobEvent;
 use super::found;
+use crate::access::Share;
 use crate::extract::fields::Few;
-use crate::problem::Problem;
+use crate::problem::{Kind, Problem};
 use crate::routes::openapi::answers::{Problems, ProblemsOf};
 use crate::routes::openapi::bodies::Text;
 use crate::routes::openapi::parameters::{JobPath, LastEventId};
 use crate::service::Service;
+use crate::telemetry::Open;
 use axum::Extension;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
@@ -61,7 +63,10 @@ pub async fn follow(
 ) -> Result<Response, Problem> {
     Few::of_query(&[], request.uri().query())?;
     let id = found::find(&service, &owner, path).await?.id;
+    let most = service.followers_of_each;
+    let place = service.followers.take(&owner, most).ok_or_else(|| too_many(most))?;
     let follower = Follower {
+        _place: (place, Open::event_stream()),
         queue: Arc::clone(&service.jobs.queue),
         owner,
         stop: service.stop.clone(),
@@ -82,8 +87,18 @@ fn last_event(headers: &HeaderMap) -> u64 {
     text.and_then(|text| text.trim().parse().ok()).unwrap_or(0)
 }
 
+fn too_many(most: usize) -> Problem {
+    let detail = format!("{most} streams of events are open already, which is the most");
+    Problem::new(Kind::QuotaExceeded, detail)
+        .setting("--key-event-streams")
+        .member("limit", most)
+        .retry_after_s(COME_BACK.as_secs())
+}
+
 /// One who follows a job.
 struct Follower {
+    /// Counts it until it ends.
+    _place: (Share<Owner>, Open),
     queue: Arc<dyn Queue>,
     owner: Owner,
     stop: CancellationToken,

@@ -67,7 +67,7 @@ impl IntoResponses for Accepted {
 
 impl IntoResponses for Problems {
     fn responses() -> Responses {
-        [400, 401, 414, 429, 431, 500, 503].into_iter().map(problems).collect()
+        [400, 401, 403, 414, 421, 429, 431, 500, 503].into_iter().map(problems).collect()
     }
 }
 

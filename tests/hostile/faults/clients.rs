@@ -12,10 +12,10 @@ use std::time::Duration;
 const PARTS: [&[u8]; 6] = [
     b"",
     b"POST /v1/mes",
-    b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\n",
-    b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 100000\r\n\r\nP5",
-    b"POST /v1/jobs HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n400\r\nP5",
-    b"GET /openapi.json HTTP/1.1\r\nHost: a\r\n\r\n",
+    b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\n",
+    b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100000\r\n\r\nP5",
+    b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n400\r\nP5",
+    b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n",
 ];
 
 #[test]
@@ -56,7 +56,7 @@ fn thousands_of_clients_that_vanish_leave_nothing_behind() {
 #[test]
 fn hundreds_of_slow_clients_hold_up_nobody() {
     let server = Server::start(&["--workers", "1", "--body-timeout", "5s"]);
-    let head = b"POST /v1/meshes HTTP/1.1\r\nHost: a\r\nContent-Length: 100000\r\n\r\n";
+    let head = b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100000\r\n\r\n";
     let mut slow: Vec<TcpStream> = (0..400).map(|_| connect(server.public)).collect();
     for stream in &mut slow {
         stream.write_all(head).unwrap();

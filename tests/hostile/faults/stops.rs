@@ -20,7 +20,7 @@ fn begin(server: &Server, head: &str, body: &[u8]) -> TcpStream {
 }
 
 fn post(target: &str, length: usize) -> String {
-    format!("POST {target} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n")
+    format!("POST {target} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n")
 }
 
 /// Brings the service into a state, and returns the connection that keeps it there.
@@ -74,7 +74,11 @@ const STATES: [(&str, Enter, &[&str]); 8] = [
         "followed events",
         |server| {
             let job = server.job(SLOW, &noise(700));
-            Some(begin(server, &format!("GET {job}/events HTTP/1.1\r\nHost: a\r\n\r\n"), b""))
+            Some(begin(
+                server,
+                &format!("GET {job}/events HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+                b"",
+            ))
         },
         &["HTTP/1.1 200"],
     ),
