@@ -4,7 +4,8 @@
 //! waits in a queue. The queue's length is measured in seconds: a moving average of the time that
 //! tasks of each kind took turns a cost into seconds. Owners take turns, and while several of them
 //! wait, each may fill an equal part of those seconds. The scheduler refuses a task of an owner whose
-//! part is full at once, and says when the queue will have drained. Because the seconds are estimates,
+//! part is full at once, and says when the queue will have drained. From then on, until nothing
+//! waits, a tenth of those seconds may wait, so that an overload does not make everyone wait long. Because the seconds are estimates,
 //! it also refuses a task that waited for twice the queue's limit.
 //!
 //! Slot and memory belong to a [`Ticket`], which the running task holds: a handler that is dropped

@@ -1,4 +1,8 @@
 //! The queue, counted in seconds of work.
+//!
+//! A burst may fill the queue up to its limit. When more comes than that, the burst is an overload:
+//! everything that is let in would wait for the whole limit, and no more would be done. Then a
+//! tenth of the limit may wait, which keeps the workers as busy, until nothing waits any more.
 
 use super::limits::Limits;
 use crate::error::EngineError;
@@ -17,6 +21,8 @@ use std::time::Duration;
 const HALF_WAY_S: f64 = 2.0;
 /// The longest time that a client is told to wait, in seconds.
 const MAX_RETRY_AFTER_S: f64 = 300.0;
+/// The part of the queue's limit that may wait in an overload.
+const OVERLOADED: f64 = 0.1;
 /// How many times the queue's limit anything may really wait.
 const PATIENCE: f64 = 2.0;
 
@@ -38,6 +44,8 @@ const NONE: Units = [0.0; WorkKind::ALL.len()];
 struct State {
     /// Of every owner of whom something waits.
     waiting: HashMap<Owner, Waiting>,
+    /// Whether the queue has been full since something began to wait.
+    is_overloaded: bool,
     running_units: Units,
     s_per_unit: Units,
 }
@@ -61,6 +69,7 @@ impl Backlog {
     pub(super) fn new(limits: &Limits) -> Self {
         let state = State {
             waiting: HashMap::new(),
+            is_overloaded: false,
             running_units: NONE,
             s_per_unit: WorkKind::ALL.map(WorkKind::first_guess_s),
         };
@@ -101,19 +110,19 @@ impl Backlog {
         owner: &Owner,
         slot_is_free: bool,
     ) -> Result<(), EngineError> {
-        let state = self.state();
+        let mut state = self.state();
         let waiting = state.waiting.get(owner).copied().unwrap_or_default();
         let others = state.waiting.len() - usize::from(waiting.count > 0);
         let waiting_s = self.seconds(&waiting.units, &state);
+        let part = if state.is_overloaded { OVERLOADED } else { 1.0 };
+        let share_s = part * self.limit_s / (others + 1) as f64;
+        let is_full = waiting_s > share_s && !slot_is_free;
+        state.is_overloaded |= is_full;
         drop(state);
         if owner.is_key() && waiting.count >= self.queued_per_key {
             return Err(self.too_many_of_key(waiting.count));
         }
-        let share_s = self.limit_s / (others + 1) as f64;
-        if waiting_s > share_s && !slot_is_free {
-            return Err(self.full(waiting_s, share_s));
-        }
-        Ok(())
+        if is_full { Err(self.full(waiting_s, share_s)) } else { Ok(()) }
     }
 
     /// Work of this cost begins.
@@ -207,6 +216,7 @@ impl Drop for Place<'_> {
                 state.waiting.remove(&self.owner);
             }
         }
+        state.is_overloaded &= !state.waiting.is_empty();
         telemetry::queue_depth(state.depth());
     }
 }
@@ -262,6 +272,23 @@ mod tests {
         );
         drop(places);
         assert!(backlog.enter(&Owner::Anonymous, one_shot, false).is_ok());
+    }
+
+    #[test]
+    fn a_tenth_of_the_limit_may_wait_from_when_it_is_full_until_nothing_waits() {
+        let backlog = backlog(1);
+        let cost = guessed(WorkKind::OneShot, 0.06);
+        let enter = || backlog.enter(&Owner::Anonymous, cost, false);
+        let mut places: Vec<_> = (0..30).map_while(|_| enter().ok()).collect();
+        assert_eq!(places.len(), 17, "1.02 s");
+        places.truncate(2);
+        assert!(enter().is_err(), "0.12 s wait, and 0.1 s may");
+        places.truncate(1);
+        let second = enter();
+        assert!(second.is_ok() && enter().is_err());
+        drop((places, second));
+        let places: Vec<_> = (0..30).map_while(|_| enter().ok()).collect();
+        assert_eq!(places.len(), 17, "it begins anew");
     }
 
     #[test]
