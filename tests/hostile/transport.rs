@@ -330,7 +330,7 @@ fn of_heads() -> Vec<Row> {
             both_lengths,
         ),
         Row::new("T10c", "lines that end in LF alone", Expected::Served, || {
-            raw("GET /v1/methods HTTP/1.1\nHost: a\nConnection: close\n\n")
+            raw("GET /v1/methods HTTP/1.1\nHost: localhost\nConnection: close\n\n")
         }),
         Row::new(
             "T10b",
