@@ -60,14 +60,7 @@ impl KeyRing {
             requests_per_minute: settings.key_requests_per_minute,
             entries: RwLock::default(),
         };
-        let lines = read(&ring.path)?;
-        if lines.is_empty() {
-            let path = ring.path.display();
-            return Err(
-                format!("--keys-file {path} holds no key: `pixmesh key new` makes one").into()
-            );
-        }
-        ring.replace(&lines);
+        ring.replace(&read(&ring.path)?);
         Ok(Some(ring))
     }
 
@@ -129,9 +122,14 @@ impl KeyRing {
     }
 }
 
-/// The lines of a file of keys.
+/// The lines of a file of keys. A file without any is refused: it may be about to be written.
 fn read(path: &Path) -> Result<Vec<KeyLine>, String> {
     let text = fs::read_to_string(path)
         .map_err(|error| format!("--keys-file {} cannot be read: {error}", path.display()))?;
-    parse(&text).map_err(|error| format!("--keys-file {}: {error}", path.display()))
+    match parse(&text) {
+        Ok(lines) if lines.is_empty() => {
+            Err(format!("--keys-file {} holds no key: `pixmesh key new` makes one", path.display()))
+        }
+        read => read.map_err(|error| format!("--keys-file {}: {error}", path.display())),
+    }
 }

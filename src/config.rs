@@ -19,11 +19,12 @@ pub use quantity::{ByteSize, Period};
 pub use trace::TraceSettings;
 
 use clap::{Args, CommandFactory, Parser, ValueEnum};
+use ipnet::IpNet;
 use pixmesh_engine::scheduler;
 use std::error::Error;
 use std::ffi::OsString;
 use std::fmt;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use std::thread::available_parallelism;
@@ -58,6 +59,10 @@ pub struct Settings {
     /// How the log is written.
     #[arg(long, env = "PIXMESH_LOG_FORMAT", default_value = "human")]
     pub log_format: LogFormat,
+    /// The least important lines that are logged; PUT /log-level/LEVEL on the listener for operations
+    /// changes it.
+    #[arg(long, env = "PIXMESH_LOG_LEVEL", default_value = "info")]
+    pub log_level: LogLevel,
     /// Where traces go.
     #[command(flatten)]
     pub traces: TraceSettings,
@@ -120,6 +125,9 @@ pub struct Limits {
     /// Longest time for a request's body to arrive, and for a client to take nothing of its answer.
     #[arg(long, env = "PIXMESH_BODY_TIMEOUT", default_value = "30s")]
     pub body_timeout: Period,
+    /// Networks or addresses of proxies whose X-Forwarded-For the log believes, such as 10.0.0.0/8.
+    #[arg(long, env = "PIXMESH_TRUSTED_PROXIES", value_delimiter = ',', num_args = 1.., value_parser = network)]
+    pub trusted_proxies: Vec<IpNet>,
     /// Most connections open at the same time; fewer where the limit on open files is low [default: two
     /// for each MiB of the memory budget, 1024 to 16384].
     #[arg(long, env = "PIXMESH_MAX_CONNECTIONS", hide_env_values = true)]
@@ -145,6 +153,30 @@ pub enum LogFormat {
     Human,
     /// One JSON object per line.
     Json,
+}
+
+/// The least important lines that are logged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LogLevel {
+    /// Defects and failures.
+    Error,
+    /// What an operator should look at, too.
+    Warn,
+    /// Every answer, too.
+    Info,
+    /// Everything.
+    Debug,
+}
+
+impl fmt::Display for LogLevel {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Error => "error",
+            Self::Warn => "warn",
+            Self::Info => "info",
+            Self::Debug => "debug",
+        })
+    }
 }
 
 /// The shortest lease: a worker renews it three times in that time.
@@ -297,6 +329,14 @@ impl Settings {
     }
 }
 
+/// A network, or one address.
+fn network(text: &str) -> Result<IpNet, String> {
+    let address = || text.parse::<IpAddr>().map(IpNet::from);
+    text.parse::<IpNet>()
+        .or_else(|_| address())
+        .map_err(|_| format!("'{text}' is neither an address nor a network such as 10.0.0.0/8"))
+}
+
 /// The processor's cores, or the part of them that a container's quota leaves.
 fn cores() -> usize {
     available_parallelism().map_or(1, NonZeroUsize::get)
@@ -354,11 +394,14 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--queue-seconds {}", self.queue_seconds)?;
         writeln!(formatter, "--sync-deadline {}", self.sync_deadline)?;
         writeln!(formatter, "--log-format {log_format}")?;
+        writeln!(formatter, "--log-level {}", self.log_level)?;
         writeln!(formatter, "--max-body {}", self.longest_body())?;
         writeln!(formatter, "--max-pixels {}", limits.max_pixels)?;
         writeln!(formatter, "--max-side {}", limits.max_side)?;
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
+        let proxies: Vec<String> = limits.trusted_proxies.iter().map(IpNet::to_string).collect();
+        writeln!(formatter, "--trusted-proxies {}", proxies.join(","))?;
         writeln!(formatter, "--max-connections {}", self.max_connections())?;
         writeln!(formatter, "--connections-per-address {}", self.connections_per_address())?;
         writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;

@@ -2,6 +2,7 @@
 
 pub mod accept;
 pub mod auth;
+pub mod client_address;
 pub mod fields;
 pub mod idempotency;
 pub mod prefer;

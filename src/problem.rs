@@ -51,6 +51,13 @@ impl Problem {
         self.kind
     }
 
+    /// The parameter or part that is wrong, if the problem names one.
+    #[must_use]
+    pub fn named_param(&self) -> Option<&str> {
+        let param = self.members.iter().find(|(name, _)| *name == "param");
+        param.and_then(|(_, value)| value.as_str())
+    }
+
     /// Names the parameter or part that is wrong.
     #[must_use]
     pub fn param(self, name: impl Into<String>) -> Self {

@@ -6,6 +6,7 @@ pub mod docs;
 pub mod health;
 pub mod index;
 pub mod jobs;
+pub mod log_level;
 pub mod meshes;
 pub mod methods;
 pub mod metrics;
@@ -26,7 +27,7 @@ use crate::service::{Operations, Service};
 use axum::extract::{Request, State};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, put};
 use axum::{Extension, Router};
 use jobs::document::JobEvent;
 use openapi::DocumentText;
@@ -43,6 +44,7 @@ pub fn public(service: Arc<Service>) -> Router {
     let authenticate = from_fn_with_state(service.keys.clone(), authenticate);
     let stop = from_fn_with_state(service.cut.clone(), stop);
     let cors = cors::layer(&service.visitors.origins);
+    let observe = from_fn_with_state(Arc::clone(&service.trusted_proxies), observe::observe);
     let admit = from_fn_with_state(Arc::clone(&service.visitors), origin::admit);
     let (documented, document) = documented().split_for_parts();
     let routes = documented
@@ -55,7 +57,7 @@ pub fn public(service: Arc<Service>) -> Router {
     rendered(
         routes.layer(
             ServiceBuilder::new()
-                .layer(from_fn(observe::observe))
+                .layer(observe)
                 .layer(from_fn(guard::guard))
                 .layer(admit)
                 .option_layer(cors)
@@ -103,6 +105,7 @@ pub fn operations(operations: Operations) -> Router {
         .route("/livez", get(health::live))
         .route("/readyz", get(health::ready))
         .route("/metrics", get(metrics::show))
+        .route("/log-level/{level}", put(log_level::change))
         .fallback(not_found)
         .with_state(operations);
     rendered(routes.layer(

@@ -3,8 +3,8 @@
 //! The public listener and the work share one runtime; the listener for operations has a thread
 //! and a runtime of its own, so that health and metrics answer while every core is busy. On
 //! SIGTERM or SIGINT the service says at once that it is not ready, takes no more connections, and
-//! lets the running requests end: after [`GRACE`] those that are left are told 503, after
-//! [`LAST_WORDS`] more the process exits all the same.
+//! lets the running requests end: after [`GRACE`], or a second signal, those that are left are told
+//! 503, after [`LAST_WORDS`] more the process exits all the same.
 
 mod descriptors;
 mod listener;
@@ -45,6 +45,8 @@ const GRACE_OF_JOBS: Duration = Duration::from_secs(20);
 pub const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How long threads may take to end, once nobody waits for them.
 const REMAINING_THREADS: Duration = Duration::from_secs(1);
+/// How often the runtime of the public listener shows that it runs.
+const HEARTBEAT: Duration = Duration::from_millis(500);
 /// How often the samples of histograms are sorted into buckets, scraped or not.
 const UPKEEP: Duration = Duration::from_secs(5);
 
@@ -62,7 +64,7 @@ pub enum Role {
 /// # Errors
 /// When an address cannot be listened on, a runtime cannot be started, or jobs cannot be kept.
 pub fn run(settings: &Settings, role: Role) -> Result<(), Box<dyn Error>> {
-    let _log = telemetry::start_log(settings.log_format, &settings.traces)?;
+    let _log = telemetry::start_log(settings.log_format, settings.log_level, &settings.traces)?;
     warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
     let runtime = Builder::new_multi_thread().enable_all().build()?;
@@ -176,7 +178,8 @@ async fn serve(
         )
     })?;
     let service = Arc::new(Service::new(settings, jobs, keys, workers));
-    let stop = stop_on_signal(lifecycle.clone(), service.stop.clone())?;
+    let stop = stop_on_signal(lifecycle.clone(), service.stop.clone(), service.cut.clone())?;
+    tokio::spawn(keep_alive(lifecycle.clone()));
     let work = start_jobs(&service, settings);
     lifecycle.enter(Stage::Ready);
     tracing::info!(workers = settings.worker_count(), "ready");
@@ -184,7 +187,10 @@ async fn serve(
         Some(listener) => serve_public(listener, settings, &service, stop).await?,
         None => stop.cancelled().await,
     }
-    let _ = work.await;
+    tokio::select! {
+        _ = work => {}
+        () = service.cut.cancelled() => {}
+    }
     tracing::info!("stopped");
     Ok(())
 }
@@ -203,7 +209,11 @@ async fn serve_public(
     let each = settings.limits.connections_per_address.map_or(each, |asked| asked.get());
     let listener = Listener::new(listener, routes, connections, timeouts(settings)).public(each);
     let mut draining = listener.serve(stop).await?;
-    if !draining.finish(GRACE).await {
+    let has_ended = tokio::select! {
+        has_ended = draining.finish(GRACE) => has_ended,
+        () = service.cut.cancelled() => false,
+    };
+    if !has_ended {
         service.cut.cancel();
         draining.finish(LAST_WORDS).await;
     }
@@ -239,20 +249,46 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
     })
 }
 
+/// Shows that the runtime of the public listener runs.
+async fn keep_alive(lifecycle: Lifecycle) {
+    let mut ticks = tokio::time::interval(HEARTBEAT);
+    loop {
+        ticks.tick().await;
+        lifecycle.beat();
+    }
+}
+
 /// The token, once the first SIGTERM or SIGINT is to raise it, after the service has said that it
-/// stops.
-fn stop_on_signal(lifecycle: Lifecycle, stop: CancellationToken) -> io::Result<CancellationToken> {
+/// stops. A second one raises `cut`: nothing is waited for any longer. SIGHUP stops nothing: the
+/// file of keys is read again by itself.
+fn stop_on_signal(
+    lifecycle: Lifecycle,
+    stop: CancellationToken,
+    cut: CancellationToken,
+) -> io::Result<CancellationToken> {
     let mut terminate = signal(SignalKind::terminate())?;
     let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut hangup = signal(SignalKind::hangup())?;
     let raised = stop.clone();
     tokio::spawn(async move {
-        tokio::select! {
-            _ = terminate.recv() => {}
-            _ = interrupt.recv() => {}
+        loop {
+            tokio::select! {
+                _ = terminate.recv() => {}
+                _ = interrupt.recv() => {}
+                _ = hangup.recv() => {
+                    tracing::info!("a hangup stops nothing; the file of keys is read every second");
+                    continue;
+                }
+            }
+            if raised.is_cancelled() {
+                tracing::info!("stopping at once");
+                cut.cancel();
+                return;
+            }
+            lifecycle.enter(Stage::Stopping);
+            tracing::info!("stopping");
+            raised.cancel();
         }
-        lifecycle.enter(Stage::Stopping);
-        tracing::info!("stopping");
-        raised.cancel();
     });
     Ok(stop)
 }

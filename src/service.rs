@@ -4,6 +4,7 @@ use crate::access::{KeyRing, Shares};
 use crate::config::{Settings, Visitors};
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
 use crate::lifecycle::Lifecycle;
+use ipnet::IpNet;
 use metrics_exporter_prometheus::PrometheusHandle;
 use pixmesh_engine::{Owner, Scheduler, Workers};
 use pixmesh_jobs::Jobs;
@@ -22,6 +23,8 @@ pub struct Service {
     pub keys: Option<Arc<KeyRing>>,
     /// Which pages' requests are taken, and under which names.
     pub visitors: Arc<Visitors>,
+    /// The proxies that are believed.
+    pub trusted_proxies: Arc<[IpNet]>,
     /// Admits every task.
     pub scheduler: Scheduler,
     /// The threads that tasks run on.
@@ -73,6 +76,7 @@ impl Service {
                 memory: BodyMemory::new(settings.body_budget().0),
             },
             pictures: settings.limits.of_pictures(),
+            trusted_proxies: settings.limits.trusted_proxies.clone().into(),
             scheduler: Scheduler::new(&settings.of_scheduler()),
             deadline: settings.deadline(),
             jobs,

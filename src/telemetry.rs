@@ -8,7 +8,7 @@ pub mod names;
 #[cfg(feature = "otlp")]
 mod otlp;
 
-pub use log::{Log, adopt, start_log};
+pub use log::{Log, adopt, set_level, start_log};
 
 use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
@@ -121,6 +121,7 @@ pub fn connection_refused(reason: &'static str) {
 
 /// What the system knows of this process: resident memory, processor time and open files.
 pub fn process() {
+    counter!(LOG_LINES_DROPPED).absolute(log::dropped_lines() as u64);
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     let resident_kib = resident.and_then(|value| value.trim().strip_suffix(" kB"));

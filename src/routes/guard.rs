@@ -17,8 +17,11 @@ const MAX_HEADER: usize = 16 * 1024;
 /// The most lines of a request's header.
 const MAX_HEADER_LINES: usize = 100;
 
-/// Headers of every response: no guessing of types, no frames, no referrer.
-const ALWAYS: [(HeaderName, &str); 4] = [
+/// Headers of every response: no guessing of types, no frames, no referrer, no devices, and no other
+/// page that holds a window of ours.
+const ALWAYS: [(HeaderName, &str); 6] = [
+    (HeaderName::from_static("permissions-policy"), "camera=(), geolocation=(), microphone=()"),
+    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
     (X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (X_FRAME_OPTIONS, "DENY"),
     (REFERRER_POLICY, "no-referrer"),

@@ -13,11 +13,14 @@ pub async fn live() -> &'static str {
 /// Answers 200 when requests are taken.
 ///
 /// # Errors
-/// `overloaded` while starting, `storage-unavailable` while jobs cannot be kept, `shutting-down`
+/// `overloaded` while starting or while the public listener does not run, `storage-unavailable` while jobs cannot be kept, `shutting-down`
 /// while stopping.
 pub async fn ready(State(operations): State<Operations>) -> Result<&'static str, Problem> {
     match operations.lifecycle.stage() {
         Stage::Starting => Err(Problem::new(Kind::Overloaded, "the service is starting")),
+        Stage::Ready if !operations.lifecycle.is_alive() => {
+            Err(Problem::new(Kind::Overloaded, "the public listener does not run"))
+        }
         Stage::Ready if !operations.jobs.is_healthy() => {
             Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be written"))
         }

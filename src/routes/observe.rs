@@ -1,36 +1,58 @@
 //! Sees every request from its header to its answer: one span, one log line, two metrics.
 
+use crate::extract::client_address::ClientAddress;
 use crate::extract::request_id::RequestId;
 use crate::problem::Problem;
 use crate::telemetry;
-use axum::extract::{MatchedPath, Request};
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::Method;
 use axum::middleware::Next;
 use axum::response::Response;
+use http_body::Body;
+use ipnet::IpNet;
+use std::sync::Arc;
 use std::time::Instant;
 use tracing::field::Empty;
 use tracing::{Instrument, error, info, info_span};
 
 /// The layer that logs and counts.
-pub(super) async fn observe(request: Request, next: Next) -> Response {
+pub(super) async fn observe(
+    State(trusted): State<Arc<[IpNet]>>,
+    request: Request,
+    next: Next,
+) -> Response {
     let id = request.extensions().get::<RequestId>();
     let span = info_span!("request", id = id.map_or("", RequestId::as_str), key = Empty);
     let matched = request.extensions().get::<MatchedPath>().cloned();
     let route = matched.as_ref().map_or(telemetry::UNKNOWN_ROUTE, MatchedPath::as_str);
     let progress = Progress::begin(span.clone());
     let method = label(request.method());
+    let ClientAddress { peer, forwarded } = ClientAddress::of(&request, &trusted);
+    let received = request.body().size_hint().exact();
     telemetry::adopt(&span, method, route, request.headers());
     let response = next.run(request).instrument(span.clone()).await;
     let took = progress.end();
     let code = response.status().as_u16();
     telemetry::answered(route, method, code, took);
     let _in_span = span.enter();
-    if let Some(problem) = response.extensions().get::<Problem>()
-        && let Some(cause) = problem.cause()
-    {
-        error!(cause, problem = problem.kind().slug(), "a request failed in the service");
+    let refusal = response.extensions().get::<Problem>();
+    let problem = refusal.map(|problem| problem.kind().slug());
+    if let Some(cause) = refusal.and_then(Problem::cause) {
+        error!(cause, problem, "a request failed in the service");
     }
-    info!(method, route, code, seconds = took.as_secs_f64(), "answered");
+    info!(
+        method,
+        route,
+        code,
+        problem,
+        param = refusal.and_then(Problem::named_param),
+        seconds = took.as_secs_f64(),
+        received,
+        sent = response.body().size_hint().exact().filter(|_| refusal.is_none()),
+        peer = peer.map(display),
+        forwarded = forwarded.map(display),
+        "answered"
+    );
     response
 }
 

@@ -13,6 +13,7 @@
 
 use super::stream::Stream;
 use crate::access::Shares;
+use crate::extract::client_address::Peer;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Open};
 use axum::Router;
@@ -128,7 +129,8 @@ impl Listener {
         let routes = self.routes.clone();
         let begun = Arc::new(AtomicBool::new(false));
         let has_begun = Arc::clone(&begun);
-        let service = hyper::service::service_fn(move |request: hyper::Request<Incoming>| {
+        let service = hyper::service::service_fn(move |mut request: hyper::Request<Incoming>| {
+            request.extensions_mut().insert(Peer(peer));
             begun.store(true, Ordering::Relaxed);
             routes.clone().oneshot(request.map(Body::new))
         });

@@ -12,7 +12,7 @@ declare_metrics! {
         "Seconds from a request's header to its answer";
     REQUESTS_IN_PROGRESS: Gauge "pixmesh_requests_in_progress" []
         "Requests being received, waiting or worked on";
-    CONNECTIONS: Gauge "pixmesh_connections" [] "Connections of the public listener that are open";
+    CONNECTIONS: Gauge "pixmesh_open_connections" [] "Connections of the public listener that are open";
     CONNECTIONS_REFUSED: Counter "pixmesh_connections_refused_total" ["reason"]
         "Connections refused: 'total' are open, or 'address' has its part";
     EVENT_STREAMS: Gauge "pixmesh_event_streams" [] "Clients that follow the events of a job";
@@ -20,6 +20,8 @@ declare_metrics! {
     PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";
     DECODER_PANICS: Counter "pixmesh_decoder_panics_total" []
         "Uploaded files that made a decoder from another crate panic; answered with 422";
+    LOG_LINES_DROPPED: Counter "pixmesh_log_lines_dropped_total" []
+        "Lines of the log that were dropped because nobody read it";
     PROCESS_RESIDENT: Gauge "process_resident_memory_bytes" []
         "Resident memory of the process in bytes";
     PROCESS_CPU: Gauge "process_cpu_seconds_total" [] "Seconds of processor time, of all threads";

@@ -1,9 +1,13 @@
 //! From start to stop: settings, readiness, signals.
 
-use crate::client::{assert_median_within, connect};
+use crate::client::{assert_median_within, connect, receive, send};
 use crate::pictures::{disc, noise};
-use crate::server::{Server, program};
+use crate::server::{Folder, Server, program};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::io::Write;
 use std::net::TcpStream;
+use std::process::Command;
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -42,6 +46,78 @@ fn sigint_stops_an_idle_service_at_once() {
         assert_eq!(server.wait().code(), Some(0));
         began.elapsed()
     });
+}
+
+#[test]
+fn a_hangup_stops_nothing_and_a_second_signal_waits_for_nothing() {
+    let mut server = Server::start(&["--workers", "1"]);
+    server.signal("HUP");
+    server.wait_until("it says so", || server.log().contains("a hangup stops nothing"));
+    let image = noise(1400);
+    let job = server.job("method=mgpr&density=1", &image);
+    server.wait_for(&job, "running");
+    let public = server.public;
+    let request = thread::spawn(move || {
+        send(public, "POST", "/v1/meshes?method=mgpr&density=1", &[], &image)
+    });
+    server.wait_until("it waits", || server.metric("pixmesh_requests_in_progress") >= 1.0);
+    let began = Instant::now();
+    server.signal("TERM");
+    server.wait_until("it is not ready", || server.operate("/readyz").status == 503);
+    server.signal("TERM");
+    assert_eq!(server.wait().code(), Some(0));
+    assert!(began.elapsed() < Duration::from_secs(10), "{:?}", began.elapsed());
+    request.join().unwrap().problem(503, "shutting-down");
+}
+
+#[test]
+fn a_log_that_nobody_reads_stops_nothing() {
+    let folder = Folder::new();
+    fs::create_dir_all(folder.path()).unwrap();
+    let pipe = folder.path().join("log");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    // Open for both, so that the other end need not be open yet.
+    let unread = File::options().read(true).write(true).open(&pipe).unwrap();
+    let mut server = Server::start_with_unread_log(&pipe);
+    let mut stream = connect(server.public);
+    for _ in 0..12_000 {
+        stream.write_all(b"GET /v1/methods HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+        assert_eq!(receive(&mut stream, Instant::now()).status, 200);
+    }
+    assert_eq!(server.operate("/readyz").status, 200);
+    assert!(server.metric("pixmesh_log_lines_dropped_total") > 0.0);
+    server.kill();
+    drop(unread);
+}
+
+#[test]
+fn the_log_says_why_and_for_whom_a_request_was_refused() {
+    let server = Server::start(&["--log-format", "json", "--trusted-proxies", "127.0.0.0/8"]);
+    let headers = [("X-Forwarded-For", "6.6.6.6, 192.0.2.7")];
+    server.mesh("density=101", &headers, &disc(20, 20, 1)).problem(422, "parameter-out-of-range");
+    let line = || {
+        let log = server.log();
+        let line = log.lines().find(|line| line.contains("\"code\":422"));
+        line.map(|line| serde_json::from_str::<Value>(line).unwrap())
+    };
+    server.wait_until("it is logged", || line().is_some());
+    let line = line().unwrap();
+    assert_eq!(
+        (&line["problem"], &line["param"]),
+        (&"parameter-out-of-range".into(), &"density".into())
+    );
+    assert_eq!((&line["peer"], &line["forwarded"]), (&"127.0.0.1".into(), &"192.0.2.7".into()));
+    assert!(line["received"].as_u64().unwrap() > 0, "{line}");
+    let level =
+        |level: &str| send(server.operations, "PUT", &format!("/log-level/{level}"), &[], &[]);
+    level("loud").problem(422, "unknown-value");
+    assert_eq!(level("warn").status, 204);
+    server.wait_until("it is told", || server.log().contains("level of the log was changed"));
+    assert_eq!(server.get("/v1/methods").status, 200);
+    assert_eq!(level("info").status, 204);
+    assert_eq!(server.get("/v1/nothing").status, 404);
+    server.wait_until("it is logged again", || server.log().contains("not-found"));
+    assert!(!server.log().contains("\"code\":200,"), "{}", server.log());
 }
 
 #[test]
@@ -144,8 +220,7 @@ fn the_log_can_be_json_with_the_request_id_and_the_stages() {
     assert_eq!(server.mesh("", &headers, &disc(30, 30, 3)).status, 200);
     server.wait_until("the answer is logged", || server.log().contains("answered"));
     let log = server.log();
-    let lines: Vec<serde_json::Value> =
-        log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let meshed = lines.iter().find(|line| line["message"] == "meshed").unwrap();
     assert_eq!(meshed["span"]["id"], "trace-me", "{meshed}");
     assert!(meshed["stages"].as_str().unwrap().contains("simplify;dur="), "{meshed}");

@@ -86,6 +86,14 @@ impl Server {
         Self::start_as(shell, flags, Arc::default())
     }
 
+    /// Starts the service with a log that nobody reads, in a named pipe that the caller keeps.
+    pub(crate) fn start_with_unread_log(pipe: &Path) -> Self {
+        let mut shell = without_settings(Command::new("sh"));
+        shell.args(["-c", "exec \"$0\" \"$@\" 2>\"$UNREAD_LOG\""]).env("UNREAD_LOG", pipe);
+        shell.arg(PROGRAM);
+        Self::start_as(shell, &[], Arc::default())
+    }
+
     pub(crate) fn start_as(mut command: Command, flags: &[&str], folder: Arc<Folder>) -> Self {
         let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--ops-listen", "127.0.0.1:0"])

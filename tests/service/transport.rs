@@ -192,7 +192,7 @@ fn connections_over_the_number_are_told_so() {
 fn one_address_leaves_connections_to_others() {
     let server = Server::start(&["--max-connections", "40"]);
     let slow: Vec<_> = (0..60).map(|_| connect(server.public)).collect();
-    server.wait_until("its part is taken", || server.metric("pixmesh_connections") >= 30.0);
+    server.wait_until("its part is taken", || server.metric("pixmesh_open_connections") >= 30.0);
     for _ in 0..20 {
         // Its own address has no more.
         let answer = receive(&mut connect(server.public), Instant::now());
@@ -205,7 +205,7 @@ fn one_address_leaves_connections_to_others() {
             .unwrap();
         assert_eq!(receive(&mut stream, Instant::now()).status, 200);
     }
-    assert_eq!(server.metric("pixmesh_connections"), 30.0);
+    assert_eq!(server.metric("pixmesh_open_connections"), 30.0);
     let refused = "pixmesh_connections_refused_total{reason=\"address\"}";
     assert_eq!(server.metric(refused), 50.0);
     drop(slow);
@@ -241,7 +241,7 @@ fn a_body_that_the_memory_for_bodies_could_never_hold_is_too_large() {
         (&(1 << 20).into(), &"--memory-budget".into())
     );
     server.mesh("", &[], &over[1..]).problem(415, "unsupported-image");
-    assert!(server.log().contains("longest=\"1MiB\""), "{}", server.log());
+    server.wait_until("the log says so", || server.log().contains("longest=\"1MiB\""));
 }
 
 #[test]
@@ -257,7 +257,8 @@ fn few_descriptors_leave_the_listener_for_operations_its_own() {
     }
     assert!(server.metric("process_open_fds") < 128.0);
     assert!(!server.log().contains("could not be accepted"), "{}", server.log());
-    assert!(server.log().contains("fewer connections than --max-connections"));
+    let warned = "fewer connections than --max-connections";
+    server.wait_until("the log says so", || server.log().contains(warned));
     drop(idle);
     server.wait_until("there is a place again", || {
         let mut stream = connect(server.public);
