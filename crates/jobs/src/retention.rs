@@ -4,6 +4,7 @@ use crate::Jobs;
 use crate::queue::{DELETION_TIME, QueueError, Swept};
 use crate::record::State;
 use crate::telemetry;
+use futures_util::{StreamExt, TryStreamExt, stream};
 use pixmesh_engine::digest::Digest;
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -13,6 +14,9 @@ use tokio_util::sync::CancellationToken;
 /// The interval of sweeps. Another worker has a job whose worker is gone within its lease and 5 s:
 /// this leaves 2 s for a busy machine.
 const PERIOD: Duration = Duration::from_secs(3);
+
+/// Blobs that are deleted at the same time.
+const DELETIONS: usize = 8;
 
 /// Deletes the blobs of the last process that no job uses. In a store that nodes share, the queue
 /// knows these blobs.
@@ -42,47 +46,57 @@ pub async fn run(jobs: Jobs, stop: CancellationToken) {
             () = stop.cancelled() => return,
         }
         jobs.blobs.probe().await;
-        if let Err(error) = sweep(&jobs).await {
+        let swept = tokio::select! {
+            swept = sweep(&jobs) => swept,
+            () = stop.cancelled() => return,
+        };
+        if let Err(error) = swept {
             tracing::warn!(%error, "sweep of the jobs failed");
         }
     }
 }
 
+/// Sweeps in batches until there is nothing left to do: jobs may expire as fast as they came, and
+/// each batch is short, because submissions wait for it.
 async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
-    let Swept { requeued, exhausted, expired, orphans } = jobs.queue.sweep().await?;
-    if requeued + exhausted + expired > 0 {
-        tracing::info!(requeued, exhausted, expired, "jobs swept");
-    }
-    for _ in 0..exhausted {
-        telemetry::job_ended(State::Failed);
-    }
-    if !orphans.is_empty() {
-        delete(jobs, orphans).await?;
+    loop {
+        let Swept { requeued, exhausted, expired, orphans } = jobs.queue.sweep().await?;
+        if requeued + exhausted + expired > 0 {
+            tracing::info!(requeued, exhausted, expired, "jobs swept");
+        }
+        for _ in 0..exhausted {
+            telemetry::job_ended(State::Failed);
+        }
+        let deleted = if orphans.is_empty() { 0 } else { delete(jobs, orphans).await? };
+        if expired + deleted == 0 {
+            break;
+        }
     }
     let mean_s = jobs.queue.mean_duration_s(jobs.durations.mean_s()).await?;
     telemetry::jobs(&jobs.queue.stats().await?, mean_s);
     Ok(())
 }
 
-/// Deletes those of the blobs that no job uses.
-async fn delete(jobs: &Jobs, blobs: Vec<Digest>) -> Result<(), QueueError> {
+/// Deletes those of the blobs that no job uses, and returns their number.
+async fn delete(jobs: &Jobs, blobs: Vec<Digest>) -> Result<usize, QueueError> {
     let began = Instant::now();
     let collector = jobs.blobs.collector().await;
     let used = jobs.queue.referenced(blobs.clone()).await?;
-    let mut deleted = Vec::new();
-    for blob in blobs.into_iter().filter(|blob| !used.contains(blob)) {
-        // Later, another node may store the blob again.
-        if began.elapsed() < DELETION_TIME {
-            collector.delete(blob).await?;
-            deleted.push(blob);
-        }
-    }
-    jobs.queue.forget(deleted).await
+    let unused = blobs.into_iter().filter(|blob| !used.contains(blob));
+    // Later, another node may store a blob again.
+    let in_time = unused.take_while(|_| began.elapsed() < DELETION_TIME);
+    let deleting =
+        stream::iter(in_time).map(async |blob| collector.delete(blob).await.map(|()| blob));
+    let deleted: Vec<Digest> = deleting.buffer_unordered(DELETIONS).try_collect().await?;
+    let count = deleted.len();
+    jobs.queue.forget(deleted).await?;
+    Ok(count)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::queue::Terms;
     use crate::record::JobId;
     use crate::testing::{jobs, put, submit_picture, terms};
     use pixmesh_engine::Owner;
@@ -118,6 +132,24 @@ mod tests {
         sweep(&jobs).await.unwrap();
         assert!(jobs.blobs.all().unwrap().is_empty());
         assert!(jobs.queue.sweep().await.unwrap().orphans.is_empty());
+    }
+
+    #[tokio::test]
+    async fn one_sweep_removes_all_that_has_expired() {
+        const COUNT: usize = 1500;
+        let (jobs, _folder) = jobs(Terms { result_ttl: Duration::ZERO, ..terms() });
+        for number in 0..COUNT {
+            let text = Box::leak(format!("picture {number}").into_boxed_str());
+            let (id, _) = submit_picture(&jobs, text).await;
+            cancel(&jobs, id).await;
+        }
+        assert_eq!(jobs.blobs.all().unwrap().len(), COUNT);
+        let began = Instant::now();
+        sweep(&jobs).await.unwrap();
+        println!("{:.0} jobs per second", COUNT as f64 / began.elapsed().as_secs_f64());
+        assert!(jobs.blobs.all().unwrap().is_empty());
+        let swept = jobs.queue.sweep().await.unwrap();
+        assert_eq!((swept.expired, swept.orphans.len()), (0, 0));
     }
 
     #[tokio::test]
