@@ -38,7 +38,7 @@ use std::collections::HashSet;
 use std::error::Error;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use writer::Writer;
+use writer::{Write, Writer};
 
 /// The name of the database in its folder.
 const DATABASE: &str = "jobs.sqlite3";
@@ -56,7 +56,7 @@ pub struct Embedded {
     last_owner: Arc<Mutex<String>>,
     /// The zero of the process's own clock.
     started: Instant,
-    _folder: Arc<DataFolder>,
+    folder: Arc<DataFolder>,
 }
 
 impl Embedded {
@@ -74,7 +74,20 @@ impl Embedded {
         let watchers = Arc::new(Watchers::default());
         let writer = Writer::start(connection, Arc::clone(&watchers))?;
         let (readers, last_owner, started) = (Readers::new(path), Arc::default(), Instant::now());
-        Ok(Self { terms, writer, readers, watchers, last_owner, started, _folder: folder })
+        Ok(Self { terms, writer, readers, watchers, last_owner, started, folder })
+    }
+
+    /// Writes what makes room sooner or later, on a full disk with the space that is kept back.
+    async fn write<T: Send + 'static>(
+        &self,
+        write: impl FnOnce(&mut Write<'_>) -> rusqlite::Result<T> + Clone + Send + 'static,
+    ) -> Result<T, QueueError> {
+        match self.writer.write(write.clone()).await {
+            Err(QueueError::StorageFull(_)) if self.folder.release_reserve() => {
+                self.writer.write(write).await
+            }
+            written => written,
+        }
     }
 
     /// Milliseconds of the process's own clock.
@@ -107,12 +120,12 @@ impl Queue for Embedded {
 
     async fn claim(&self) -> Result<Option<Claim>, QueueError> {
         let (terms, last, end) = (self.terms, Arc::clone(&self.last_owner), self.lease_end());
-        self.writer.write(move |write| claim::claim(write, &last, &terms, end)).await
+        self.write(move |write| claim::claim(write, &last, &terms, end)).await
     }
 
     async fn renew(&self, lease: Lease, progress: Option<Progress>) -> Result<Renewal, QueueError> {
         let end = self.lease_end();
-        self.writer.write(move |write| claim::renew(write, lease, progress.as_ref(), end)).await
+        self.write(move |write| claim::renew(write, lease, progress.as_ref(), end)).await
     }
 
     async fn standing(&self, lease: Lease) -> Result<Renewal, QueueError> {
@@ -122,12 +135,12 @@ impl Queue for Embedded {
 
     async fn finish(&self, lease: Lease, outcome: Outcome) -> Result<Finish, QueueError> {
         let terms = self.terms;
-        self.writer.write(move |write| finish::finish(write, lease, &outcome, &terms)).await
+        self.write(move |write| finish::finish(write, lease, &outcome, &terms)).await
     }
 
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError> {
         let (owner, terms) = (owner.clone(), self.terms);
-        self.writer.write(move |write| finish::cancel(write, &owner, id, &terms)).await
+        self.write(move |write| finish::cancel(write, &owner, id, &terms)).await
     }
 
     async fn events_now(
@@ -146,7 +159,9 @@ impl Queue for Embedded {
 
     async fn sweep(&self) -> Result<Swept, QueueError> {
         let (terms, own_now) = (self.terms, self.own_now());
-        self.writer.write(move |write| sweep::sweep(write, &terms, own_now)).await
+        let swept = self.write(move |write| sweep::sweep(write, &terms, own_now)).await;
+        self.folder.restore_reserve();
+        swept
     }
 
     async fn referenced(&self, blobs: Vec<Digest>) -> Result<HashSet<Digest>, QueueError> {
@@ -154,11 +169,19 @@ impl Queue for Embedded {
     }
 
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError> {
-        self.writer.write(move |write| sweep::forget(write, &blobs)).await
+        self.write(move |write| sweep::forget(write, &blobs)).await
+    }
+
+    fn has_room(&self) -> bool {
+        self.folder.has_reserve()
+    }
+
+    fn release_reserve(&self) {
+        self.folder.release_reserve();
     }
 
     fn is_healthy(&self) -> bool {
-        self.writer.is_healthy()
+        self.writer.is_healthy() && self.folder.has_reserve()
     }
 
     fn watchers(&self) -> &Arc<Watchers> {

@@ -1,15 +1,27 @@
-//! The data folder, which one process locks.
+//! The data folder, which one process locks, and the space in it that is kept back.
+//!
+//! On a full disk even a deletion needs space, for the log of the database. So the folder holds a
+//! file, the reserve, that is deleted when a write finds no space. Then there is room for what
+//! makes room, and nothing new is accepted until the reserve is there again.
 
 use std::error::Error;
-use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The most bytes that are kept back.
+const RESERVE_BYTES: u64 = 4 << 20;
+/// The part of a small file system that is.
+const RESERVE_PART: u64 = 16;
 
 /// A locked data folder. The system releases the lock when the process ends, however it ends.
 #[derive(Debug)]
 pub struct DataFolder {
     path: PathBuf,
     _lock: File,
+    has_reserve: AtomicBool,
 }
 
 impl DataFolder {
@@ -30,7 +42,12 @@ impl DataFolder {
             .open(path.join("lock"))
             .map_err(|error| named(&error))?;
         match lock.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), _lock: lock }),
+            Ok(()) => {
+                let has_reserve = AtomicBool::new(path.join(RESERVE).exists());
+                let folder = Self { path: path.to_owned(), _lock: lock, has_reserve };
+                folder.begin();
+                Ok(folder)
+            }
             Err(TryLockError::WouldBlock) => {
                 Err(named(&"another process works in that folder").into())
             }
@@ -38,9 +55,84 @@ impl DataFolder {
         }
     }
 
+    /// Keeps space back, or gives it up where the start itself would find none.
+    fn begin(&self) {
+        match Space::of(&self.path) {
+            Ok(space) if self.has_reserve() && space.free < space.reserve() / 4 => {
+                self.release_reserve();
+            }
+            _ => self.restore_reserve(),
+        }
+    }
+
+    /// Whether space is kept back; if not, nothing new may be stored.
+    #[must_use]
+    pub fn has_reserve(&self) -> bool {
+        self.has_reserve.load(Ordering::Acquire)
+    }
+
+    /// Gives up the space that is kept back, and says whether there was any.
+    pub fn release_reserve(&self) -> bool {
+        let had = self.has_reserve.swap(false, Ordering::AcqRel);
+        if had {
+            let removed = fs::remove_file(self.path.join(RESERVE));
+            tracing::warn!(?removed, "the disk with the jobs is full: no jobs are accepted");
+        }
+        had
+    }
+
+    /// Keeps space back again, once as much again is free.
+    pub fn restore_reserve(&self) {
+        if self.has_reserve() {
+            return;
+        }
+        match self.try_restore() {
+            Ok(is_restored) => self.has_reserve.store(is_restored, Ordering::Release),
+            Err(error) => {
+                tracing::warn!(%error, "no space can be kept back for deletions");
+                let _ = fs::remove_file(self.path.join(RESERVE));
+            }
+        }
+    }
+
+    fn try_restore(&self) -> io::Result<bool> {
+        let space = Space::of(&self.path)?;
+        if space.free < 2 * space.reserve() {
+            return Ok(false);
+        }
+        let mut file = File::create(self.path.join(RESERVE))?;
+        // Zeros that are not written take no space.
+        file.write_all(&vec![0; space.reserve() as usize])?;
+        file.sync_all()?;
+        Ok(true)
+    }
+
     /// The path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+}
+
+/// The name of the reserve in the folder.
+const RESERVE: &str = "reserve";
+
+/// The bytes of a file system.
+struct Space {
+    free: u64,
+    total: u64,
+}
+
+impl Space {
+    /// That of the file system with this folder.
+    fn of(path: &Path) -> io::Result<Self> {
+        let system = rustix::fs::statvfs(path)?;
+        let bytes = |blocks: u64| blocks.saturating_mul(system.f_frsize);
+        Ok(Self { free: bytes(system.f_bavail), total: bytes(system.f_blocks) })
+    }
+
+    /// How much of it is kept back.
+    fn reserve(&self) -> u64 {
+        RESERVE_BYTES.min(self.total / RESERVE_PART)
     }
 }

@@ -131,6 +131,9 @@ impl Jobs {
     /// # Errors
     /// When the blob or the job cannot be stored.
     pub async fn submit(&self, job: NewJob, image: Bytes) -> Result<Submitted, QueueError> {
+        if !self.queue.has_room() {
+            return Err(QueueError::StorageFull("the space that is left is for deletions".into()));
+        }
         let jobs = self.clone();
         let storing = tokio::spawn(async move {
             let pin = jobs.blobs.pin().await;

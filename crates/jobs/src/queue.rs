@@ -354,6 +354,14 @@ pub trait Queue: fmt::Debug + Send + Sync {
         Ok(())
     }
 
+    /// Whether there is room for new jobs, beside the space that is kept back for what makes room.
+    fn has_room(&self) -> bool {
+        true
+    }
+
+    /// Gives up the space that is kept back, because there is no other.
+    fn release_reserve(&self) {}
+
     /// Removes blobs that were deleted from the list of orphans.
     async fn forget(&self, blobs: Vec<Digest>) -> Result<(), QueueError>;
 

@@ -277,6 +277,10 @@ impl Worker {
                 Err(error) if Instant::now() >= deadline => return Err(error.into()),
                 Err(error) => {
                     drop(pin);
+                    // The picture takes more than its mesh, and goes when that is stored.
+                    if matches!(error, QueueError::StorageFull(_)) {
+                        self.jobs.queue.release_reserve();
+                    }
                     tracing::warn!(%error, "mesh not stored");
                     tokio::time::sleep(PAUSE_AFTER_ERROR).await;
                 }

@@ -1,7 +1,7 @@
 //! Disks.
 
 use super::{require_success, wait_long_for};
-use crate::client::Answer;
+use crate::client::{Answer, send};
 use crate::pictures::{disc, noise};
 use crate::server::{Folder, Server, program};
 use std::path::{Path, PathBuf};
@@ -89,6 +89,74 @@ fn a_disk_that_fills_up_is_told_and_used_again_when_there_is_room() {
     }
     let next = server.job("size=20", &small);
     wait_long_for(&server, &next, "completed");
+}
+
+#[test]
+fn a_full_disk_has_room_again_by_itself_once_jobs_expire() {
+    require_file_systems();
+    let folder: Arc<Folder> = Arc::default();
+    let mut command = in_file_system(64 << 10, &folder);
+    command.arg(program().get_program());
+    let flags = ["--workers", "1", "--result-ttl", "5s"];
+    let server = Server::start_as(command, &flags, Arc::clone(&folder));
+    let (accepted, refused) = fill(&server, &noise(700));
+    assert_eq!(refused.problem(507, "storage-full")["setting"], "--data-dir");
+    assert!(!refused.header("retry-after").is_empty());
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200, "requests need no storage");
+    let deleted = send(server.public, "DELETE", accepted.last().unwrap(), &[], &[]);
+    assert!([202, 204].contains(&deleted.status), "{}", deleted.text());
+    // Nothing that was accepted is lost: each job completes, and expires.
+    for job in &accepted[..accepted.len() - 1] {
+        let ended = || matches!(state(&server, job).as_str(), "completed" | "expired");
+        server.wait_until("it completes", ended);
+    }
+    server.wait_until("there is room again", || server.operate("/readyz").status == 200);
+    let next = server.job("size=20", &noise(700));
+    wait_long_for(&server, &next, "completed");
+}
+
+#[test]
+fn a_service_starts_on_a_full_disk_and_loses_nothing() {
+    require_file_systems();
+    let folder: Arc<Folder> = Arc::default();
+    let mut command = in_file_system(32 << 10, &folder);
+    command.arg(program().get_program());
+    let mut server = Server::start_as(command, &["--workers", "1"], Arc::clone(&folder));
+    let holding = server.job(super::SLOW, &noise(900));
+    server.wait_for(&holding, "running");
+    let (accepted, _) = fill(&server, &noise(500));
+    // A process that keeps the file system while there is no service.
+    let inside = |server: u32| {
+        let mut command = Command::new("nsenter");
+        command.args(["--target", &server.to_string()]);
+        command.args(["--user", "--mount", "--preserve-credentials"]);
+        command
+    };
+    let mut keeper = inside(server.process_id()).args(["sleep", "600"]).spawn().unwrap();
+    let name = format!("/proc/{}/comm", keeper.id());
+    server.wait_until("it is inside", || {
+        std::fs::read_to_string(&name).is_ok_and(|name| name.trim() == "sleep")
+    });
+    server.kill();
+    let mut command = inside(keeper.id());
+    command.arg(program().get_program());
+    let server = Server::start_as(command, &["--workers", "1"], Arc::clone(&folder));
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
+    for job in accepted.iter().chain([&holding]) {
+        wait_long_for(&server, job, "completed");
+    }
+    keeper.kill().unwrap();
+    keeper.wait().unwrap();
+}
+
+/// The state of a job, or `expired`.
+fn state(server: &Server, job: &str) -> String {
+    let answer = server.get(job);
+    match answer.status {
+        200 => answer.json()["state"].as_str().unwrap().to_owned(),
+        410 => "expired".into(),
+        _ => answer.text(),
+    }
 }
 
 #[test]
