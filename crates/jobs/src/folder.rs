@@ -6,7 +6,7 @@
 
 use std::error::Error;
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -91,6 +91,9 @@ impl DataFolder {
             Err(error) => {
                 tracing::warn!(%error, "no space can be kept back for deletions");
                 let _ = fs::remove_file(self.path.join(RESERVE));
+                // Where no such file may be written, the service goes on without.
+                let is_forbidden = error.kind() != ErrorKind::StorageFull;
+                self.has_reserve.store(is_forbidden, Ordering::Release);
             }
         }
     }
