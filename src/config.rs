@@ -105,6 +105,12 @@ pub struct JobSettings {
     /// Most jobs that wait; what comes on top is turned away.
     #[arg(long, env = "PIXMESH_MAX_QUEUED_JOBS", default_value = "10000")]
     pub max_queued_jobs: NonZeroUsize,
+    /// Most bytes of pictures and meshes that jobs keep; further jobs are refused [default: no limit].
+    #[arg(long, env = "PIXMESH_MAX_STORED_BYTES", hide_env_values = true)]
+    pub max_stored_bytes: Option<ByteSize>,
+    /// Free space that new jobs leave on the disk with the data folder; at most an eighth of the disk.
+    #[arg(long, env = "PIXMESH_MIN_FREE_SPACE", default_value = "256MiB")]
+    pub min_free_space: ByteSize,
 }
 
 /// What a client may send, and how slowly.
@@ -267,9 +273,12 @@ impl Settings {
             queued: jobs.max_queued_jobs.get(),
             queued_per_owner: access.key_queued_jobs.get(),
             running_per_owner: access.running(self.worker_count()),
+            stored_bytes: jobs.max_stored_bytes.map_or(u64::MAX, |size| size.0),
+            stored_bytes_per_owner: access.key_stored_bytes.0,
         };
         pixmesh_jobs::Settings {
             data_dir: &jobs.data_dir,
+            least_free_bytes: jobs.min_free_space.0,
             queue: &jobs.queue,
             blobs: jobs.blobs.clone(),
             terms: Terms::new(caps, jobs.job_lease.0, jobs.result_ttl.0),
@@ -412,6 +421,9 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--job-deadline {}", jobs.job_deadline)?;
         writeln!(formatter, "--result-ttl {}", jobs.result_ttl)?;
         writeln!(formatter, "--max-queued-jobs {}", jobs.max_queued_jobs)?;
+        let stored = jobs.max_stored_bytes.map(|size| size.to_string()).unwrap_or_default();
+        writeln!(formatter, "--max-stored-bytes {stored}")?;
+        writeln!(formatter, "--min-free-space {}", jobs.min_free_space)?;
         write!(formatter, "{}{}", access.shown(self.worker_count()), traces)
     }
 }

@@ -25,7 +25,7 @@ type Check = fn(&Settings) -> Finding;
 /// # Errors
 /// When a finding is bad.
 pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
-    let checks: [(&str, Check); 10] = [
+    let checks: [(&str, Check); 11] = [
         ("settings", |settings| {
             let checked = settings.clone().checked().map_err(|error| error.to_string())?;
             Ok(format!("{} workers", checked.worker_count()))
@@ -33,6 +33,7 @@ pub fn examine(settings: &Settings) -> Result<(), Box<dyn Error>> {
         ("meshing", |_| meshing::check()),
         ("codec", |_| meshing::check_codec()),
         ("data folder", machine::check_data_folder),
+        ("free space", machine::check_free_space),
         ("queue", check_queue),
         ("blobs", check_blobs),
         ("memory", machine::check_memory),

@@ -1,5 +1,6 @@
 //! Settings of who may use the service, and how much of it.
 
+use super::ByteSize;
 use crate::access::KeyRing;
 use clap::Args;
 use std::error::Error;
@@ -24,6 +25,9 @@ pub struct AccessSettings {
     /// Jobs of one key's name that may wait.
     #[arg(long, env = "PIXMESH_KEY_QUEUED_JOBS", default_value = "1000")]
     pub key_queued_jobs: NonZeroUsize,
+    /// Bytes of pictures and meshes that the jobs of one key's name may keep.
+    #[arg(long, env = "PIXMESH_KEY_STORED_BYTES", default_value = "16GiB")]
+    pub key_stored_bytes: ByteSize,
     /// Clients with one key's name that may follow events of jobs at the same time.
     #[arg(long, env = "PIXMESH_KEY_EVENT_STREAMS", default_value = "64")]
     pub key_event_streams: NonZeroUsize,
@@ -59,13 +63,14 @@ impl AccessSettings {
         let keys_file = self.keys_file.as_ref().map(|path| path.display().to_string());
         format!(
             "--keys-file {}\n--key-requests-per-minute {}\n--key-running {}\n--key-queued {}\n\
-             --key-queued-jobs {}\n--key-event-streams {}\n--cors-origin {}\n\
+             --key-queued-jobs {}\n--key-stored-bytes {}\n--key-event-streams {}\n--cors-origin {}\n\
              --allowed-host {}\n",
             keys_file.unwrap_or_default(),
             self.key_requests_per_minute,
             self.running(workers),
             self.key_queued,
             self.key_queued_jobs,
+            self.key_stored_bytes,
             self.key_event_streams,
             self.cors_origins.join(","),
             self.allowed_hosts.join(",")

@@ -2,6 +2,7 @@
 
 use super::Finding;
 use crate::config::{BESIDE_BUDGET, ByteSize, Settings, memory_limit};
+use pixmesh_jobs::folder::Space;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -21,6 +22,21 @@ pub(super) fn check_data_folder(settings: &Settings) -> Finding {
     write()
         .map(|()| format!("{} can be written to", folder.display()))
         .map_err(|error| format!("--data-dir {}: {error}", folder.display()))
+}
+
+/// Compares the free space of that folder's disk with what new jobs leave free.
+pub(super) fn check_free_space(settings: &Settings) -> Finding {
+    let folder = &settings.jobs.data_dir;
+    let space =
+        Space::of(folder).map_err(|error| format!("--data-dir {}: {error}", folder.display()))?;
+    let (free, least) = (space.free, space.least_free(settings.jobs.min_free_space.0));
+    let numbers = format!("{} MiB are free, and {} MiB stay free", free >> 20, least >> 20);
+    if free < least {
+        return Err(format!(
+            "{numbers}: no jobs are accepted; give the disk of --data-dir more room"
+        ));
+    }
+    Ok(numbers)
 }
 
 /// Compares the budget with what the container and the machine have.

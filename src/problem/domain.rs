@@ -11,10 +11,6 @@ use pixmesh_jobs::worker::AttemptError;
 use pixmesh_meshing::{Cancelled, ImageError, MeshingError, ParameterError, ProgressionError};
 use serde_json::Value;
 
-/// Seconds after which a client may try again when what nodes share does not answer: a cluster has
-/// elected a new leader by then.
-const RETRY_AFTER_S: u64 = 5;
-
 impl From<EngineError> for Problem {
     fn from(error: EngineError) -> Self {
         use EngineError as E;
@@ -64,8 +60,18 @@ impl From<QueueError> for Problem {
                 Kind::StorageFull,
                 "the disk with the jobs is full: delete jobs, or give the disk more room",
             )
-            .setting("--data-dir")
-            .retry_after_s(RETRY_AFTER_S),
+            .setting("--data-dir"),
+            QueueError::SpaceLow { free, least } => Self::new(
+                Kind::StorageFull,
+                format!(
+                    "the disk with the jobs has {} MiB left, and {} MiB stay free: delete jobs, wait \
+                     until some expire, or give the disk more room",
+                    free >> 20,
+                    least >> 20
+                ),
+            )
+            .setting("--min-free-space")
+            .limit(*least, *free),
             QueueError::Storage(_) => {
                 Self::new(Kind::StorageUnavailable, "jobs can be neither stored nor read now")
                     .setting("--data-dir")
@@ -77,24 +83,20 @@ impl From<QueueError> for Problem {
                 Kind::StorageUnavailable,
                 "pictures and meshes can be neither stored nor read now",
             )
-            .setting("--blobs")
-            .retry_after_s(RETRY_AFTER_S),
+            .setting("--blobs"),
             QueueError::DatabaseFull(_) => Self::new(
                 Kind::StorageFull,
                 "the disk of the database is full: delete jobs, or give the database more room",
             )
-            .setting("--queue")
-            .retry_after_s(RETRY_AFTER_S),
+            .setting("--queue"),
             QueueError::Database(_) => Self::new(
                 Kind::StorageUnavailable,
                 "the database can neither store nor read jobs now",
             )
-            .setting("--queue")
-            .retry_after_s(RETRY_AFTER_S),
+            .setting("--queue"),
             QueueError::Unreachable(_) => {
                 Self::new(Kind::StorageUnavailable, "the database of the jobs does not answer")
                     .setting("--queue")
-                    .retry_after_s(RETRY_AFTER_S)
             }
         };
         problem.caused_by(&error)

@@ -235,8 +235,8 @@ problems! {
         "The disk or the database of the jobs does not answer."
         "Try again after some seconds. Requests to /v1/meshes need no storage.";
     StorageFull = INSUFFICIENT_STORAGE "storage-full" "The storage of jobs is full"
-        "The disk of the jobs has no room."
-        "Delete jobs that are no longer needed, or have the operator give the disk more room.";
+        "The disk of the jobs has no room, or jobs keep as many bytes as they may."
+        "Delete jobs that are no longer needed, or wait until some expire; `setting` names the limit.";
 }
 
 impl Kind {

@@ -15,6 +15,12 @@ use serde_json::{Map, Value};
 /// The media type of every refusal.
 const MEDIA_TYPE: &str = "application/problem+json";
 
+/// Seconds after which a client may try again what the service cannot do now: databases that nodes
+/// share have elected a new leader by then.
+const RETRY_AFTER_S: u64 = 5;
+/// Seconds after which a client may try again when the storage is full: jobs may have expired.
+const ROOM_AFTER_S: u64 = 30;
+
 /// The members that a kept problem may have beside its kind's and its detail.
 const KEPT_MEMBERS: [&str; 9] =
     ["param", "limit", "actual", "minimum", "maximum", "allowed", "nearest", "setting", "attempts"];
@@ -84,6 +90,9 @@ impl Problem {
     #[must_use]
     pub fn document(&self, id: Option<&RequestId>) -> String {
         let mut document = self.members_of_document();
+        if let Some(seconds) = self.seconds_to_retry() {
+            document.insert("retry_after_s".into(), seconds.into());
+        }
         if let Some(id) = id {
             document.insert("request_id".into(), id.as_str().into());
         }
@@ -115,8 +124,15 @@ impl Problem {
         document
     }
 
+    /// When to try again: every refusal for a state of the service says so.
     fn seconds_to_retry(&self) -> Option<u64> {
-        self.members.iter().find(|(name, _)| *name == "retry_after_s")?.1.as_u64()
+        let member = self.members.iter().find(|(name, _)| *name == "retry_after_s");
+        let usual = match self.kind.status() {
+            StatusCode::SERVICE_UNAVAILABLE => Some(RETRY_AFTER_S),
+            StatusCode::INSUFFICIENT_STORAGE => Some(ROOM_AFTER_S),
+            _ => None,
+        };
+        member.and_then(|(_, seconds)| seconds.as_u64()).or(usual)
     }
 
     /// Where a range was asked for that is not there: how long all of it is.

@@ -10,12 +10,12 @@ pub async fn live() -> &'static str {
     "alive\n"
 }
 
-/// Answers 200 when requests are taken.
+/// Answers 200 when requests are taken, and says so if these may not be jobs.
 ///
 /// # Errors
-/// `overloaded` while starting or while the public listener does not run, `storage-unavailable` while jobs cannot be kept, `shutting-down`
-/// while stopping.
-pub async fn ready(State(operations): State<Operations>) -> Result<&'static str, Problem> {
+/// `overloaded` while starting or while the public listener does not run, `storage-unavailable`
+/// while jobs cannot be kept, `shutting-down` while stopping.
+pub async fn ready(State(operations): State<Operations>) -> Result<String, Problem> {
     match operations.lifecycle.stage() {
         Stage::Starting => Err(Problem::new(Kind::Overloaded, "the service is starting")),
         Stage::Ready if !operations.lifecycle.is_alive() => {
@@ -24,7 +24,10 @@ pub async fn ready(State(operations): State<Operations>) -> Result<&'static str,
         Stage::Ready if !operations.jobs.is_healthy() => {
             Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be written"))
         }
-        Stage::Ready => Ok("ready\n"),
+        Stage::Ready => Ok(match operations.jobs.queue.check_room() {
+            Ok(()) => "ready\n".into(),
+            Err(error) => format!("ready, but no jobs are accepted: {error}\n"),
+        }),
         Stage::Stopping => Err(Problem::new(Kind::ShuttingDown, "the service is stopping")),
     }
 }

@@ -72,6 +72,43 @@ fn a_job_is_there_for_its_owner_alone() {
 }
 
 #[test]
+fn jobs_of_a_key_keep_so_many_bytes_and_no_more() {
+    let file = KeysFile::new("stored-bytes");
+    file.issue("anybody");
+    let picture = noise(900);
+    let limit = picture.len() * 3 / 2;
+    let server = Server::start(&[
+        "--keys-file",
+        file.path(),
+        "--key-stored-bytes",
+        &limit.to_string(),
+        "--max-stored-bytes",
+        &(limit * 3 / 2).to_string(),
+    ]);
+    let [greedy, modest] = ["greedy", "modest"].map(|name| client(&server, &file, name));
+    for client in [&greedy, &modest] {
+        server.wait_until("the key is known", || {
+            client.send("GET", "/v1/methods", &[], &[]).status == 200
+        });
+    }
+    let first = greedy.job("density=1&method=mgpr", &picture);
+    let refused = greedy.send("POST", "/v1/jobs?size=9", &[], &noise(901));
+    let problem = refused.problem(507, "storage-full");
+    assert_eq!(problem["setting"], "--key-stored-bytes");
+    assert_eq!(problem["limit"], limit);
+    assert!(!refused.header("retry-after").is_empty());
+    let refused = modest.send("POST", "/v1/jobs?size=9", &[], &noise(1050));
+    assert_eq!(refused.problem(507, "storage-full")["setting"], "--max-stored-bytes");
+    let small = modest.job("size=9", &disc(40, 30, 1));
+    // A picture is kept until its job ends.
+    assert_eq!(greedy.send("DELETE", &first, &[], &[]).status, 202);
+    server.wait_until("there is room again", || {
+        greedy.send("POST", "/v1/jobs?size=9", &[], &picture).status == 202
+    });
+    server.wait_until("it completes", || modest.state(&small) == "completed");
+}
+
+#[test]
 fn a_key_has_so_many_jobs_waiting_and_running_and_no_more() {
     let file = KeysFile::new("job-caps");
     file.issue("anybody");

@@ -69,6 +69,8 @@ pub enum Shed {
     Deadline,
     /// The key's quota is used up.
     Quota,
+    /// Jobs keep as many bytes as they may.
+    Storage,
 }
 
 /// Sets to zero what a scrape shall find before the first task.
@@ -84,6 +86,7 @@ pub fn shed(reason: Shed) {
         Shed::Memory => "memory",
         Shed::Deadline => "deadline",
         Shed::Quota => "quota",
+        Shed::Storage => "storage",
     };
     counter!(REQUESTS_SHED, "reason" => reason).increment(1);
 }

@@ -119,7 +119,13 @@ async fn main() -> Done<()> {
 async fn fresh(pool: &PgPool, flags: &Flags) -> Done<[Arc<Postgres>; 2]> {
     let dropped = format!("DROP SCHEMA IF EXISTS {SCHEMA} CASCADE");
     sqlx::raw_sql(AssertSqlSafe(dropped)).execute(pool).await?;
-    let caps = Caps { queued: 1 << 30, queued_per_owner: 1 << 30, running_per_owner: 1 << 30 };
+    let caps = Caps {
+        queued: 1 << 30,
+        queued_per_owner: 1 << 30,
+        running_per_owner: 1 << 30,
+        stored_bytes: u64::MAX,
+        stored_bytes_per_owner: u64::MAX,
+    };
     let terms = Terms::new(caps, Duration::from_hours(1), Duration::from_hours(1));
     let url = flags.url.parse()?;
     let [one, other] = [

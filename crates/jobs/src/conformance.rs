@@ -7,7 +7,9 @@ use super::queue::{
     Cancellation, Caps, Claim, Finish, Lease, Lookup, MAX_ATTEMPTS, Outcome, Page, PageRequest,
     Queue, Renewal, Stats, Submitted, Terms,
 };
-use super::record::{Event, JobId, NewJob, Progress, Record, State};
+use super::record::{
+    Event, JobId, MeshFigures, NewJob, Progress, Record, State, StoredPart, StoredWeights,
+};
 use super::testing::{figures, job, picture, submit, terms};
 use async_trait::async_trait;
 use pixmesh_engine::Owner;
@@ -69,6 +71,7 @@ macro_rules! conforms {
             picture_is_orphaned_with_its_last_job
             picture_of_a_refused_job_is_orphaned
             mesh_is_referenced_until_its_job_is_deleted
+            stored_bytes_are_those_of_pictures_then_of_meshes
             stats_count_queued_and_running_jobs
             concurrent_workers_run_each_job_once
         }

@@ -161,6 +161,7 @@ impl Queue for Embedded {
         let (terms, own_now) = (self.terms, self.own_now());
         let swept = self.write(move |write| sweep::sweep(write, &terms, own_now)).await;
         self.folder.restore_reserve();
+        self.folder.report();
         swept
     }
 
@@ -172,8 +173,12 @@ impl Queue for Embedded {
         self.write(move |write| sweep::forget(write, &blobs)).await
     }
 
-    fn has_room(&self) -> bool {
-        self.folder.has_reserve()
+    fn check_room(&self) -> Result<(), QueueError> {
+        self.folder.check_room()
+    }
+
+    async fn stored_bytes(&self) -> Result<Vec<(Owner, u64)>, QueueError> {
+        self.readers.read(read::stored_bytes).await
     }
 
     fn release_reserve(&self) {

@@ -1,9 +1,12 @@
-//! The data folder, which one process locks, and the space in it that is kept back.
+//! The data folder, which one process locks, and the free space of its file system.
 //!
 //! On a full disk even a deletion needs space, for the log of the database. So the folder holds a
 //! file, the reserve, that is deleted when a write finds no space. Then there is room for what
-//! makes room, and nothing new is accepted until the reserve is there again.
+//! makes room, and nothing new is accepted until the reserve is there again. Before that, jobs are
+//! refused where less space is free than a setting asks for.
 
+use crate::queue::QueueError;
+use crate::telemetry;
 use std::error::Error;
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Write};
@@ -15,6 +18,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const RESERVE_BYTES: u64 = 4 << 20;
 /// The part of a small file system that is.
 const RESERVE_PART: u64 = 16;
+/// The largest part of a small file system that must stay free.
+const LEAST_FREE_PART: u64 = 8;
 
 /// A locked data folder. The system releases the lock when the process ends, however it ends.
 #[derive(Debug)]
@@ -22,14 +27,16 @@ pub struct DataFolder {
     path: PathBuf,
     _lock: File,
     has_reserve: AtomicBool,
+    least_free_bytes: u64,
 }
 
 impl DataFolder {
-    /// Locks a folder, and creates it, readable by its owner alone, if there is none.
+    /// Locks a folder, and creates it, readable by its owner alone, if there is none. New jobs leave
+    /// so many bytes free in its file system, but at most an eighth of it.
     ///
     /// # Errors
     /// When the folder cannot be created or written to, or another process has locked it.
-    pub fn take(path: &Path) -> Result<Self, Box<dyn Error>> {
+    pub fn take(path: &Path, least_free_bytes: u64) -> Result<Self, Box<dyn Error>> {
         let named = |error: &dyn std::fmt::Display| {
             format!("--data-dir {}: the data folder cannot be used: {error}", path.display())
         };
@@ -44,7 +51,8 @@ impl DataFolder {
         match lock.try_lock() {
             Ok(()) => {
                 let has_reserve = AtomicBool::new(path.join(RESERVE).exists());
-                let folder = Self { path: path.to_owned(), _lock: lock, has_reserve };
+                let folder =
+                    Self { path: path.to_owned(), _lock: lock, has_reserve, least_free_bytes };
                 folder.begin();
                 Ok(folder)
             }
@@ -69,6 +77,27 @@ impl DataFolder {
     #[must_use]
     pub fn has_reserve(&self) -> bool {
         self.has_reserve.load(Ordering::Acquire)
+    }
+
+    /// Fails where less space is free than must be.
+    ///
+    /// # Errors
+    /// [`QueueError::StorageFull`] without a reserve, else [`QueueError::SpaceLow`].
+    pub fn check_room(&self) -> Result<(), QueueError> {
+        if !self.has_reserve() {
+            return Err(QueueError::StorageFull("the space that is left is for deletions".into()));
+        }
+        let space =
+            Space::of(&self.path).map_err(|error| QueueError::Storage(error.to_string()))?;
+        let (free, least) = (space.free, space.least_free(self.least_free_bytes));
+        if free < least { Err(QueueError::SpaceLow { free, least }) } else { Ok(()) }
+    }
+
+    /// Reports the free space of the file system.
+    pub(crate) fn report(&self) {
+        if let Ok(space) = Space::of(&self.path) {
+            telemetry::disk(space.free, space.least_free(self.least_free_bytes));
+        }
     }
 
     /// Gives up the space that is kept back, and says whether there was any.
@@ -121,17 +150,29 @@ impl DataFolder {
 const RESERVE: &str = "reserve";
 
 /// The bytes of a file system.
-struct Space {
-    free: u64,
-    total: u64,
+#[derive(Clone, Copy, Debug)]
+pub struct Space {
+    /// Those that are free.
+    pub free: u64,
+    /// All of them.
+    pub total: u64,
 }
 
 impl Space {
-    /// That of the file system with this folder.
-    fn of(path: &Path) -> io::Result<Self> {
+    /// The bytes of the file system with this folder.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn of(path: &Path) -> io::Result<Self> {
         let system = rustix::fs::statvfs(path)?;
         let bytes = |blocks: u64| blocks.saturating_mul(system.f_frsize);
         Ok(Self { free: bytes(system.f_bavail), total: bytes(system.f_blocks) })
+    }
+
+    /// How much must stay free, at most an eighth.
+    #[must_use]
+    pub fn least_free(&self, bytes: u64) -> u64 {
+        bytes.min(self.total / LEAST_FREE_PART)
     }
 
     /// How much of it is kept back.

@@ -30,7 +30,8 @@
 //! | `watchers` | tasks that wait for a change |
 //! | [`blobs`] | the store of pictures and meshes |
 //! | [`record`] | the record of a job |
-//! | [`folder`] | the data folder, which one process locks |
+//! | [`folder`] | the data folder, which one process locks, and its free space |
+//! | [`stored`] | the bytes that the jobs of each owner keep |
 //! | [`durations`] | the recent mean duration of attempts |
 //! | [`telemetry`] | metrics |
 
@@ -47,6 +48,7 @@ pub mod retention;
 mod row;
 mod secret;
 pub mod settings;
+pub mod stored;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
@@ -68,12 +70,15 @@ use settings::{QueueEngine, QueueSettings};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
+use stored::StoredBytes;
 
 /// The settings of the jobs.
 #[derive(Clone, Debug)]
 pub struct Settings<'a> {
     /// The folder of the embedded engine.
     pub data_dir: &'a Path,
+    /// The bytes that new jobs leave free in the file system of that folder.
+    pub least_free_bytes: u64,
     /// The engine of the queue and its connection.
     pub queue: &'a QueueSettings,
     /// The store of pictures and meshes.
@@ -91,6 +96,8 @@ pub struct Jobs {
     pub blobs: Blobs,
     /// The durations of attempts in this process.
     pub durations: Arc<Durations>,
+    /// The bytes that jobs keep.
+    pub stored: Arc<StoredBytes>,
 }
 
 impl Jobs {
@@ -108,15 +115,20 @@ impl Jobs {
         let blobs = Blobs::shared(&settings.blobs).await?;
         let opened = Postgres::open(url, &queue.postgres, terms).await;
         let queue = Arc::new(opened.map_err(|error| format!("--queue {queue}: {error}"))?);
-        Ok(Self { queue, blobs, durations: Arc::default() })
+        Ok(Self::new(queue, blobs, terms))
     }
 
     /// The embedded queue and its blobs.
     fn in_folder(settings: &Settings<'_>) -> Result<Self, Box<dyn Error>> {
-        let folder = Arc::new(DataFolder::take(settings.data_dir)?);
+        let folder = DataFolder::take(settings.data_dir, settings.least_free_bytes)?;
         let blobs = Blobs::in_folder(&folder.path().join("blobs"))?;
-        let queue = Arc::new(Embedded::open(folder, settings.terms)?);
-        Ok(Self { queue, blobs, durations: Arc::default() })
+        let queue = Arc::new(Embedded::open(Arc::new(folder), settings.terms)?);
+        Ok(Self::new(queue, blobs, settings.terms))
+    }
+
+    fn new(queue: Arc<dyn Queue>, blobs: Blobs, terms: Terms) -> Self {
+        let stored = Arc::new(StoredBytes::new(terms.caps));
+        Self { queue, blobs, durations: Arc::default(), stored }
     }
 
     /// Whether the last writes succeeded.
@@ -131,16 +143,26 @@ impl Jobs {
     /// # Errors
     /// When the blob or the job cannot be stored.
     pub async fn submit(&self, job: NewJob, image: Bytes) -> Result<Submitted, QueueError> {
-        if !self.queue.has_room() {
-            return Err(QueueError::StorageFull("the space that is left is for deletions".into()));
+        self.queue.check_room()?;
+        let (owner, bytes) = (job.owner.clone(), job.picture.stored_bytes());
+        if let Some(refused) = self.stored.add(&owner, bytes) {
+            return Ok(refused);
         }
         let jobs = self.clone();
         let storing = tokio::spawn(async move {
-            let pin = jobs.blobs.pin().await;
-            jobs.queue.expect(job.picture.digest).await?;
-            jobs.blobs.put(&pin, job.picture.digest, image).await?;
-            jobs.queue.submit(job).await
+            let submitted = jobs.store(job, image).await;
+            if !matches!(submitted, Ok(Submitted::Created(_))) {
+                jobs.stored.subtract(&owner, bytes);
+            }
+            submitted
         });
         storing.await.map_err(|error| QueueError::Storage(error.to_string()))?
+    }
+
+    async fn store(&self, job: NewJob, image: Bytes) -> Result<Submitted, QueueError> {
+        let pin = self.blobs.pin().await;
+        self.queue.expect(job.picture.digest).await?;
+        self.blobs.put(&pin, job.picture.digest, image).await?;
+        self.queue.submit(job).await
     }
 }

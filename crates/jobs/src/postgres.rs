@@ -213,6 +213,10 @@ impl Queue for Postgres {
         self.node.stats().await
     }
 
+    async fn stored_bytes(&self) -> Result<Vec<(Owner, u64)>, QueueError> {
+        self.node.stored_bytes().await
+    }
+
     async fn mean_duration_s(&self, own: Option<f64>) -> Result<Option<f64>, QueueError> {
         self.node.share_mean(own).await
     }

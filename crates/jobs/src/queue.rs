@@ -58,7 +58,8 @@ impl Terms {
 /// How long a sweep may delete the blobs that it has taken. Twice as long, no node stores them.
 pub(crate) const DELETION_TIME: Duration = Duration::from_mins(2);
 
-/// The limits of the numbers of jobs. Those of one owner do not apply to anonymous jobs.
+/// The limits of the numbers of jobs and of their bytes. Those of one owner do not apply to anonymous
+/// jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caps {
     /// Queued jobs of all owners.
@@ -67,6 +68,10 @@ pub struct Caps {
     pub queued_per_owner: usize,
     /// Running jobs of one owner.
     pub running_per_owner: usize,
+    /// Bytes of the pictures and meshes of all jobs; `u64::MAX` for no limit.
+    pub stored_bytes: u64,
+    /// Bytes of the pictures and meshes of one owner's jobs; `u64::MAX` for no limit.
+    pub stored_bytes_per_owner: u64,
 }
 
 impl Caps {
@@ -85,6 +90,23 @@ impl Caps {
             None
         }
     }
+
+    /// Why a job is refused with which so many bytes would be stored; `None` if it is not.
+    pub(crate) fn refusal_of_bytes(
+        &self,
+        bytes: u64,
+        owner: &Owner,
+        bytes_of_owner: u64,
+    ) -> Option<Submitted> {
+        if bytes > self.stored_bytes {
+            Some(Submitted::StoreFull { limit: self.stored_bytes, bytes })
+        } else if owner.is_key() && bytes_of_owner > self.stored_bytes_per_owner {
+            let (limit, bytes) = (self.stored_bytes_per_owner, bytes_of_owner);
+            Some(Submitted::OwnersStoreFull { limit, bytes })
+        } else {
+            None
+        }
+    }
 }
 
 /// Why the queue failed.
@@ -93,6 +115,14 @@ pub enum QueueError {
     /// There is no room left on the storage.
     #[error("no room is left on the storage: {0}")]
     StorageFull(String),
+    /// The storage has less free space than must be left.
+    #[error("{free} bytes are free on the storage, and {least} must stay free")]
+    SpaceLow {
+        /// The bytes that are free.
+        free: u64,
+        /// The bytes that must be.
+        least: u64,
+    },
     /// The storage fails.
     #[error("the storage fails: {0}")]
     Storage(String),
@@ -131,6 +161,20 @@ pub enum Submitted {
     OwnerFull {
         /// The limit of queued jobs.
         limit: usize,
+    },
+    /// All jobs together keep as many bytes as they may.
+    StoreFull {
+        /// The limit of stored bytes.
+        limit: u64,
+        /// The bytes that would be stored.
+        bytes: u64,
+    },
+    /// The owner's jobs keep as many bytes as those of one owner may.
+    OwnersStoreFull {
+        /// The limit of stored bytes.
+        limit: u64,
+        /// The bytes that would be stored.
+        bytes: u64,
     },
 }
 
@@ -354,10 +398,14 @@ pub trait Queue: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// Whether there is room for new jobs, beside the space that is kept back for what makes room.
-    fn has_room(&self) -> bool {
-        true
+    /// Fails if there is no room for new jobs beside the space that must stay free.
+    fn check_room(&self) -> Result<(), QueueError> {
+        Ok(())
     }
+
+    /// The bytes of the pictures and meshes that the jobs of each owner keep. Jobs with the same
+    /// picture are counted as if each had its own.
+    async fn stored_bytes(&self) -> Result<Vec<(Owner, u64)>, QueueError>;
 
     /// Gives up the space that is kept back, because there is no other.
     fn release_reserve(&self) {}

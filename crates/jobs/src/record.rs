@@ -136,6 +136,14 @@ pub struct Picture {
     pub shape: PictureShape,
 }
 
+impl Picture {
+    /// The length of the blob in bytes.
+    #[must_use]
+    pub fn stored_bytes(&self) -> u64 {
+        self.bytes + self.shape.weights.map_or(0, |weights| weights.bytes)
+    }
+}
+
 /// The shape of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PictureShape {

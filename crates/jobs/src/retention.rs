@@ -72,6 +72,7 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
             break;
         }
     }
+    jobs.stored.count(&*jobs.queue).await?;
     let mean_s = jobs.queue.mean_duration_s(jobs.durations.mean_s()).await?;
     telemetry::jobs(&jobs.queue.stats().await?, mean_s);
     Ok(())

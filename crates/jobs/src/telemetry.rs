@@ -18,6 +18,11 @@ declare_metrics! {
         "Seconds of an attempt at a durable job";
     JOBS_OLDEST: Gauge "pixmesh_jobs_oldest_queued_age_seconds" []
         "Age of the oldest queued durable job in seconds";
+    STORED_BYTES: Gauge "pixmesh_stored_bytes" ["state"]
+        "Bytes of the pictures and meshes of durable jobs: those in use, and the limit if there is one";
+    DISK_FREE_BYTES: Gauge "pixmesh_disk_free_bytes" ["state"]
+        "Bytes of the disk with the data folder: those that are free, and those that new jobs leave \
+         free";
     DATABASE_CONNECTIONS: Gauge "pixmesh_database_connections" ["state"]
         "Connections of this process to the database: those in use, and the limit";
     DATABASE_COMMIT: Gauge "pixmesh_database_commit_seconds" []
@@ -49,6 +54,20 @@ pub fn jobs(stats: &Stats, mean_duration_s: Option<f64>) {
     if let Some(mean_s) = mean_duration_s {
         gauge!(JOBS_WORK).set(stats.queued as f64 * mean_s);
     }
+}
+
+/// Sets the gauge of stored bytes.
+pub(crate) fn stored_bytes(used: u64, limit: u64) {
+    gauge!(STORED_BYTES, "state" => "used").set(used as f64);
+    if limit < u64::MAX {
+        gauge!(STORED_BYTES, "state" => "limit").set(limit as f64);
+    }
+}
+
+/// Sets the gauge of free space.
+pub(crate) fn disk(free: u64, least: u64) {
+    gauge!(DISK_FREE_BYTES, "state" => "free").set(free as f64);
+    gauge!(DISK_FREE_BYTES, "state" => "least").set(least as f64);
 }
 
 /// Sets the gauges of the shared database.

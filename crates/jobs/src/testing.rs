@@ -17,7 +17,13 @@ const HOUR: Duration = Duration::from_hours(1);
 
 /// Terms whose caps and times no test reaches.
 pub(crate) fn terms() -> Terms {
-    let caps = Caps { queued: 10_000, queued_per_owner: 10_000, running_per_owner: 10_000 };
+    let caps = Caps {
+        queued: 10_000,
+        queued_per_owner: 10_000,
+        running_per_owner: 10_000,
+        stored_bytes: u64::MAX,
+        stored_bytes_per_owner: u64::MAX,
+    };
     Terms {
         caps,
         lease: HOUR,
@@ -73,9 +79,9 @@ pub(crate) async fn submit(queue: &dyn Queue, owner: &Owner, image: &str) -> Job
 pub(crate) fn jobs(terms: Terms) -> (Jobs, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let blobs = Blobs::in_folder(&folder.path().join("blobs")).unwrap();
-    let locked = Arc::new(DataFolder::take(folder.path()).unwrap());
+    let locked = Arc::new(DataFolder::take(folder.path(), 0).unwrap());
     let queue = Arc::new(Embedded::open(locked, terms).unwrap());
-    (Jobs { queue, blobs, durations: Arc::default() }, folder)
+    (Jobs::new(queue, blobs, terms), folder)
 }
 
 /// Submits an anonymous job with its picture, and returns its id and the digest of the picture.

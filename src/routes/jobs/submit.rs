@@ -193,6 +193,12 @@ async fn submit(
         Submitted::KeyReused => Err(key_reused()),
         Submitted::QueueFull { limit } => Err(queue_full(limit, service.scheduler.drain_s())),
         Submitted::OwnerFull { limit } => Err(owner_full(limit, service.scheduler.drain_s())),
+        Submitted::StoreFull { limit, bytes } => {
+            Err(store_full("all jobs", "--max-stored-bytes", limit, bytes))
+        }
+        Submitted::OwnersStoreFull { limit, bytes } => {
+            Err(store_full("the jobs of this client", "--key-stored-bytes", limit, bytes))
+        }
     }
 }
 
@@ -242,6 +248,15 @@ fn owner_full(limit: usize, retry_after_s: u64) -> Problem {
         .setting("--key-queued-jobs")
         .limit(limit, limit)
         .retry_after_s(retry_after_s)
+}
+
+fn store_full(whose: &str, setting: &'static str, limit: u64, bytes: u64) -> Problem {
+    shed(Shed::Storage);
+    let detail = format!(
+        "with this picture, {whose} would keep {bytes} bytes of pictures and meshes, and at most \
+         {limit} are kept: delete jobs, or wait until some expire"
+    );
+    Problem::new(Kind::StorageFull, detail).setting(setting).limit(limit, bytes)
 }
 
 /// Waits for a job's end, or until the time is over or the service stops, and returns it as it is.

@@ -7,6 +7,7 @@ use crate::server::{Folder, Server, program};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Runs what is given in a file system of its own of so many KiB, mounted at the folder.
 fn in_file_system(kib: usize, folder: &Folder) -> Command {
@@ -35,8 +36,11 @@ fn require_file_systems() {
 fn start_on(kib: usize, folder: &Arc<Folder>) -> Server {
     let mut command = in_file_system(kib, folder);
     command.arg(program().get_program());
-    Server::start_as(command, &["--workers", "1"], Arc::clone(folder))
+    Server::start_as(command, &ON_FULL_DISKS, Arc::clone(folder))
 }
+
+/// The settings of a service that takes jobs in until the disk is full.
+const ON_FULL_DISKS: [&str; 4] = ["--workers", "1", "--min-free-space", "1"];
 
 /// Mounts the file system of a running service anew with other options.
 fn remount(server: &Server, folder: &Folder, options: &str) {
@@ -97,7 +101,7 @@ fn a_full_disk_has_room_again_by_itself_once_jobs_expire() {
     let folder: Arc<Folder> = Arc::default();
     let mut command = in_file_system(64 << 10, &folder);
     command.arg(program().get_program());
-    let flags = ["--workers", "1", "--result-ttl", "5s"];
+    let flags = [&ON_FULL_DISKS[..], &["--result-ttl", "5s"]].concat();
     let server = Server::start_as(command, &flags, Arc::clone(&folder));
     let (accepted, refused) = fill(&server, &noise(700));
     assert_eq!(refused.problem(507, "storage-full")["setting"], "--data-dir");
@@ -116,12 +120,68 @@ fn a_full_disk_has_room_again_by_itself_once_jobs_expire() {
 }
 
 #[test]
+fn jobs_are_refused_before_the_disk_is_full_and_taken_again_soon_after_some_expire() {
+    require_file_systems();
+    let folder: Arc<Folder> = Arc::default();
+    let mut command = in_file_system(64 << 10, &folder);
+    command.arg(program().get_program());
+    let flags = ["--workers", "1", "--result-ttl", "5s"];
+    let server = Server::start_as(command, &flags, Arc::clone(&folder));
+    let (accepted, refused) = fill(&server, &noise(700));
+    let problem = refused.problem(507, "storage-full");
+    assert_eq!(problem["setting"], "--min-free-space");
+    // An eighth of the file system stays free.
+    assert_eq!(problem["limit"], 8 << 20);
+    assert!(!refused.header("retry-after").is_empty());
+    let ready = server.operate("/readyz");
+    assert!(
+        ready.status == 200 && ready.text().contains("no jobs are accepted"),
+        "{}",
+        ready.text()
+    );
+    let metrics = server.operate("/metrics").text();
+    for metric in
+        ["pixmesh_disk_free_bytes{state=\"free\"}", "pixmesh_stored_bytes{state=\"used\"}"]
+    {
+        assert!(metrics.contains(metric), "{metric}");
+    }
+    assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200, "requests need no storage");
+    // The first jobs expire while the last ones run.
+    server.wait_until("the first job expires", || state(&server, &accepted[0]) == "expired");
+    let expired = Instant::now();
+    server.wait_until("jobs are accepted", || {
+        server.submit("method=med&size=20", &[], &noise(700)).status == 202
+    });
+    let waited = expired.elapsed();
+    assert!(waited < Duration::from_secs(10), "{waited:?}");
+    for job in &accepted {
+        let ended = || matches!(state(&server, job).as_str(), "completed" | "expired");
+        server.wait_until("it completes", ended);
+    }
+}
+
+#[test]
+fn doctor_tells_how_much_space_is_free() {
+    require_file_systems();
+    let folder = Folder::new();
+    let mut command = in_file_system(8 << 10, &folder);
+    let fill = "head -c 7500000 /dev/zero > \"$FOLDER/other\" && exec \"$0\" \"$@\"";
+    command.args(["sh", "-c", fill]).arg(program().get_program());
+    let output = command.arg("doctor").arg("--data-dir").arg(folder.path()).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        !output.status.success() && text.contains("BAD   free space: 0 MiB are free"),
+        "{text}"
+    );
+}
+
+#[test]
 fn a_service_starts_on_a_full_disk_and_loses_nothing() {
     require_file_systems();
     let folder: Arc<Folder> = Arc::default();
     let mut command = in_file_system(32 << 10, &folder);
     command.arg(program().get_program());
-    let mut server = Server::start_as(command, &["--workers", "1"], Arc::clone(&folder));
+    let mut server = Server::start_as(command, &ON_FULL_DISKS, Arc::clone(&folder));
     let holding = server.job(super::SLOW, &noise(900));
     server.wait_for(&holding, "running");
     let (accepted, _) = fill(&server, &noise(500));
@@ -140,7 +200,7 @@ fn a_service_starts_on_a_full_disk_and_loses_nothing() {
     server.kill();
     let mut command = inside(keeper.id());
     command.arg(program().get_program());
-    let server = Server::start_as(command, &["--workers", "1"], Arc::clone(&folder));
+    let server = Server::start_as(command, &ON_FULL_DISKS, Arc::clone(&folder));
     assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
     for job in accepted.iter().chain([&holding]) {
         wait_long_for(&server, job, "completed");

@@ -70,3 +70,32 @@ pub(crate) async fn mesh_is_referenced_until_its_job_is_deleted<E: Engine>(engin
     assert!(queue.referenced(vec![image, mesh]).await.unwrap().is_empty());
     assert!(queue.sweep().await.unwrap().orphans.contains(&mesh));
 }
+
+pub(crate) async fn stored_bytes_are_those_of_pictures_then_of_meshes<E: Engine>(engine: &E) {
+    let (queue, owner) = (engine.open(terms()).await, Owner::named("a"));
+    assert_eq!(queue.stored_bytes().await.unwrap(), []);
+    let weights =
+        StoredWeights { bytes: 20, digest: Digest::of(b"w"), picture_digest: Digest::of(b"p") };
+    let mut with_weights = job(&owner, "a picture");
+    with_weights.picture.shape.weights = Some(weights);
+    queue.submit(with_weights).await.unwrap();
+    submit(&*queue, &Owner::Anonymous, "another").await;
+    let stored = async || {
+        let mut stored = queue.stored_bytes().await.unwrap();
+        stored.sort();
+        stored
+    };
+    assert_eq!(stored().await, [(Owner::Anonymous, 7), (owner.clone(), 29)]);
+    let claims = [claim(&queue).await, claim(&queue).await];
+    for Claim { lease, owner, .. } in claims {
+        let part = StoredPart { bytes: 100, model_digest: String::new() };
+        let parts = owner.is_key().then_some(part);
+        let mesh = MeshFigures { texture: parts.clone(), progression: parts, ..figures("mesh!") };
+        queue.finish(lease, Outcome::Completed(mesh)).await.unwrap();
+    }
+    assert_eq!(stored().await, [(Owner::Anonymous, 5), (owner.clone(), 205)]);
+    for job in list(&queue, &owner, request(9)).await.jobs {
+        queue.cancel(&owner, job.id).await.unwrap();
+    }
+    assert_eq!(stored().await, [(Owner::Anonymous, 5)]);
+}

@@ -81,6 +81,19 @@ pub(super) fn stats(connection: &Connection) -> Result<Stats> {
     stats.map(Option::unwrap_or_default)
 }
 
+/// A damaged record counts as nothing.
+pub(super) fn stored_bytes(connection: &Connection) -> Result<Vec<(Owner, u64)>> {
+    let sql = "
+        SELECT owner, CAST(sum(CASE
+            WHEN state < 2 THEN image_bytes
+                + iif(json_valid(image_shape), coalesce(image_shape -> 'weights' ->> 'bytes', 0), 0)
+            WHEN json_valid(mesh) THEN coalesce(mesh ->> 'bytes', 0)
+                + coalesce(mesh -> 'progression' ->> 'bytes', 0)
+                + coalesce(mesh -> 'texture' ->> 'bytes', 0)
+            ELSE 0 END) AS INTEGER) AS bytes FROM jobs GROUP BY owner";
+    all(connection, sql, [], |row| Ok((row::owner(row)?, row::number(row, "bytes")?)))
+}
+
 /// Which of the blobs a job uses: its picture until it ends, and its mesh.
 pub(super) fn referenced(connection: &Connection, blobs: Vec<Digest>) -> Result<HashSet<Digest>> {
     let sql = "SELECT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = ?1)

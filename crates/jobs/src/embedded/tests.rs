@@ -27,7 +27,7 @@ impl Engine for InFolder {
 }
 
 fn open(path: &Path, terms: Terms) -> Embedded {
-    let folder = Arc::new(DataFolder::take(path).unwrap());
+    let folder = Arc::new(DataFolder::take(path, 0).unwrap());
     Embedded::open(folder, terms).unwrap()
 }
 
@@ -44,11 +44,11 @@ conforms! { engine, InFolder }
 #[test]
 fn folder_of_another_process_is_refused() {
     let folder = folder();
-    let first = DataFolder::take(folder.path()).unwrap();
-    let error = DataFolder::take(folder.path()).unwrap_err().to_string();
+    let first = DataFolder::take(folder.path(), 0).unwrap();
+    let error = DataFolder::take(folder.path(), 0).unwrap_err().to_string();
     assert!(error.contains("another process") && error.contains("--data-dir"), "{error}");
     drop(first);
-    assert!(DataFolder::take(folder.path()).is_ok());
+    assert!(DataFolder::take(folder.path(), 0).is_ok());
 }
 
 #[tokio::test]
@@ -104,7 +104,7 @@ fn other_version_is_refused() {
     drop(open(folder.path(), terms()));
     let connection = Connection::open(folder.path().join(DATABASE)).unwrap();
     connection.pragma_update(None, "user_version", 99).unwrap();
-    let taken = Arc::new(DataFolder::take(folder.path()).unwrap());
+    let taken = Arc::new(DataFolder::take(folder.path(), 0).unwrap());
     let error = Embedded::open(taken, terms()).unwrap_err().to_string();
     assert!(error.contains("99") && error.contains("version"), "{error}");
 }

@@ -123,6 +123,23 @@ impl Node {
         stats.map(Option::unwrap_or_default).map_err(|error: sqlx::Error| failure(&error))
     }
 
+    pub(super) async fn stored_bytes(&self) -> Result<Vec<(Owner, u64)>, QueueError> {
+        let statement = || {
+            sqlx::query(
+                "SELECT owner, sum(CASE
+                     WHEN state < 2 THEN image_bytes
+                         + coalesce((image_shape::json -> 'weights' ->> 'bytes')::bigint, 0)
+                     ELSE coalesce((mesh::json ->> 'bytes')::bigint, 0)
+                         + coalesce((mesh::json -> 'progression' ->> 'bytes')::bigint, 0)
+                         + coalesce((mesh::json -> 'texture' ->> 'bytes')::bigint, 0)
+                 END)::bigint AS bytes FROM jobs GROUP BY owner",
+            )
+        };
+        let rows = self.database.execute(statement).await?;
+        let bytes = rows.iter().map(|row| Ok((row::owner(row)?, row::number(row, "bytes")?)));
+        bytes.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))
+    }
+
     /// Which of the blobs a job uses: its picture until it ends, and its mesh.
     pub(super) async fn referenced(&self, blobs: &[Digest]) -> Result<HashSet<Digest>, QueueError> {
         let statement = || {
