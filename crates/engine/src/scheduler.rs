@@ -2,8 +2,8 @@
 //!
 //! A task needs one worker slot and memory for its [cost](Cost). A task that cannot get both at once
 //! waits in a queue. The queue's length is measured in seconds: a moving average of the time that
-//! tasks of each kind took turns a cost into seconds. Owners take turns, and while several of them
-//! wait, each may fill an equal part of those seconds. The scheduler refuses a task of an owner whose
+//! tasks of each kind took turns a cost into seconds. Owners take turns by the time that their tasks
+//! took, and while several of them wait, each may fill an equal part of those seconds. The scheduler refuses a task of an owner whose
 //! part is full at once, and says when the queue will have drained. From then on, until nothing
 //! waits, a tenth of those seconds may wait, so that an overload does not make everyone wait long. Because the seconds are estimates,
 //! it also refuses a task that waited for twice the queue's limit.

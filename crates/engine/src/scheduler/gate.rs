@@ -1,10 +1,12 @@
 //! Slots and memory, given out in turns.
 //!
-//! Tasks wait in one lane for each owner, first in, first out. Owners take turns: whenever slots or
-//! memory become free, the first lane in the order of turns whose first task fits gets them and goes
-//! to the end of that order. A task that does not fit in free memory may be overtaken by tasks of
-//! other owners [`MAX_OVERTAKEN`] times. After that all wait until it fits, unless its own owner's
-//! unsent answers hold the memory. The owner of a key has a limited number of slots.
+//! Tasks wait in one lane for each owner, first in, first out. Owners take turns by the time that
+//! their tasks took: whenever slots or memory become free, the lane of the owner who has used the
+//! least time gets them, if its first task fits. So tasks that take longer than foreseen cost their
+//! own owner turns, and nobody else. An owner without tasks saves no time up: new lanes begin with
+//! the time of the lane whose turn was last. A task that does not fit in free memory may be overtaken
+//! by tasks of other owners [`MAX_OVERTAKEN`] times. After that all wait until it fits, unless its own
+//! owner's unsent answers hold the memory. The owner of a key has a limited number of slots.
 //!
 //! Threads are not reserved: a task asks for its present share of them as it runs.
 
@@ -13,7 +15,9 @@ use crate::telemetry;
 use std::collections::{HashMap, VecDeque};
 use std::num::NonZeroUsize;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::oneshot;
+use tokio::time::Instant;
 
 /// How often tasks of other owners may overtake a task that does not fit in free memory.
 const MAX_OVERTAKEN: u32 = 32;
@@ -46,8 +50,12 @@ struct State {
     free_slots: usize,
     free_mib: usize,
     held: HashMap<Owner, Held>,
+    /// The time that the tasks of an owner took, if it is more than that of the last turn.
+    used: HashMap<Owner, Duration>,
+    /// The time of the lane whose turn was last.
+    last_turn: Duration,
     /// One for each owner whose tasks wait, in the order of their turns.
-    lanes: VecDeque<Lane>,
+    lanes: Vec<Lane>,
     next_id: u64,
 }
 
@@ -61,6 +69,8 @@ struct Held {
 #[derive(Debug)]
 struct Lane {
     owner: Owner,
+    /// The time that the owner's tasks took, as far as they have ended.
+    used: Duration,
     waiting: VecDeque<Waiter>,
     /// How often other owners' tasks overtook the first of this lane.
     overtaken: u32,
@@ -79,6 +89,7 @@ struct Waiter {
 pub(super) struct Slot {
     gate: Arc<Gate>,
     owner: Owner,
+    taken: Instant,
 }
 
 /// Memory of the budget in whole MiB, given back when dropped.
@@ -129,7 +140,9 @@ impl Gate {
             free_slots: capacity.slots,
             free_mib: capacity.memory_mib,
             held: HashMap::new(),
-            lanes: VecDeque::new(),
+            used: HashMap::new(),
+            last_turn: Duration::ZERO,
+            lanes: Vec::new(),
             next_id: 0,
         };
         Self { capacity, state: Mutex::new(state) }
@@ -159,7 +172,7 @@ impl Gate {
         let (place, granted) = self.wait_in_lane(owner, wants);
         granted.await.ok()?;
         let memory = place.take();
-        let slot = Slot { gate: Arc::clone(self), owner: owner.clone() };
+        let slot = Slot { gate: Arc::clone(self), owner: owner.clone(), taken: Instant::now() };
         Some((slot, memory))
     }
 
@@ -190,18 +203,19 @@ impl Gate {
     /// Grants free slots and memory to those whose turn it is.
     fn give_out(&self, state: &mut State) {
         while let Some(index) = self.next_lane(state) {
-            for lane in state.lanes.range_mut(..index) {
+            for lane in &mut state.lanes[..index] {
                 lane.overtaken += 1;
             }
-            let Some(mut lane) = state.lanes.remove(index) else { return };
+            let mut lane = state.lanes.remove(index);
             if let Some(waiter) = lane.waiting.pop_front() {
                 state.take(&lane.owner, waiter.wants);
+                state.last_turn = state.last_turn.max(lane.used);
                 lane.overtaken = 0;
                 // A task that left gives it back when its place is dropped.
                 let _ = waiter.grant.send(());
             }
             if !lane.waiting.is_empty() {
-                state.lanes.push_back(lane);
+                state.insert(lane);
             }
         }
     }
@@ -252,15 +266,35 @@ impl State {
         self.held.get(owner).copied().unwrap_or_default()
     }
 
-    /// The lane of an owner; a new one is last in the order of turns.
+    /// The lane of an owner.
     fn lane_of(&mut self, owner: &Owner) -> &mut Lane {
         let known = self.lanes.iter().position(|lane| lane.owner == *owner);
         let index = known.unwrap_or_else(|| {
+            let used = self.used.get(owner).copied().unwrap_or_default().max(self.last_turn);
             let waiting = VecDeque::new();
-            self.lanes.push_back(Lane { owner: owner.clone(), waiting, overtaken: 0 });
-            self.lanes.len() - 1
+            self.insert(Lane { owner: owner.clone(), used, waiting, overtaken: 0 })
         });
         &mut self.lanes[index]
+    }
+
+    /// Puts a lane behind those that have used no more time, and returns its index.
+    fn insert(&mut self, lane: Lane) -> usize {
+        let index = self.lanes.partition_point(|other| other.used <= lane.used);
+        self.lanes.insert(index, lane);
+        index
+    }
+
+    /// Charges an owner for the time of a task.
+    fn charge(&mut self, owner: &Owner, took: Duration) {
+        let last_turn = self.last_turn;
+        self.used.retain(|_, used| *used > last_turn);
+        let used = self.used.entry(owner.clone()).or_insert(last_turn);
+        *used += took;
+        let used = *used;
+        if let Some(index) = self.lanes.iter().position(|lane| lane.owner == *owner) {
+            let lane = self.lanes.remove(index);
+            self.insert(Lane { used, ..lane });
+        }
     }
 
     fn take(&mut self, owner: &Owner, what: Held) {
@@ -340,6 +374,7 @@ impl Slot {
 
 impl Drop for Slot {
     fn drop(&mut self) {
+        self.gate.state().charge(&self.owner, self.taken.elapsed());
         self.gate.give_back(&self.owner, Held { slots: 1, mib: 0 });
     }
 }
@@ -348,7 +383,7 @@ impl Drop for Slot {
 mod tests {
     use super::*;
     use std::pin::pin;
-    use tokio::time::{Duration, timeout};
+    use tokio::time::timeout;
 
     fn gate(slots: usize, memory_mib: usize, slots_per_key: usize) -> Arc<Gate> {
         let threads = slots;
@@ -364,7 +399,7 @@ mod tests {
         timeout(Duration::from_millis(1), future).await.ok().flatten()
     }
 
-    #[tokio::test]
+    #[tokio::test(start_paused = true)]
     async fn owners_take_turns_whoever_has_more_waiting() {
         let gate = gate(1, 10, 1);
         let first = gate.enter(&owner("a"), 1).await.unwrap();
@@ -383,7 +418,36 @@ mod tests {
         while let Some(name) = order.recv().await {
             names.push(name);
         }
-        assert_eq!(names, ["a", "b", "c", "a", "b", "a"]);
+        assert_eq!(names, ["b", "c", "a", "b", "a", "a"]);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn owner_of_long_tasks_waits_until_others_have_used_as_much_time() {
+        let gate = gate(1, 10, 1);
+        let (turns, mut order) = tokio::sync::mpsc::unbounded_channel();
+        let first = gate.enter(&owner("long"), 1).await.unwrap();
+        for (name, task_s) in [("long", 3), ("long", 3), ("short", 1), ("short", 1), ("short", 1)] {
+            let (gate, turns) = (Arc::clone(&gate), turns.clone());
+            tokio::spawn(async move {
+                let granted = gate.enter(&owner(name), 1).await;
+                turns.send(name).unwrap();
+                tokio::time::sleep(Duration::from_secs(task_s)).await;
+                drop(granted);
+            });
+            tokio::task::yield_now().await;
+        }
+        tokio::time::advance(Duration::from_secs(2)).await;
+        drop((first, turns));
+        let mut names = Vec::new();
+        while let Some(name) = order.recv().await {
+            names.push(name);
+        }
+        assert_eq!(names, ["short", "short", "long", "short", "long"]);
+        // An owner that comes later has no time saved up, and none to make up for.
+        let held = gate.enter(&owner("new"), 1).await.unwrap();
+        assert!(gate.state().last_turn >= Duration::from_secs(2));
+        drop(held);
+        assert!(gate.state().used.len() <= 3);
     }
 
     #[tokio::test]
