@@ -20,6 +20,8 @@
 mod client;
 mod driver;
 mod group;
+#[path = "../../tests/service/keys.rs"]
+mod keys;
 mod levels;
 #[path = "../../tests/service/pictures.rs"]
 mod pictures;
@@ -60,7 +62,7 @@ struct Flags {
 }
 
 /// The runs of the short form, and its scale.
-const SHORT: [&str; 3] = ["L1", "L3", "same"];
+const SHORT: [&str; 4] = ["L1", "L3", "fair", "same"];
 const SHORT_SCALE: f64 = 0.01;
 
 fn main() -> ExitCode {

@@ -4,6 +4,7 @@ mod baseline;
 mod capacity;
 mod connections;
 mod disk;
+mod fair;
 mod jobs;
 mod memory;
 mod mixed;
@@ -48,7 +49,7 @@ pub(crate) const RUNS: &[Run] = &[
     Run { name: "L10", what: "half a processor, and two", make: quota::run },
     Run { name: "L11", what: "a full disk, and one that cannot be written to", make: disk::run },
     Run { name: "L12", what: "a rolling restart behind a proxy", make: rolling::run },
-    Run { name: "fair", what: "one client's load beside another's", make: tests::fairness },
+    Run { name: "fair", what: "one client's load beside another's", make: fair::run },
     Run {
         name: "jobs",
         what: "submissions, and the status of one job among many",

@@ -14,9 +14,6 @@ use std::time::{Duration, Instant};
 const IN_TIME: Duration = Duration::from_secs(1);
 /// By how much a row may make the process grow at its peak, unless it says otherwise.
 const MOST_MIB: u64 = 64;
-/// How often a row that was too slow is tried: other programs take the machine for moments.
-const TRIES: usize = 4;
-
 /// What is sent.
 pub(crate) enum Request {
     /// A request as clients write them.
@@ -194,17 +191,16 @@ impl Row {
         }
     }
 
-    /// The answer to a request, which comes in time at one of a few tries.
+    /// The answer to a request, which comes in time. One that does not may have been held up by another
+    /// program: the median of three counts.
     fn in_time(&self, server: &Server, request: &Request) -> Answer {
-        let mut quickest = Duration::MAX;
-        for _ in 0..TRIES {
-            let answer = request.send(server);
-            if answer.took <= self.in_time {
-                return answer;
-            }
-            quickest = quickest.min(answer.took);
+        let answer = request.send(server);
+        if answer.took > self.in_time {
+            let mut times = [answer.took, request.send(server).took, request.send(server).took];
+            times.sort_unstable();
+            assert!(times[1] <= self.in_time, "{}, {}: answers took {times:?}", self.id, self.what);
         }
-        panic!("{}, {}: an answer took {quickest:?}", self.id, self.what);
+        answer
     }
 
     fn compare(&self, n: usize, answer: &Answer) {

@@ -175,14 +175,18 @@ fn pages_of_other_origins_are_let_in_by_name_only() {
 fn a_key_follows_so_many_jobs_at_a_time_and_takes_no_place_of_others() {
     let file = KeysFile::new("followers");
     let [alice, bob] = ["alice", "bob"].map(|name| format!("Bearer {}", file.issue(name)));
-    let flags = ["--keys-file", file.path(), "--workers", "1", "--key-event-streams", "3"];
-    let server = Server::start(&flags);
-    let follow = |key: &str| {
+    let flags = ["--keys-file", file.path(), "--workers", "1"];
+    let many = ["--key-requests-per-minute", "10000"];
+    let server = Server::start(&[&flags[..], &many].concat());
+    let submit = |key: &str| {
         let headers = [("Authorization", key)];
-        // It waits behind the first one, or runs.
+        // It runs, or waits behind the first one.
         let job = server.submit("method=mgpr&density=1", &headers, &noise(900));
         assert_eq!(job.status, 202, "{}", job.text());
-        let path = format!("{}/events", job.header("location"));
+        format!("{}/events", job.header("location"))
+    };
+    let (of_alice, of_bob) = (submit(&alice), submit(&bob));
+    let follow = |key: &str, path: &str| {
         let mut stream = connect(server.public);
         let request =
             format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nAuthorization: {key}\r\n\r\n");
@@ -191,13 +195,16 @@ fn a_key_follows_so_many_jobs_at_a_time_and_takes_no_place_of_others() {
         stream.read_exact(&mut start).unwrap();
         (String::from_utf8_lossy(&start[9..]).into_owned(), stream)
     };
-    let held: Vec<_> = (0..3).map(|_| follow(&alice)).collect();
-    assert!(held.iter().all(|(status, _)| status == "200"));
-    assert_eq!(follow(&alice).0, "429");
-    assert_eq!(follow(&bob).0, "200");
-    assert!(server.metric("pixmesh_event_streams") >= 3.0);
+    let held: Vec<_> = (0..1024).map(|_| follow(&alice, &of_alice)).collect();
+    let followed = held.iter().filter(|(status, _)| status == "200").count();
+    assert_eq!(followed, 64);
+    assert!(held.iter().all(|(status, _)| ["200", "429"].contains(&status.as_str())));
+    for _ in 0..30 {
+        assert_eq!(follow(&bob, &of_bob).0, "200");
+    }
+    assert!(server.metric("pixmesh_event_streams") >= 64.0);
     drop(held);
-    server.wait_until("her places are free again", || follow(&alice).0 == "200");
+    server.wait_until("her places are free again", || follow(&alice, &of_alice).0 == "200");
 }
 
 #[test]

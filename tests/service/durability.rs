@@ -2,11 +2,10 @@
 //!
 //! `PIXMESH_KILLS=200` makes the loop of kills as long as it is promised for; unset, it is short.
 
-use crate::client::{Answer, send, try_send};
+use crate::client::{Answer, try_send};
 use crate::pictures::{disc, noise};
 use crate::server::{Folder, Server, program};
 use std::collections::HashMap;
-use std::io::Write;
 use std::net::SocketAddr;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -317,58 +316,4 @@ fn storage_that_takes_no_more_is_told_and_nothing_half_written_is_seen() {
     }
     assert_eq!(count_listed(&server), accepted.len());
     assert_eq!(server.operate("/readyz").status, 200);
-}
-
-/// What a submission of a megapixel may take beside the syncs that it waits for.
-const MOST_BESIDE_SYNCS: Duration = Duration::from_millis(150);
-/// The syncs of a submission: of the picture, its folder, and the record.
-const SYNCS: u32 = 3;
-
-#[test]
-fn a_megapixel_is_on_stable_storage_within_moments_also_while_all_cores_work() {
-    let folder: Arc<Folder> = Arc::default();
-    let server = Server::start_in(&folder, &[]);
-    // What else the machine does disturbs a measurement; one of them must be good.
-    assert!((0..3).any(|round| is_soon_stored(&server, &folder, round)));
-    for job in server.get("/v1/jobs?limit=100").json()["jobs"].as_array().unwrap() {
-        send(server.public, "DELETE", job["links"]["self"].as_str().unwrap(), &[], &[]);
-    }
-}
-
-/// Submits a hundred different pictures, and says whether the slowest but one was soon acknowledged.
-#[expect(clippy::print_stdout, reason = "figures for whoever asks the test for them")]
-fn is_soon_stored(server: &Server, folder: &Folder, round: u8) -> bool {
-    let mut image = noise(1000);
-    let (mut times, mut syncs) = (Vec::new(), Vec::new());
-    for n in 0..100_u8 {
-        // Each is another image, so that each is written.
-        let last = image.len() - 1;
-        (image[last - 1], image[last]) = (round, n);
-        let answer = server.submit("method=mgprfs&density=0.5", &[], &image);
-        assert_eq!(answer.status, 202, "{}", answer.text());
-        times.push(answer.took);
-        syncs.push(sync(folder, &image));
-    }
-    times.sort();
-    syncs.sort();
-    let (took, sync) = (times[98], syncs[98]);
-    println!(
-        "a submission of a megapixel took {:?} (median), {took:?} (p99); a sync of as much alone \
-         {:?} (median), {sync:?} (p99)",
-        times[49], syncs[49]
-    );
-    let given = std::env::var("PIXMESH_SUBMIT_P99_MS").ok().and_then(|ms| ms.parse().ok());
-    let bound = given.map_or(MOST_BESIDE_SYNCS + SYNCS * sync, Duration::from_millis);
-    println!("at most {bound:?} is soon enough");
-    took < bound
-}
-
-/// Writes a file where the jobs are, and returns how long it takes until it is on stable storage.
-fn sync(folder: &Folder, bytes: &[u8]) -> Duration {
-    let path = folder.path().join("sync-of-the-test");
-    let began = Instant::now();
-    let mut file = std::fs::File::create(&path).unwrap();
-    file.write_all(bytes).unwrap();
-    file.sync_all().unwrap();
-    began.elapsed()
 }

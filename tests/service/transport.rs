@@ -3,6 +3,7 @@
 use crate::client::{assert_median_within, connect, connect_from, exchange, receive, send};
 use crate::pictures::disc;
 use crate::server::Server;
+use rustix::process::{Resource, getrlimit, setrlimit};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -190,10 +191,12 @@ fn connections_over_the_number_are_told_so() {
 
 #[test]
 fn one_address_leaves_connections_to_others() {
-    let server = Server::start(&["--max-connections", "40"]);
-    let slow: Vec<_> = (0..60).map(|_| connect(server.public)).collect();
-    server.wait_until("its part is taken", || server.metric("pixmesh_open_connections") >= 30.0);
-    for _ in 0..20 {
+    // By default, 2048 connections at this budget, and three quarters of them for one address.
+    allow_descriptors(4096);
+    let server = Server::start(&["--memory-budget", "1GiB"]);
+    let slow: Vec<_> = (0..1536).map(|_| connect(server.public)).collect();
+    server.wait_until("its part is taken", || server.metric("pixmesh_open_connections") >= 1536.0);
+    for _ in 0..50 {
         // Its own address has no more.
         let answer = receive(&mut connect(server.public), Instant::now());
         assert_eq!(answer.status, 503);
@@ -205,10 +208,18 @@ fn one_address_leaves_connections_to_others() {
             .unwrap();
         assert_eq!(receive(&mut stream, Instant::now()).status, 200);
     }
-    assert_eq!(server.metric("pixmesh_open_connections"), 30.0);
+    assert_eq!(server.metric("pixmesh_open_connections"), 1536.0);
     let refused = "pixmesh_connections_refused_total{reason=\"address\"}";
     assert_eq!(server.metric(refused), 50.0);
     drop(slow);
+}
+
+/// Lets this process have so many files and connections open.
+fn allow_descriptors(count: u64) {
+    let mut limit = getrlimit(Resource::Nofile);
+    limit.current = limit.current.map(|current| current.max(count));
+    let raised = setrlimit(Resource::Nofile, limit);
+    assert!(raised.is_ok(), "run this test with `ulimit -Hn` of {count} or more");
 }
 
 #[test]

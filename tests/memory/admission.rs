@@ -16,7 +16,6 @@ const APART_MIB: u64 = 32;
 
 #[test]
 fn no_work_takes_more_memory_than_it_was_admitted_for() {
-    let _alone = crate::alone();
     let works: [Work; 23] = [
         ("method=med&density=2&format=model", Format::Model, noise(1500)),
         ("method=med&density=1&format=png", Format::Png, flat(2500, 2500)),
@@ -60,7 +59,6 @@ fn no_work_takes_more_memory_than_it_was_admitted_for() {
 
 #[test]
 fn decoders_of_webp_and_progressive_jpeg_take_what_was_admitted() {
-    let _alone = crate::alone();
     let query = "method=med&size=100&initial=uniform&format=model";
     for (kind, make) in KINDS {
         let picture = make(5000, 4000);
