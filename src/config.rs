@@ -125,9 +125,12 @@ pub struct Limits {
     /// Most columns or rows of an image.
     #[arg(long, env = "PIXMESH_MAX_SIDE", default_value = "16384")]
     pub max_side: NonZeroUsize,
-    /// Longest time for a request's header to arrive, and for an idle connection to stay.
+    /// Longest time for a request's header to arrive.
     #[arg(long, env = "PIXMESH_HEADER_TIMEOUT", default_value = "10s")]
     pub header_timeout: Period,
+    /// Longest time that a connection stays open between requests; longer than that of a proxy in front.
+    #[arg(long, env = "PIXMESH_KEEP_ALIVE_TIMEOUT", default_value = "75s")]
+    pub keep_alive_timeout: Period,
     /// Longest time for a request's body to arrive, and for a client to take nothing of its answer.
     #[arg(long, env = "PIXMESH_BODY_TIMEOUT", default_value = "30s")]
     pub body_timeout: Period,
@@ -408,6 +411,7 @@ impl fmt::Display for Settings {
         writeln!(formatter, "--max-pixels {}", limits.max_pixels)?;
         writeln!(formatter, "--max-side {}", limits.max_side)?;
         writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
+        writeln!(formatter, "--keep-alive-timeout {}", limits.keep_alive_timeout)?;
         writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
         let proxies: Vec<String> = limits.trusted_proxies.iter().map(IpNet::to_string).collect();
         writeln!(formatter, "--trusted-proxies {}", proxies.join(","))?;

@@ -112,7 +112,11 @@ fn warn_of_settings_not_in_force(settings: &Settings) {
 /// How slow clients may be.
 fn timeouts(settings: &Settings) -> Timeouts {
     let limits = &settings.limits;
-    Timeouts { header: limits.header_timeout.0, stall: limits.body_timeout.0 }
+    Timeouts {
+        header: limits.header_timeout.0,
+        keep_alive: limits.keep_alive_timeout.0,
+        stall: limits.body_timeout.0,
+    }
 }
 
 fn bind(address: std::net::SocketAddr) -> Result<TcpListener, String> {

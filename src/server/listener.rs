@@ -1,9 +1,12 @@
 //! Accepts connections up to a number and serves HTTP/1.1 and HTTP/2 on each, with timeouts.
 //!
 //! HTTP/2 is spoken with prior knowledge: a connection that begins with its preface. A connection
-//! whose first request, or in HTTP/1.1 whose next request, does not arrive within the header timeout
-//! is closed; an HTTP/2 client that is idle must answer pings. Connections over the number, or over
-//! the part of it that one address may have, get 503 and are closed; beyond [`REFUSED_AT_A_TIME`] such refusals at a time they are closed without one.
+//! whose first request does not arrive within the header timeout is closed. Between requests an
+//! HTTP/1.1 connection stays open for the keep-alive timeout, which is longer than that of usual
+//! proxies, so that a proxy never sends a request on a connection that is being closed; an HTTP/2
+//! client that is idle must answer pings. Connections over the number, or over the part of it that
+//! one address may have, get 503 and are closed; beyond [`REFUSED_AT_A_TIME`] such refusals at a time
+//! they are closed without one.
 //! What hyper cannot parse it answers itself, with 400, 414 or 431 and no body.
 //!
 //! A task is cancelled when its client closes the connection. In HTTP/1.1 that is noticed when the
@@ -11,13 +14,14 @@
 //! keeps its task running to its end or its deadline. A client that closes only its sending half
 //! counts as gone and gets no response.
 
-use super::stream::Stream;
+use super::stream::{Requests, Stream};
 use crate::access::Shares;
 use crate::extract::client_address::Peer;
 use crate::problem::{Kind, Problem};
 use crate::telemetry::{self, Open};
 use axum::Router;
 use axum::body::Body;
+use axum::http::Version;
 use hyper::body::Incoming;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto;
@@ -26,7 +30,7 @@ use std::io;
 use std::net::{IpAddr, Ipv6Addr, TcpListener as StdListener};
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
@@ -72,6 +76,8 @@ pub(super) struct Listener {
 pub(super) struct Timeouts {
     /// Longest time for a request's header to arrive.
     pub(super) header: Duration,
+    /// Longest time between two requests of a connection in HTTP/1.1.
+    pub(super) keep_alive: Duration,
     /// Longest time for the socket to accept no bytes of a response.
     pub(super) stall: Duration,
 }
@@ -125,14 +131,18 @@ impl Listener {
             Ok(place) => place,
             Err(refusal) => return self.refuse(connection, refusal),
         };
-        let stream = Stream::new(connection, self.timeouts.stall, LINGER, Box::new(place));
+        let stream = Stream::new(connection, self.timeouts, LINGER, Box::new(place));
         let routes = self.routes.clone();
-        let begun = Arc::new(AtomicBool::new(false));
-        let has_begun = Arc::clone(&begun);
+        let requests = stream.requests();
+        let counted = Arc::clone(&requests);
         let service = hyper::service::service_fn(move |mut request: hyper::Request<Incoming>| {
             request.extensions_mut().insert(Peer(peer));
-            begun.store(true, Ordering::Relaxed);
-            routes.clone().oneshot(request.map(Body::new))
+            let open = OpenRequest::begin(&counted, request.version() < Version::HTTP_2);
+            let response = routes.clone().oneshot(request.map(Body::new));
+            async move {
+                let _open = open;
+                response.await
+            }
         });
         let connection = self.http.serve_connection(TokioIo::new(stream), service).into_owned();
         let served = open.watch(connection);
@@ -140,7 +150,7 @@ impl Listener {
         tokio::spawn(async move {
             let mut served = pin!(served);
             let ended = match timeout(header_timeout, &mut served).await {
-                Err(_) if !has_begun.load(Ordering::Relaxed) => return,
+                Err(_) if !requests.have_begun.load(Ordering::Acquire) => return,
                 Err(_) => served.await,
                 Ok(ended) => ended,
             };
@@ -167,10 +177,27 @@ impl Listener {
     fn refuse(&self, connection: TcpStream, refusal: Refusal) {
         telemetry::connection_refused(refusal.reason());
         if let Ok(permit) = Arc::clone(&self.refusals).try_acquire_owned() {
-            let stall = self.timeouts.stall;
-            let stream = Stream::new(connection, stall, LINGER_REFUSED, Box::new(permit));
+            let stream = Stream::new(connection, self.timeouts, LINGER_REFUSED, Box::new(permit));
             tokio::spawn(turn_away(stream, refusal, self.timeouts.header));
         }
+    }
+}
+
+/// A request whose response has not begun.
+struct OpenRequest(Arc<Requests>);
+
+impl OpenRequest {
+    fn begin(requests: &Arc<Requests>, is_http1: bool) -> Self {
+        requests.have_begun.store(true, Ordering::Release);
+        requests.are_http1.store(is_http1, Ordering::Release);
+        requests.open.fetch_add(1, Ordering::AcqRel);
+        Self(Arc::clone(requests))
+    }
+}
+
+impl Drop for OpenRequest {
+    fn drop(&mut self) {
+        self.0.open.fetch_sub(1, Ordering::AcqRel);
     }
 }
 
@@ -219,7 +246,7 @@ fn http(timeouts: Timeouts) -> auto::Builder<TokioExecutor> {
     let mut http = auto::Builder::new(TokioExecutor::new());
     http.http1()
         .timer(TokioTimer::new())
-        .header_read_timeout(timeouts.header)
+        .header_read_timeout(timeouts.keep_alive)
         .max_buf_size(MAX_BUFFER)
         .max_headers(MAX_HEADER_LINES);
     http.http2()

@@ -1,4 +1,4 @@
-//! A connection's bytes, with a limit on stalls and an orderly end.
+//! A connection's bytes, with limits on stalls and slow headers, and an orderly end.
 //!
 //! A socket that is closed while bytes of the client are unread resets the connection, and the
 //! client may lose the response it was just sent. A dropped stream therefore reads on for up to
@@ -8,10 +8,17 @@
 //! system buffers up to some megabytes and reports the socket writable only when about a third of
 //! that is free again, so a client that reads some tens of kilobytes a second or fewer may be cut.
 //! The time of a response as a whole has no limit.
+//!
+//! An HTTP/1.1 connection whose next request begins to arrive is closed when the request's header is
+//! not complete within the header timeout. Between requests it stays open for longer, which hyper
+//! measures.
 
+use super::listener::Timeouts;
 use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf};
@@ -19,12 +26,27 @@ use tokio::net::TcpStream;
 use tokio::runtime::Handle;
 use tokio::time::{Sleep, sleep, timeout};
 
+/// The requests of a connection, as its service counts them.
+#[derive(Debug, Default)]
+pub(super) struct Requests {
+    /// Whether one has begun.
+    pub(super) have_begun: AtomicBool,
+    /// Whether they are in HTTP/1.
+    pub(super) are_http1: AtomicBool,
+    /// Those whose responses have not begun.
+    pub(super) open: AtomicUsize,
+}
+
 /// A connection.
 pub(super) struct Stream {
     /// Taken when dropped.
     socket: Option<TcpStream>,
     stall_timeout: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
+    requests: Arc<Requests>,
+    header_timeout: Duration,
+    /// Runs while the header of a further request arrives.
+    header: Option<Pin<Box<Sleep>>>,
     /// How long it is read from after it was closed.
     linger: Duration,
     /// What the connection holds until its socket is closed.
@@ -34,11 +56,25 @@ pub(super) struct Stream {
 impl Stream {
     pub(super) fn new(
         socket: TcpStream,
-        stall_timeout: Duration,
+        timeouts: Timeouts,
         linger: Duration,
         place: Box<dyn Send>,
     ) -> Self {
-        Self { socket: Some(socket), stall_timeout, stalled: None, linger, place: Some(place) }
+        Self {
+            socket: Some(socket),
+            stall_timeout: timeouts.stall,
+            stalled: None,
+            requests: Arc::default(),
+            header_timeout: timeouts.header,
+            header: None,
+            linger,
+            place: Some(place),
+        }
+    }
+
+    /// The requests of this connection, which its service counts.
+    pub(super) fn requests(&self) -> Arc<Requests> {
+        Arc::clone(&self.requests)
     }
 
     fn socket(&mut self) -> io::Result<Pin<&mut TcpStream>> {
@@ -68,7 +104,21 @@ impl AsyncRead for Stream {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        self.socket()?.poll_read(context, buffer)
+        let length = buffer.filled().len();
+        let read = self.socket()?.poll_read(context, buffer);
+        let requests = &self.requests;
+        let awaits_header = requests.are_http1.load(Ordering::Acquire)
+            && requests.open.load(Ordering::Acquire) == 0;
+        if !awaits_header {
+            self.header = None;
+        } else if buffer.filled().len() > length && self.header.is_none() {
+            self.header = Some(Box::pin(sleep(self.header_timeout)));
+        }
+        let header = self.header.as_mut();
+        if header.is_some_and(|header| header.as_mut().poll(context).is_ready()) {
+            return Poll::Ready(Err(ErrorKind::TimedOut.into()));
+        }
+        read
     }
 }
 
@@ -78,6 +128,7 @@ impl AsyncWrite for Stream {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
+        self.header = None;
         let written = self.socket()?.poll_write(context, bytes);
         self.unless_stalled(written, context)
     }
@@ -96,6 +147,7 @@ impl AsyncWrite for Stream {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
+        self.header = None;
         let written = self.socket()?.poll_write_vectored(context, slices);
         self.unless_stalled(written, context)
     }

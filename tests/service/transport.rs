@@ -142,8 +142,9 @@ fn a_request_id_that_could_do_harm_is_replaced() {
 fn a_header_that_does_not_arrive_closes_the_connection() {
     // So long that no busy machine takes it between a connection and its first bytes.
     let server = Server::start(&["--header-timeout", "3s"]);
-    let mut idle = connect(server.public);
-    idle.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let mut kept = connect(server.public);
+    let request = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    kept.write_all(request).unwrap();
     let parts =
         ["", "POST /v1/meshes HTT", "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nX-Slow: "];
     let streams = parts.map(|sent| {
@@ -151,10 +152,41 @@ fn a_header_that_does_not_arrive_closes_the_connection() {
         stream.write_all(sent.as_bytes()).unwrap();
         stream
     });
-    assert_eq!(receive(&mut idle, Instant::now()).status, 200);
-    for mut stream in streams.into_iter().chain([idle]) {
+    assert_eq!(receive(&mut kept, Instant::now()).status, 200);
+    for mut stream in streams {
         assert_closed_within(&mut stream, CLOSED_WITHIN);
     }
+    // A connection stays open between requests, and the next header must arrive as soon as the first.
+    kept.write_all(request).unwrap();
+    assert_eq!(receive(&mut kept, Instant::now()).status, 200);
+    kept.write_all(b"GET / HTTP/1.1\r\nHost: ").unwrap();
+    assert_closed_within(&mut kept, CLOSED_WITHIN);
+}
+
+#[test]
+fn a_body_may_arrive_for_longer_than_a_header_on_a_kept_connection() {
+    let server = Server::start(&["--header-timeout", "1s"]);
+    let mut stream = connect(server.public);
+    let image = disc(20, 20, 1);
+    for _ in 0..2 {
+        let head = format!(
+            "POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n",
+            image.len()
+        );
+        stream.write_all(&[head.as_bytes(), &image[..30]].concat()).unwrap();
+        std::thread::sleep(Duration::from_millis(1500));
+        stream.write_all(&image[30..]).unwrap();
+        assert_eq!(receive(&mut stream, Instant::now()).status, 200);
+    }
+}
+
+#[test]
+fn a_connection_without_requests_is_closed() {
+    let server = Server::start(&["--keep-alive-timeout", "1s"]);
+    let mut idle = connect(server.public);
+    idle.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    assert_eq!(receive(&mut idle, Instant::now()).status, 200);
+    assert_closed_within(&mut idle, CLOSED_WITHIN);
 }
 
 #[test]
