@@ -10,7 +10,7 @@ mod quantity;
 mod trace;
 
 pub use access::{AccessSettings, Visitors};
-pub use container::{BESIDE_BUDGET, memory_limit};
+pub use container::{BESIDE_BUDGET, machine_memory, memory_limit};
 use pixmesh_jobs::Caps;
 use pixmesh_jobs::Terms;
 use pixmesh_jobs::blobs::BlobEngine;
@@ -18,6 +18,7 @@ use pixmesh_jobs::settings::QueueSettings;
 pub use quantity::{ByteSize, Period};
 pub use trace::TraceSettings;
 
+use clap::error::ContextKind;
 use clap::{Args, CommandFactory, Parser, ValueEnum};
 use ipnet::IpNet;
 use pixmesh_engine::scheduler;
@@ -191,6 +192,10 @@ impl fmt::Display for LogLevel {
 /// The shortest lease: a worker renews it three times in that time.
 const SHORTEST_LEASE: Duration = Duration::from_secs(2);
 const OPS_LISTEN: &str = "127.0.0.1:8081";
+/// The most worker threads.
+const MOST_WORKERS: usize = 1024;
+/// The least memory budget that a small picture fits in.
+const LEAST_BUDGET: ByteSize = ByteSize(4 << 20);
 
 impl Settings {
     /// The settings, after the checks that need more than one of them.
@@ -208,9 +213,47 @@ impl Settings {
             )
             .into());
         }
+        self.check_ranges()?;
         self.access.check()?;
         self.jobs.check()?;
         Ok(self)
+    }
+
+    /// Refuses values that nobody means.
+    fn check_ranges(&self) -> Result<(), Box<dyn Error>> {
+        let Self { limits, jobs, .. } = self;
+        let (hour, year) = (Duration::from_hours(1), Duration::from_hours(24 * 365));
+        let periods = [
+            ("sync-deadline", self.sync_deadline, hour),
+            ("header-timeout", limits.header_timeout, hour),
+            ("keep-alive-timeout", limits.keep_alive_timeout, hour),
+            ("body-timeout", limits.body_timeout, hour),
+            ("job-lease", jobs.job_lease, hour),
+            ("job-deadline", jobs.job_deadline, 24 * hour),
+            ("result-ttl", jobs.result_ttl, 10 * year),
+        ];
+        for (name, period, most) in periods {
+            if period.0 > most {
+                return Err(out_of_range(name, period, Period(most)));
+            }
+        }
+        if self.worker_count() > MOST_WORKERS {
+            return Err(out_of_range("workers", self.worker_count(), MOST_WORKERS));
+        }
+        if self.queue_seconds > hour.as_secs_f64() {
+            return Err(out_of_range("queue-seconds", self.queue_seconds, hour.as_secs()));
+        }
+        let Some(budget) = self.memory_budget else { return Ok(()) };
+        if let Some(machine) = machine_memory().filter(|machine| *machine < budget) {
+            let machine = format!("{}MiB, what this machine has", machine.0 >> 20);
+            return Err(out_of_range("memory-budget", budget, machine));
+        }
+        if budget < LEAST_BUDGET {
+            let variable = variable_of("memory-budget");
+            let reason = format!("--memory-budget ({variable}) {budget} is under {LEAST_BUDGET}");
+            return Err(format!("{reason}: no picture could be meshed").into());
+        }
+        Ok(())
     }
 
     /// Most connections of the public listener.
@@ -249,6 +292,7 @@ impl Settings {
     /// # Errors
     /// When the queue is none that nodes share.
     pub fn checked_for_work(self) -> Result<Self, Box<dyn Error>> {
+        self.check_ranges()?;
         self.jobs.check()?;
         if !self.jobs.queue.is_shared() {
             return Err(
@@ -339,6 +383,16 @@ impl Settings {
     pub fn deadline(&self) -> Duration {
         self.sync_deadline.0
     }
+}
+
+/// The refusal of a setting that is too large.
+fn out_of_range(name: &str, value: impl fmt::Display, most: impl fmt::Display) -> Box<dyn Error> {
+    format!("--{name} ({}) {value} is over {most}", variable_of(name)).into()
+}
+
+/// The environment variable of a setting.
+fn variable_of(name: &str) -> String {
+    format!("PIXMESH_{}", name.replace('-', "_").to_ascii_uppercase())
 }
 
 /// A network, or one address.
@@ -461,6 +515,20 @@ pub fn check_environment(
         }
     }
     Ok(())
+}
+
+/// The environment variable that a value comes from which the parser of the command line refused;
+/// `None` for a value of the command line.
+#[must_use]
+pub fn variable_of_error(
+    error: &clap::Error,
+    mut arguments: impl Iterator<Item = String>,
+) -> Option<String> {
+    let shown = error.get(ContextKind::InvalidArg)?.to_string();
+    let flag = shown.split_whitespace().next()?;
+    let variable = variable_of(flag.strip_prefix("--")?);
+    let is_given = |argument: String| argument.split('=').next() == Some(flag);
+    (!arguments.any(is_given) && known_variables().contains(&variable)).then_some(variable)
 }
 
 /// The environment variable of every setting.

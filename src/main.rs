@@ -49,7 +49,14 @@ enum KeyCommand {
 }
 
 fn main() -> ExitCode {
-    let command = Program::parse().command;
+    let program = Program::try_parse().unwrap_or_else(|error| {
+        // The parser names the flag alone.
+        if let Some(variable) = config::variable_of_error(&error, std::env::args()) {
+            let _ = writeln!(io::stderr(), "{variable} is wrong:");
+        }
+        error.exit()
+    });
+    let command = program.command;
     match config::check_environment(std::env::vars_os()).and_then(|()| run(command)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

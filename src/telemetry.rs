@@ -14,7 +14,8 @@ use metrics::{counter, gauge, histogram};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusHandle};
 use names::*;
 use pixmesh_engine::telemetry::{INPUT_PIXELS, Kind, MESH_VERTICES};
-use std::time::Duration;
+use rustix::process::{Resource, getrlimit};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// The route label of a request that matches none.
 pub const UNKNOWN_ROUTE: &str = "UNKNOWN";
@@ -51,6 +52,8 @@ pub fn start_metrics(workers: usize) -> Result<PrometheusHandle, BuildError> {
     counter!(PANICS).absolute(0);
     counter!(DECODER_PANICS).absolute(0);
     gauge!(WORKERS).set(workers as f64);
+    let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    gauge!(PROCESS_START).set(started.as_secs_f64());
     let commit = option_env!("PIXMESH_COMMIT").unwrap_or("unknown");
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION"), "commit" => commit).set(1.0);
     requests_in_progress(0.0);
@@ -133,4 +136,6 @@ pub fn process() {
     if let Ok(open) = std::fs::read_dir("/proc/self/fd") {
         gauge!(PROCESS_FDS).set(open.count() as f64);
     }
+    let limit = getrlimit(Resource::Nofile).current;
+    gauge!(PROCESS_MAX_FDS).set(limit.map_or(f64::INFINITY, |limit| limit as f64));
 }

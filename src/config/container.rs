@@ -1,4 +1,4 @@
-//! How much memory the control group of this process may have: in a container, the container's limit.
+//! How much memory this process may have: in a container, the container's limit.
 //!
 //! Both versions of control groups are read where they are mounted by convention. Processors need no
 //! such reading: [`std::thread::available_parallelism`] counts those that the group's quota allows.
@@ -20,6 +20,15 @@ const UNLIMITED: u64 = 1 << 60;
 #[must_use]
 pub fn memory_limit() -> Option<ByteSize> {
     memory_limit_below(Path::new("/"))
+}
+
+/// The memory of the machine; `None` where the system does not tell.
+#[must_use]
+pub fn machine_memory() -> Option<ByteSize> {
+    let text = fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024).map(ByteSize)
 }
 
 /// The memory budget that suits a limit: two thirds of it, so that a container of 1.5 GiB has the

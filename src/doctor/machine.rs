@@ -1,23 +1,26 @@
 //! Whether the machine gives what the settings count on.
 
 use super::Finding;
-use crate::config::{BESIDE_BUDGET, ByteSize, Settings, memory_limit};
+use crate::config::{BESIDE_BUDGET, ByteSize, Settings, machine_memory, memory_limit};
 use pixmesh_jobs::folder::Space;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
 use std::thread::available_parallelism;
 
 /// Writes and syncs a file where jobs are to be kept.
 pub(super) fn check_data_folder(settings: &Settings) -> Finding {
     let folder = &settings.jobs.data_dir;
     let path = folder.join(format!("doctor-{}", std::process::id()));
+    let was_there = folder.exists();
     let write = || {
         fs::create_dir_all(folder)?;
         let mut file = File::create(&path)?;
         file.write_all(b"well\n")?;
         file.sync_all()?;
-        fs::remove_file(&path)
+        fs::remove_file(&path)?;
+        if was_there { Ok(()) } else { fs::remove_dir(folder) }
     };
     write()
         .map(|()| format!("{} can be written to", folder.display()))
@@ -27,8 +30,10 @@ pub(super) fn check_data_folder(settings: &Settings) -> Finding {
 /// Compares the free space of that folder's disk with what new jobs leave free.
 pub(super) fn check_free_space(settings: &Settings) -> Finding {
     let folder = &settings.jobs.data_dir;
+    // It is made at the first start.
+    let place = folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
     let space =
-        Space::of(folder).map_err(|error| format!("--data-dir {}: {error}", folder.display()))?;
+        Space::of(place).map_err(|error| format!("--data-dir {}: {error}", folder.display()))?;
     let (free, least) = (space.free, space.least_free(settings.jobs.min_free_space.0));
     let numbers = format!("{} MiB are free, and {} MiB stay free", free >> 20, least >> 20);
     if free < least {
@@ -43,9 +48,8 @@ pub(super) fn check_free_space(settings: &Settings) -> Finding {
 pub(super) fn check_memory(settings: &Settings) -> Finding {
     let budget = settings.memory_budget();
     let needed = ByteSize(budget.0.saturating_add(BESIDE_BUDGET.0));
-    let limit = memory_limit().map(|limit| limit.0);
-    let available = [limit, machine_memory()].into_iter().flatten().min();
-    match available.map(ByteSize) {
+    let available = [memory_limit(), machine_memory()].into_iter().flatten().min();
+    match available {
         Some(available) if available < needed => Err(format!(
             "--memory-budget {budget} needs {needed} with what the process takes besides, but \
              there are {} MiB",
@@ -54,13 +58,6 @@ pub(super) fn check_memory(settings: &Settings) -> Finding {
         Some(available) => Ok(format!("{budget} of {} MiB", available.0 >> 20)),
         None => Ok(format!("{budget}; how much there is, is not known")),
     }
-}
-
-fn machine_memory() -> Option<u64> {
-    let text = fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    kib.checked_mul(1024)
 }
 
 /// Compares the workers with the processors.

@@ -24,8 +24,11 @@ declare_metrics! {
         "Lines of the log that were dropped because nobody read it";
     PROCESS_RESIDENT: Gauge "process_resident_memory_bytes" []
         "Resident memory of the process in bytes";
-    PROCESS_CPU: Gauge "process_cpu_seconds_total" [] "Seconds of processor time, of all threads";
+    PROCESS_CPU: Counter "process_cpu_seconds_total" [] "Seconds of processor time, of all threads";
     PROCESS_FDS: Gauge "process_open_fds" [] "Files and connections the process has open";
+    PROCESS_MAX_FDS: Gauge "process_max_fds" [] "Files and connections the process may have open";
+    PROCESS_START: Gauge "process_start_time_seconds" []
+        "When the process started, in seconds since 1970";
     BUILD_INFO: Gauge "pixmesh_build_info" ["version", "commit"]
         "Version of the service, and the commit it was built from";
 }

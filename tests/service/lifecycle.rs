@@ -145,7 +145,13 @@ fn a_wrong_setting_stops_the_start_with_a_reason() {
     };
     refused(&["--max-bdoy", "1MiB"], None, "--max-body");
     refused(&[], Some(("PIXMESH_MAX_BDOY", "1MiB")), "PIXMESH_MAX_BODY");
-    refused(&[], Some(("PIXMESH_MAX_BODY", "lots")), "lots");
+    refused(&[], Some(("PIXMESH_MAX_BODY", "lots")), "PIXMESH_MAX_BODY is wrong");
+    refused(&[], Some(("PIXMESH_WORKERS", "100000")), "(PIXMESH_WORKERS) 100000 is over 1024");
+    refused(&["--memory-budget", "99999GiB"], None, "is over");
+    refused(&["--memory-budget", "1"], None, "is under 4MiB");
+    for flag in ["--sync-deadline", "--header-timeout", "--job-deadline", "--result-ttl"] {
+        refused(&[flag, "1000000h"], None, flag);
+    }
     for flag in [
         "--max-body",
         "--max-pixels",

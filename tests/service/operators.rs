@@ -2,7 +2,7 @@
 
 use crate::client::{assert_median_within, connect, send};
 use crate::pictures::disc;
-use crate::server::{Server, program};
+use crate::server::{Folder, Server, program};
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::process::Output;
@@ -18,10 +18,14 @@ fn doctor(flags: &[&str]) -> Output {
 
 #[test]
 fn the_doctor_finds_a_good_installation_well() {
-    let output = doctor(&["--memory-budget", "256MiB", "--workers", "1"]);
+    let folder = Folder::new();
+    let missing = folder.path().join("missing");
+    let path = missing.to_str().unwrap();
+    let output = doctor(&["--memory-budget", "256MiB", "--workers", "1", "--data-dir", path]);
     let findings = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success(), "{findings}");
-    assert_eq!(findings.lines().filter(|line| line.starts_with("ok ")).count(), 10, "{findings}");
+    assert_eq!(findings.lines().filter(|line| line.starts_with("ok ")).count(), 11, "{findings}");
+    assert!(!missing.exists(), "it leaves nothing behind");
     for fact in ["mgprfs", "independent library", "MODEL", "is free", "can be written to"] {
         assert!(findings.contains(fact), "{fact}: {findings}");
     }
