@@ -128,6 +128,9 @@ problems! {
     Gone = GONE "gone" "The resource has expired"
         "The job expired or its client deleted it."
         "Submit the picture again. The operator sets the time with --result-ttl.";
+    PreconditionFailed = PRECONDITION_FAILED "precondition-failed" "The mesh is another one"
+        "The header If-Match names entity tags, and the mesh has another one."
+        "Ask for the mesh without If-Match, and take its new ETag.";
     RangeNotSatisfiable = RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range starts beyond the end"
         "The header Range asks for bytes behind the end of the file."
         "Ask for bytes before the length in 'limit', or for the whole file without Range.";

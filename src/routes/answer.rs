@@ -9,7 +9,7 @@ use axum::http::header::{
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use headers::{HeaderMapExt, IfNoneMatch, IfRange};
+use headers::{HeaderMapExt, IfMatch, IfNoneMatch, IfRange};
 use pixmesh_engine::scheduler::Memory;
 use pixmesh_meshing::Fidelity;
 use std::ops::{Bound, Range};
@@ -103,6 +103,21 @@ pub(super) fn is_known(request: &HeaderMap, tag: &str) -> bool {
         return false;
     };
     !known.precondition_passes(&tag)
+}
+
+/// Refuses a client that asks for another representation alone.
+///
+/// # Errors
+/// `precondition-failed`.
+pub(super) fn refuse_other(request: &HeaderMap, tag: &str) -> Result<(), Problem> {
+    let (Some(wanted), Ok(parsed)) = (request.typed_get::<IfMatch>(), tag.parse()) else {
+        return Ok(());
+    };
+    if wanted.precondition_passes(&parsed) {
+        return Ok(());
+    }
+    let detail = format!("If-Match names other entity tags than {tag}");
+    Err(Problem::new(Kind::PreconditionFailed, detail).param("If-Match").with("actual", tag))
 }
 
 /// The answer to a client that has the representation already.
@@ -208,6 +223,17 @@ mod tests {
         let of = |tag| part(&request(&[("range", "bytes=0-3"), ("if-range", tag)]), "\"t\"", 10);
         assert_eq!(of("\"t\""), Ok(Some(0..4)));
         assert_eq!(of("\"old\""), Ok(None));
+    }
+
+    #[test]
+    fn another_representation_than_the_wanted_one_is_refused() {
+        let refusal = |text| {
+            let refused = refuse_other(&request(&[("if-match", text)]), "\"t\"");
+            refused.err().map(|problem| problem.kind())
+        };
+        assert_eq!([refusal("\"t\""), refusal("\"a\", \"t\""), refusal("*")], [None; 3]);
+        assert_eq!(refusal("\"a\""), Some(Kind::PreconditionFailed));
+        assert_eq!(refusal("W/\"t\""), Some(Kind::PreconditionFailed), "a weak tag never matches");
     }
 
     #[test]

@@ -60,6 +60,11 @@ fn refusal(request: &Request) -> Option<Problem> {
         let detail = "send exactly one Host header; HTTP/1.1 requires it";
         return Some(Problem::new(Kind::BadRequest, detail));
     }
+    let mut codings = request.headers().get_all(TRANSFER_ENCODING).iter();
+    if codings.any(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"chunked")) {
+        let detail = "the only transfer coding that the service reads is chunked";
+        return Some(Problem::new(Kind::BadRequest, detail).param("Transfer-Encoding"));
+    }
     let target = length_of(request.uri());
     if target > MAX_TARGET {
         let detail = format!("the request's target is longer than {MAX_TARGET} bytes");

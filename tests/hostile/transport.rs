@@ -352,6 +352,16 @@ fn of_heads() -> Vec<Row> {
             },
         )
         .and(|answer| assert_eq!(answer.header("connection"), "close")),
+        Row::new(
+            "T10d",
+            "a transfer coding before chunked",
+            Expected::Refused(400, "bad-request"),
+            || {
+                let body = "5\r\nabcde\r\n0\r\n\r\n";
+                raw(format!("{HEAD}Transfer-Encoding: gzip, chunked\r\n\r\n{body}"))
+            },
+        )
+        .and(|answer| assert_eq!(answer.header("connection"), "close")),
         Row::steps(
             "T11",
             "HTTP/2: its preface alone and byte by byte, rapid resets, a flood of CONTINUATION",

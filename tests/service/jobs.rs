@@ -124,6 +124,9 @@ fn a_mesh_is_sent_in_part_or_not_at_all_where_the_client_says_so() {
         let target = format!("{mesh}?format={format}");
         let whole = server.get(&target);
         let tag = whole.header("etag").to_owned();
+        assert_eq!(get(&server, &target, &[("If-Match", &tag)]).status, 200);
+        let other = get(&server, &target, &[("If-Match", "\"other\"")]);
+        other.problem(412, "precondition-failed");
         let known = get(&server, &target, &[("If-None-Match", &tag)]);
         assert_eq!((known.status, known.body.len()), (304, 0));
         assert_eq!(known.header("etag"), tag);

@@ -40,7 +40,8 @@ use std::time::Instant;
 ///
 /// # Errors
 /// `not-found`, `gone`, `job-unfinished`, `job-without-mesh`, `job-without-order`,
-/// `parameter-out-of-range`, `range-not-satisfiable`, and every refusal of admission.
+/// `parameter-out-of-range`, `precondition-failed`, `range-not-satisfiable`, and every refusal of
+/// admission.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/mesh", operation_id = "getJobMesh",
     summary = "The mesh of a completed job, in any format and size",
@@ -55,7 +56,7 @@ use std::time::Instant;
         Mesh, MeshPart,
         (status = 304, description = "The client has it already"),
         Problems, ProblemsOf::<404>, ProblemsOf::<406>, ProblemsOf::<409>, ProblemsOf::<410>,
-        ProblemsOf::<416>, ProblemsOf::<422>,
+        ProblemsOf::<412>, ProblemsOf::<416>, ProblemsOf::<422>,
     ),
     security((), ("key" = [])),
 )]
@@ -102,6 +103,7 @@ pub(super) async fn of(
     }
     let tag = tag(mesh, size, format, &variant);
     let mut headers = answer::headers_of(representation, &tag)?;
+    answer::refuse_other(request, &tag)?;
     if answer::is_known(request, &tag) {
         return Ok(answer::not_modified(headers));
     }

@@ -70,6 +70,7 @@ parameters! {
     /// The parameters of a completed job's mesh.
     KeptMeshParameters => [
         header("If-None-Match", "Entity tags of meshes that the client has.", string()),
+        header("If-Match", "Entity tags of which the mesh must have one.", string()),
         header("Range", "A part of the mesh, in bytes.", string()),
         header("If-Range", "The entity tag of the mesh that the part must belong to.", string()),
     ]
