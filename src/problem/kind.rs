@@ -126,7 +126,7 @@ problems! {
         "Submit the job with texture=embed, or send its mesh and the picture to \
          /v1/conversions.";
     Gone = GONE "gone" "The resource has expired"
-        "The job expired or its client deleted it."
+        "The job expired or its client deleted it, or that of an Idempotency-Key."
         "Submit the picture again. The operator sets the time with --result-ttl.";
     PreconditionFailed = PRECONDITION_FAILED "precondition-failed" "The mesh is another one"
         "The header If-Match names entity tags, and the mesh has another one."

@@ -50,7 +50,10 @@ const LONG_BODY: u64 = 256 << 10;
             (inline(MeshForm) = "multipart/form-data"),
         ),
     ),
-    responses(Mesh, Accepted, Problems, UploadProblems, ProblemsOf::<406>, ProblemsOf::<507>),
+    responses(
+        Mesh, Accepted, Problems, UploadProblems, ProblemsOf::<406>, ProblemsOf::<410>,
+        ProblemsOf::<507>,
+    ),
     security((), ("key" = [])),
 )]
 pub async fn create(

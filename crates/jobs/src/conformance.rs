@@ -61,6 +61,7 @@ macro_rules! conforms {
             list_pages_newest_first
             idempotency_key_returns_the_same_job
             idempotency_key_expires
+            idempotency_key_outlives_an_expired_job
             caps_of_queued_jobs_hold
             owners_take_turns_up_to_their_cap
             events_follow_every_change
@@ -405,8 +406,35 @@ pub(super) async fn idempotency_key_returns_the_same_job<E: Engine>(engine: &E) 
     }
     queue.cancel(&owner, first.id).await.unwrap();
     queue.cancel(&owner, first.id).await.unwrap();
-    let fresh = queue.submit(with_key(&owner, "other", "size=6")).await.unwrap();
-    assert!(matches!(fresh, Submitted::Created(_)), "a deleted job releases its key");
+    for (image, options) in [("other", "size=6"), ("image", "size=5")] {
+        let again = queue.submit(with_key(&owner, image, options)).await.unwrap();
+        assert_eq!(again, Submitted::KeyOfGone, "the key outlives its job");
+    }
+}
+
+pub(super) async fn idempotency_key_outlives_an_expired_job<E: Engine>(engine: &E) {
+    let terms = Terms { result_ttl: E::SHORT, idempotency_ttl: 2 * BRIEF, ..terms() };
+    let (queue, owner) = (engine.open(terms).await, Owner::named("a"));
+    let with_key = || NewJob { idempotency_key: Some("key".into()), ..job(&owner, "image") };
+    let submitted = Instant::now();
+    let Submitted::Created(first) = queue.submit(with_key()).await.unwrap() else { panic!() };
+    queue.cancel(&owner, first.id).await.unwrap();
+    sleep(2 * E::SHORT).await;
+    assert_eq!(queue.submit(with_key()).await.unwrap(), Submitted::KeyOfGone, "before any sweep");
+    assert_eq!(queue.sweep().await.unwrap().expired, 1);
+    assert_eq!(queue.submit(with_key()).await.unwrap(), Submitted::KeyOfGone);
+    let fresh = async {
+        loop {
+            queue.sweep().await.unwrap();
+            match queue.submit(with_key()).await.unwrap() {
+                Submitted::Created(_) => return,
+                Submitted::KeyOfGone => sleep(BRIEF / 4).await,
+                other => panic!("{other:?}"),
+            }
+        }
+    };
+    timeout(PATIENCE, fresh).await.unwrap();
+    assert!(submitted.elapsed() >= 2 * BRIEF);
 }
 
 pub(super) async fn idempotency_key_expires<E: Engine>(engine: &E) {

@@ -28,7 +28,7 @@ pub struct Terms {
     pub lease: Duration,
     /// How long a job is kept after its end.
     pub result_ttl: Duration,
-    /// How long an idempotency key is kept.
+    /// How long an idempotency key is kept, from the submission of its job, whatever becomes of that.
     pub idempotency_ttl: Duration,
     /// How long an expired job is known to have existed.
     pub gone_ttl: Duration,
@@ -152,6 +152,8 @@ pub enum Submitted {
     Existing(Record),
     /// The same idempotency key was used with other content.
     KeyReused,
+    /// The job that was submitted with the same idempotency key expired or was deleted.
+    KeyOfGone,
     /// The queue is full.
     QueueFull {
         /// The limit of queued jobs.

@@ -60,7 +60,7 @@ static PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-appl
             (inline(MeshObject) = "application/json"),
         ),
     ),
-    responses(Accepted, Problems, UploadProblems, ProblemsOf::<507>),
+    responses(Accepted, Problems, UploadProblems, ProblemsOf::<410>, ProblemsOf::<507>),
     security((), ("key" = [])),
 )]
 pub(in crate::routes) async fn create(
@@ -191,6 +191,7 @@ async fn submit(
         }
         Submitted::Existing(record) => Ok(Submission { record, was_there: true }),
         Submitted::KeyReused => Err(key_reused()),
+        Submitted::KeyOfGone => Err(key_of_gone()),
         Submitted::QueueFull { limit } => Err(queue_full(limit, service.scheduler.drain_s())),
         Submitted::OwnerFull { limit } => Err(owner_full(limit, service.scheduler.drain_s())),
         Submitted::StoreFull { limit, bytes } => {
@@ -232,6 +233,12 @@ async fn packed(upload: Weighed<Upload>) -> Result<Packed, Problem> {
 fn key_reused() -> Problem {
     let detail = "this Idempotency-Key was given for another image or other parameters";
     Problem::new(Kind::IdempotencyKeyReused, detail).param("Idempotency-Key")
+}
+
+fn key_of_gone() -> Problem {
+    let detail =
+        "the job of this Idempotency-Key expired or was deleted: give another job a new key";
+    Problem::new(Kind::Gone, detail).param("Idempotency-Key")
 }
 
 fn queue_full(limit: usize, retry_after_s: u64) -> Problem {

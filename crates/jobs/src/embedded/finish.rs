@@ -87,7 +87,7 @@ pub(super) fn cancel(
             write.changes.jobs.push(id);
         }
         Some(Cancellation::Deleted) => {
-            write.delete(id)?;
+            write.delete(id, terms)?;
         }
         Some(Cancellation::Gone | Cancellation::Unknown) => {}
         None if is_gone(write.connection, owner, id)? => return Ok(Cancellation::Gone),

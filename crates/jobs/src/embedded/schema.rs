@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// The version of the tables, which the database stores.
-const VERSION: i64 = 2;
+const VERSION: i64 = 3;
 
 /// States are the numbers of `State::ALL`: 0 queued, 1 running, 2 and more have ended. Times are in
 /// milliseconds since 1970, except those of leases, which are those of the process's own clock.
@@ -63,6 +63,18 @@ CREATE TABLE pulse (
 ) STRICT;
 ";
 
+/// The tables that version 2 lacks.
+const SINCE_VERSION_3: &str = "
+-- Idempotency keys of jobs that are deleted.
+CREATE TABLE kept_keys (
+    owner TEXT NOT NULL,
+    idempotency_key TEXT NOT NULL,
+    until INTEGER NOT NULL,
+    PRIMARY KEY (owner, idempotency_key)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX kept_keys_until ON kept_keys (until);
+";
+
 /// Opens the database for writing, and creates it if there is none.
 pub(super) fn open(path: &Path) -> Result<Connection> {
     let connection = Connection::open(path)?;
@@ -73,7 +85,10 @@ pub(super) fn open(path: &Path) -> Result<Connection> {
     connection.set_prepared_statement_cache_capacity(64);
     match connection.pragma_query_value(None, "user_version", |row| row.get(0))? {
         0 => connection.execute_batch(&format!(
-            "BEGIN IMMEDIATE; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;"
+            "BEGIN IMMEDIATE; {TABLES} {SINCE_VERSION_3} PRAGMA user_version = {VERSION}; COMMIT;"
+        ))?,
+        2 => connection.execute_batch(&format!(
+            "BEGIN IMMEDIATE; {SINCE_VERSION_3} PRAGMA user_version = {VERSION}; COMMIT;"
         ))?,
         VERSION => {}
         other => return Err(of_other_version(other)),

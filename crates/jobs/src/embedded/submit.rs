@@ -46,13 +46,24 @@ fn submitted_before(write: &Write<'_>, job: &NewJob, terms: &Terms) -> Result<Op
     let (owner, now) = (job.owner.as_str(), Moment::now());
     write.execute(
         "UPDATE jobs SET idempotency_key = NULL
-         WHERE owner = ?1 AND idempotency_key = ?2 AND (created_at <= ?3 OR expires_at <= ?4)",
-        params![owner, key, now.before(terms.idempotency_ttl).0, now.0],
+         WHERE owner = ?1 AND idempotency_key = ?2 AND created_at <= ?3",
+        params![owner, key, now.before(terms.idempotency_ttl).0],
     )?;
-    let sql = select_record!(", fingerprint FROM jobs WHERE owner = ?1 AND idempotency_key = ?2");
-    first(write.connection, sql, params![owner, key], |row| {
+    let sql = select_record!(
+        ", fingerprint, COALESCE(expires_at <= ?3, 0) AS is_expired
+         FROM jobs WHERE owner = ?1 AND idempotency_key = ?2"
+    );
+    let known = first(write.connection, sql, params![owner, key, now.0], |row| {
+        if row.flag("is_expired")? {
+            return Ok(Submitted::KeyOfGone);
+        }
         Ok(Submitted::again(job, row::record(row)?, row.digest("fingerprint")?))
-    })
+    })?;
+    if known.is_some() {
+        return Ok(known);
+    }
+    let sql = "SELECT 1 FROM kept_keys WHERE owner = ?1 AND idempotency_key = ?2 AND until > ?3";
+    first(write.connection, sql, params![owner, key, now.0], |_| Ok(Submitted::KeyOfGone))
 }
 
 fn beyond_caps(write: &Write<'_>, job: &NewJob, terms: &Terms) -> Result<Option<Submitted>> {

@@ -71,9 +71,12 @@ fn expire(write: &mut Write<'_>, terms: &Terms) -> Result<usize> {
         let sql = "INSERT OR IGNORE INTO gone SELECT id, owner, expires_at + ?2 FROM jobs
                    WHERE id = ?1";
         write.execute(sql, params![id.as_bytes(), terms.gone_ttl.as_millis() as i64])?;
-        write.delete(*id)?;
+        write.delete(*id, terms)?;
     }
-    write.execute("DELETE FROM gone WHERE until <= ?1", [now.0])?;
+    for forget in ["DELETE FROM gone WHERE until <= ?1", "DELETE FROM kept_keys WHERE until <= ?1"]
+    {
+        write.execute(forget, [now.0])?;
+    }
     Ok(expired.len())
 }
 

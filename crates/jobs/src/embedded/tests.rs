@@ -3,7 +3,7 @@
 use super::*;
 use crate::conformance::{Engine, conforms};
 use crate::queue::MAX_ATTEMPTS;
-use crate::testing::{job, terms};
+use crate::testing::{job, submit, terms};
 use rusqlite::Connection;
 use std::path::Path;
 use tempfile::TempDir;
@@ -96,6 +96,23 @@ async fn sweep_counts_requeued_and_exhausted_jobs() {
         let is_last = attempt == MAX_ATTEMPTS;
         assert_eq!((requeued, exhausted), if is_last { (0, 1) } else { (1, 0) });
     }
+}
+
+#[tokio::test]
+async fn version_2_is_migrated() {
+    let folder = folder();
+    drop(open(folder.path(), terms()));
+    let connection = Connection::open(folder.path().join(DATABASE)).unwrap();
+    connection.execute_batch("DROP TABLE kept_keys; PRAGMA user_version = 2").unwrap();
+    drop(connection);
+    let queue = open(folder.path(), terms());
+    let id = submit(&queue, &Owner::Anonymous, "image").await;
+    queue.cancel(&Owner::Anonymous, id).await.unwrap();
+    assert_eq!(
+        queue.cancel(&Owner::Anonymous, id).await.unwrap(),
+        Cancellation::Deleted,
+        "which writes to the new table"
+    );
 }
 
 #[test]

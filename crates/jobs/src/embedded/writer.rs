@@ -5,12 +5,12 @@
 //! acknowledged after the commit.
 
 use super::rows::first;
-use crate::queue::QueueError;
+use crate::queue::{QueueError, Terms};
 use crate::record::JobId;
 use crate::row::Row as _;
 use crate::watchers::{Changes, Watchers};
 use pixmesh_engine::digest::Digest;
-use rusqlite::{Connection, ErrorCode, Params};
+use rusqlite::{Connection, ErrorCode, Params, params};
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -113,8 +113,11 @@ impl Write<'_> {
         self.execute(sql, [blob.to_string()]).map(|_| ())
     }
 
-    /// Deletes a job, and marks its mesh as an orphan candidate.
-    pub(super) fn delete(&mut self, id: JobId) -> rusqlite::Result<()> {
+    /// Deletes a job, marks its mesh as an orphan candidate, and keeps its idempotency key.
+    pub(super) fn delete(&mut self, id: JobId, terms: &Terms) -> rusqlite::Result<()> {
+        let sql = "INSERT OR REPLACE INTO kept_keys SELECT owner, idempotency_key, created_at + ?2
+                   FROM jobs WHERE id = ?1 AND idempotency_key IS NOT NULL";
+        self.execute(sql, params![id.as_bytes(), terms.idempotency_ttl.as_millis() as i64])?;
         let sql = "DELETE FROM jobs WHERE id = ?1 RETURNING mesh_digest";
         let mesh =
             first(self.connection, sql, [id.as_bytes()], |row| Ok(row.digest("mesh_digest")))?;

@@ -215,9 +215,18 @@ impl Node {
                 transaction.query(sql).bind(uuid(id)).execute(&mut *transaction).await?;
             }
             Cancellation::Deleted => {
-                let sql = "DELETE FROM jobs WHERE id = $1 RETURNING mesh_digest";
-                let row =
-                    transaction.query(sql).bind(uuid(id)).fetch_one(&mut *transaction).await?;
+                let sql = "WITH deleted AS (DELETE FROM jobs WHERE id = $1 RETURNING *),
+                           kept AS (
+                               INSERT INTO kept_keys
+                               SELECT owner, idempotency_key,
+                                      created_at + $2 * interval '1 millisecond' FROM deleted
+                               WHERE idempotency_key IS NOT NULL
+                               ON CONFLICT (owner, idempotency_key)
+                               DO UPDATE SET until = excluded.until)
+                           SELECT mesh_digest FROM deleted";
+                let deleting = transaction.query(sql).bind(uuid(id));
+                let deleting = deleting.bind(ms(self.terms.idempotency_ttl));
+                let row = deleting.fetch_one(&mut *transaction).await?;
                 let mesh = row.digest("mesh_digest")?.into_iter().collect();
                 mark_orphan_candidates(&mut transaction, mesh, &self.terms).await?;
             }

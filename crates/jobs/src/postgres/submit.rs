@@ -91,8 +91,7 @@ impl Node {
                 "UPDATE jobs SET idempotency_key = NULL
                  FROM unnest($1::text[], $2::text[]) AS new (owner, idempotency_key)
                  WHERE jobs.owner = new.owner AND jobs.idempotency_key = new.idempotency_key
-                   AND (jobs.created_at <= now() - $3 * interval '1 millisecond'
-                        OR jobs.expires_at <= now())",
+                   AND jobs.created_at <= now() - $3 * interval '1 millisecond'",
             )
             .bind(&owners)
             .bind(&keys)
@@ -101,7 +100,8 @@ impl Node {
             .await?;
         let rows = transaction
             .query(select_record!(
-                ", idempotency_key, fingerprint FROM jobs WHERE idempotency_key IS NOT NULL
+                ", idempotency_key, fingerprint, COALESCE(expires_at <= now(), false) AS is_expired
+                 FROM jobs WHERE idempotency_key IS NOT NULL
                  AND (owner, idempotency_key) IN (SELECT * FROM unnest($1::text[], $2::text[]))"
             ))
             .bind(&owners)
@@ -110,13 +110,29 @@ impl Node {
             .await?;
         let mut known = HashMap::new();
         for row in &rows {
-            let key: String = row.try_get("idempotency_key")?;
-            known.insert((row::owner(row)?, key), (row::record(row)?, row.digest("fingerprint")?));
+            let key = (row::owner(row)?, row.try_get("idempotency_key")?);
+            let stored = (row::record(row)?, row.digest("fingerprint")?);
+            let is_expired: bool = row.try_get("is_expired")?;
+            known.insert(key, (!is_expired).then_some(stored));
+        }
+        let gone: Vec<(String, String)> = transaction
+            .query_as(
+                "SELECT owner, idempotency_key FROM kept_keys WHERE until > now()
+                 AND (owner, idempotency_key) IN (SELECT * FROM unnest($1::text[], $2::text[]))",
+            )
+            .bind(&owners)
+            .bind(&keys)
+            .fetch_all(&mut **transaction)
+            .await?;
+        for (owner, key) in gone {
+            known.entry((Owner::of_stored(&owner), key)).or_insert(None);
         }
         let result = |job: &NewJob| {
-            let key = (job.owner.clone(), job.idempotency_key.clone()?);
-            let (record, fingerprint) = known.get(&key)?.clone();
-            Some(Submitted::again(job, record, fingerprint))
+            let key: (Owner, String) = (job.owner.clone(), job.idempotency_key.clone()?);
+            Some(match known.get(&key)?.clone() {
+                Some((record, fingerprint)) => Submitted::again(job, record, fingerprint),
+                None => Submitted::KeyOfGone,
+            })
         };
         Ok(jobs.iter().map(result).collect())
     }

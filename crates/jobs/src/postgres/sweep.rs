@@ -5,7 +5,7 @@ use super::database::failure;
 use super::finish::apply;
 use super::node::Node;
 use super::rows::{bytes, ms};
-use crate::queue::{DELETION_TIME, QueueError, Swept};
+use crate::queue::{DELETION_TIME, QueueError, Swept, Terms};
 use crate::record::{JobId, State};
 use crate::row::{self, Row as _};
 use crate::telemetry;
@@ -30,7 +30,12 @@ const EXPIRE: &str = "
         DELETE FROM jobs WHERE id = ANY (ARRAY(
             SELECT id FROM jobs WHERE expires_at <= now() ORDER BY expires_at LIMIT $1
             FOR UPDATE SKIP LOCKED))
-        RETURNING id, owner, mesh_digest, expires_at),
+        RETURNING id, owner, mesh_digest, expires_at, created_at, idempotency_key),
+    kept AS (
+        INSERT INTO kept_keys
+        SELECT owner, idempotency_key, created_at + $4 * interval '1 millisecond' FROM expired
+        WHERE idempotency_key IS NOT NULL ORDER BY owner, idempotency_key
+        ON CONFLICT (owner, idempotency_key) DO UPDATE SET until = excluded.until),
     remembered AS (
         INSERT INTO gone SELECT id, owner, expires_at + $2 * interval '1 millisecond'
         FROM expired ON CONFLICT DO NOTHING),
@@ -44,6 +49,14 @@ const FORGET_GONE: &str = "
     WITH forgotten AS (
         DELETE FROM gone WHERE id = ANY (ARRAY(
             SELECT id FROM gone WHERE until <= now() LIMIT $1 FOR UPDATE SKIP LOCKED))
+        RETURNING 1)
+    SELECT count(*) FROM forgotten";
+/// Deletes the idempotency keys of jobs that were submitted long ago.
+const FORGET_KEYS: &str = "
+    WITH forgotten AS (
+        DELETE FROM kept_keys WHERE (owner, idempotency_key) IN (
+            SELECT owner, idempotency_key FROM kept_keys WHERE until <= now() LIMIT $1
+            FOR UPDATE SKIP LOCKED)
         RETURNING 1)
     SELECT count(*) FROM forgotten";
 /// Removes candidates that a job uses. The job marks them again when it releases them.
@@ -71,9 +84,11 @@ impl Node {
                 break;
             }
         }
-        let ttls = [ms(self.terms.gone_ttl), ms(self.terms.unused_blob_ttl)];
+        let Terms { gone_ttl, unused_blob_ttl, idempotency_ttl, .. } = self.terms;
+        let ttls = [gone_ttl, unused_blob_ttl, idempotency_ttl].map(ms);
         swept.expired = self.repeat(EXPIRE, &ttls, until).await?;
         self.repeat(FORGET_GONE, &[], until).await?;
+        self.repeat(FORGET_KEYS, &[], until).await?;
         self.repeat(UNMARK_REFERENCED, &[], until).await?;
         let (began, (used, limit)) = (Instant::now(), self.database.connections());
         swept.orphans = self.orphans().await?;

@@ -23,7 +23,7 @@ async fn later_version_is_refused() {
         engine.schema
     ));
     let error = engine.try_open(terms()).await.unwrap_err().to_string();
-    assert!(error.contains("version 99") && error.contains("supports version 1"), "{error}");
+    assert!(error.contains("version 99") && error.contains("supports version 2"), "{error}");
     // A node that runs already keeps running.
     submit(&running, &Owner::Anonymous, "image").await;
     assert!(running.claim().await.unwrap().is_some());
