@@ -14,7 +14,7 @@
 //! keeps its task running to its end or its deadline. A client that closes only its sending half
 //! counts as gone and gets no response.
 
-use super::stream::{Requests, Stream};
+use super::stream::{Requests, Stream, Timeouts};
 use crate::access::Shares;
 use crate::extract::client_address::Peer;
 use crate::problem::{Kind, Problem};
@@ -69,17 +69,6 @@ pub(super) struct Listener {
     /// What each address has of the connections, and the most that one may have; `None` where that
     /// does not count.
     addresses: Option<(Arc<Shares<IpAddr>>, usize)>,
-}
-
-/// Limits on slow clients.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Timeouts {
-    /// Longest time for a request's header to arrive.
-    pub(super) header: Duration,
-    /// Longest time between two requests of a connection in HTTP/1.1.
-    pub(super) keep_alive: Duration,
-    /// Longest time for the socket to accept no bytes of a response.
-    pub(super) stall: Duration,
 }
 
 impl Listener {

@@ -13,7 +13,6 @@
 //! not complete within the header timeout. Between requests it stays open for longer, which hyper
 //! measures.
 
-use super::listener::Timeouts;
 use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
@@ -25,6 +24,17 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::runtime::Handle;
 use tokio::time::{Sleep, sleep, timeout};
+
+/// Limits on slow clients.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Timeouts {
+    /// Longest time for a request's header to arrive.
+    pub(super) header: Duration,
+    /// Longest time between two requests of a connection in HTTP/1.1.
+    pub(super) keep_alive: Duration,
+    /// Longest time for the socket to accept no bytes of a response.
+    pub(super) stall: Duration,
+}
 
 /// The requests of a connection, as its service counts them.
 #[derive(Debug, Default)]

@@ -119,6 +119,7 @@ fn no_accepted_job_is_lost_or_doubled_however_often_the_process_is_killed() {
             let started = Instant::now();
             server = Server::start_in(&folder, &[]);
             *address.lock().unwrap() = server.public;
+            assert_eq!(server.metric("pixmesh_transactions_lost"), 0.0, "a kill is no damage");
             // Where all jobs were done already, there is a new one to take up.
             ledger.allowed.store((kill + 1) * MOST_PER_KILL, Ordering::Relaxed);
             server.wait_until("a job is taken up again", || {

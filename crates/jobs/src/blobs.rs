@@ -41,6 +41,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedRwLockReadGuard, RwLock};
+use tokio::task::spawn_blocking;
 use uuid::Uuid;
 
 /// How long a request to a store on the network may take.
@@ -63,6 +64,8 @@ pub struct Blobs {
     store: Arc<dyn ObjectStore>,
     /// The folder of one process; `None` in a store that nodes share.
     folder: Option<PathBuf>,
+    /// The folder of a store of files, whoever uses it.
+    root: Option<PathBuf>,
     pins: Arc<RwLock<()>>,
     health: Arc<Health>,
 }
@@ -87,7 +90,8 @@ impl Blobs {
         fs::create_dir_all(folder)?;
         let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true);
         let (store, folder) = (Arc::new(store), Some(folder.to_owned()));
-        Ok(Self { store, folder, pins: Arc::default(), health: Arc::default() })
+        let root = folder.clone();
+        Ok(Self { store, folder, root, pins: Arc::default(), health: Arc::default() })
     }
 
     /// The blobs in a store that nodes share.
@@ -97,8 +101,12 @@ impl Blobs {
     pub async fn shared(engine: &BlobEngine) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let store = Self::store(engine).map_err(|error| format!("--blobs {engine}: {error}"))?;
         try_out(&*store).await.map_err(|error| format!("--blobs {engine}: {error}"))?;
+        let root = match engine {
+            BlobEngine::Folder(path) => Some(path.clone()),
+            BlobEngine::File | BlobEngine::Bucket(_) => None,
+        };
         let (pins, health) = (Arc::default(), Arc::default());
-        Ok(Self { store, folder: None, pins, health })
+        Ok(Self { store, folder: None, root, pins, health })
     }
 
     fn store(engine: &BlobEngine) -> Result<Arc<dyn ObjectStore>, Box<dyn Error + Send + Sync>> {
@@ -130,12 +138,21 @@ impl Blobs {
     pub async fn put(&self, _: &Pin, digest: Digest, bytes: Bytes) -> Result<(), QueueError> {
         let exists = self.meta(digest).await?.is_some();
         if exists && verified::is_same(&*self.store, &path_of(digest), &bytes).await {
-            return Ok(());
+            return self.sync_name(digest).await;
         }
         let length = bytes.len();
         let put = self.store.put(&path_of(digest), bytes.into()).await;
         self.health.note(length, put.is_ok());
         put.map(|_| ()).map_err(|error| self.failure(&error))
+    }
+
+    /// Syncs the name of a blob: whoever stores it at the same time may not have come so far.
+    async fn sync_name(&self, digest: Digest) -> Result<(), QueueError> {
+        let Some(root) = &self.root else { return Ok(()) };
+        let shelf = root.join(&path_of(digest).as_ref()[..2]);
+        let synced = spawn_blocking(move || fs::File::open(shelf)?.sync_all()).await;
+        let synced = synced.map_err(io::Error::other).flatten();
+        synced.map_err(|error| self.classify(QueueError::Storage(error.to_string())))
     }
 
     /// The metadata of a blob; `None` if it does not exist.
@@ -270,6 +287,16 @@ impl Blobs {
 }
 
 impl Collector<'_> {
+    /// Moves a blob of the folder of one process to another folder of the same file system.
+    ///
+    /// # Errors
+    /// When the file cannot be moved.
+    pub fn set_aside(&self, digest: Digest, aside: &Path) -> io::Result<()> {
+        let Some(folder) = &self.blobs.folder else { return Ok(()) };
+        fs::create_dir_all(aside)?;
+        fs::rename(folder.join(path_of(digest).as_ref()), aside.join(digest.to_string()))
+    }
+
     /// Deletes a blob if it exists.
     ///
     /// # Errors
@@ -337,7 +364,13 @@ fn path_of(digest: Digest) -> BlobPath {
 impl Blobs {
     /// The error of the queue for an error of the store.
     fn failure(&self, error: &object_store::Error) -> QueueError {
-        self.classify(failure(error))
+        let is_there = self.folder.as_ref().is_some_and(|folder| folder.exists());
+        match error {
+            object_store::Error::NotFound { path, .. } if is_there => {
+                QueueError::Damaged(format!("the blob {path} is missing"))
+            }
+            _ => self.classify(failure(error)),
+        }
     }
 
     /// A failing shared store has an error of its own.

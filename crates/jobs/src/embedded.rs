@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`schema`] | the tables, and the connections to the database |
 //! | [`rows`] | columns as values |
+//! | [`log_damage`] | whether the write-ahead log is whole, before it is opened |
 //! | [`writer`] | the thread that writes, in transactions that commands share |
 //! | [`readers`] | connections that read |
 //! | [`submit`], [`claim`], [`finish`], [`sweep`], [`read`] | the operations on jobs |
@@ -14,6 +15,7 @@
 
 mod claim;
 mod finish;
+mod log_damage;
 mod read;
 mod readers;
 mod rows;
@@ -27,7 +29,8 @@ use crate::queue::{
     Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
     Renewal, Stats, Submitted, Swept, Terms,
 };
-use crate::record::{Event, JobId, NewJob, Progress};
+use crate::record::{Event, JobId, Moment, NewJob, Progress};
+use crate::telemetry;
 use crate::transition::Status;
 use crate::watchers::Watchers;
 use async_trait::async_trait;
@@ -36,6 +39,8 @@ use pixmesh_engine::digest::Digest;
 use readers::Readers;
 use std::collections::HashSet;
 use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use writer::{Write, Writer};
@@ -57,6 +62,8 @@ pub struct Embedded {
     /// The zero of the process's own clock.
     started: Instant,
     folder: Arc<DataFolder>,
+    /// Where what belongs to lost jobs is kept, if the log was damaged.
+    set_aside: Option<PathBuf>,
 }
 
 impl Embedded {
@@ -67,14 +74,20 @@ impl Embedded {
     /// When the database cannot be opened or written to.
     pub fn open(folder: Arc<DataFolder>, terms: Terms) -> Result<Self, Box<dyn Error>> {
         let path = folder.path().join(DATABASE);
+        let set_aside = set_aside_damaged_log(&folder)?;
         let connection = schema::open(&path).map_err(|error| {
             format!("the database of jobs {} cannot be used: {error}", path.display())
         })?;
+        if set_aside.is_some() {
+            // What is left of the dropped frames would be found again.
+            connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))?;
+        }
         sweep::recover(&connection, &terms)?;
+        folder.watch(&[DATABASE, "blobs"]);
         let watchers = Arc::new(Watchers::default());
         let writer = Writer::start(connection, Arc::clone(&watchers))?;
         let (readers, last_owner, started) = (Readers::new(path), Arc::default(), Instant::now());
-        Ok(Self { terms, writer, readers, watchers, last_owner, started, folder })
+        Ok(Self { terms, writer, readers, watchers, last_owner, started, folder, set_aside })
     }
 
     /// Writes what makes room sooner or later, on a full disk with the space that is kept back.
@@ -99,6 +112,28 @@ impl Embedded {
     fn lease_end(&self) -> i64 {
         self.own_now() + self.terms.lease.as_millis() as i64
     }
+}
+
+/// Copies a damaged log before SQLite drops a part of it, and returns the folder of the copy.
+fn set_aside_damaged_log(folder: &DataFolder) -> Result<Option<PathBuf>, Box<dyn Error>> {
+    let log = folder.path().join(format!("{DATABASE}-wal"));
+    let log_damage::Dropped { frames, transactions } = log_damage::dropped(&log)?;
+    telemetry::transactions_lost(transactions);
+    if transactions == 0 {
+        return Ok(None);
+    }
+    let aside = folder.path().join(format!("set-aside-{}", Moment::now().0));
+    let copied =
+        fs::create_dir(&aside).and_then(|()| fs::copy(&log, aside.join(format!("{DATABASE}-wal"))));
+    tracing::error!(
+        frames,
+        transactions,
+        folder = %aside.display(),
+        ?copied,
+        "the write-ahead log of the jobs is damaged: the changes of its last transactions are lost; \
+         the log, and pictures and meshes without a job, are set aside"
+    );
+    Ok(Some(aside))
 }
 
 #[async_trait]
@@ -186,7 +221,11 @@ impl Queue for Embedded {
     }
 
     fn is_healthy(&self) -> bool {
-        self.writer.is_healthy() && self.folder.has_reserve()
+        self.writer.is_healthy() && self.folder.has_reserve() && self.folder.is_in_place()
+    }
+
+    fn set_aside(&self) -> Option<&Path> {
+        self.set_aside.as_deref()
     }
 
     fn watchers(&self) -> &Arc<Watchers> {

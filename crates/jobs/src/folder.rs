@@ -10,8 +10,9 @@ use crate::telemetry;
 use std::error::Error;
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The most bytes that are kept back.
@@ -28,6 +29,9 @@ pub struct DataFolder {
     _lock: File,
     has_reserve: AtomicBool,
     least_free_bytes: u64,
+    /// The files that must stay in their places, by their numbers in the file system.
+    watched: OnceLock<Vec<(PathBuf, [u64; 2])>>,
+    was_in_place: AtomicBool,
 }
 
 impl DataFolder {
@@ -51,8 +55,14 @@ impl DataFolder {
         match lock.try_lock() {
             Ok(()) => {
                 let has_reserve = AtomicBool::new(path.join(RESERVE).exists());
-                let folder =
-                    Self { path: path.to_owned(), _lock: lock, has_reserve, least_free_bytes };
+                let folder = Self {
+                    path: path.to_owned(),
+                    _lock: lock,
+                    has_reserve,
+                    least_free_bytes,
+                    watched: OnceLock::new(),
+                    was_in_place: AtomicBool::new(true),
+                };
                 folder.begin();
                 Ok(folder)
             }
@@ -79,11 +89,37 @@ impl DataFolder {
         self.has_reserve.load(Ordering::Acquire)
     }
 
-    /// Fails where less space is free than must be.
+    /// Notes the folder and these files of it, to notice when they are removed or replaced.
+    pub(crate) fn watch(&self, names: &[&str]) {
+        let paths = names.iter().map(|name| self.path.join(name)).chain([self.path.clone()]);
+        let numbered = paths.filter_map(|path| Some((path.clone(), numbers_of(&path)?)));
+        let _ = self.watched.set(numbered.collect());
+    }
+
+    /// Whether the watched files are where they were. What is written to removed ones is lost.
+    #[must_use]
+    pub fn is_in_place(&self) -> bool {
+        let watched = self.watched.get().map(Vec::as_slice).unwrap_or_default();
+        let is_in_place =
+            watched.iter().all(|(path, numbers)| numbers_of(path).as_ref() == Some(numbers));
+        if self.was_in_place.swap(is_in_place, Ordering::AcqRel) && !is_in_place {
+            tracing::error!(
+                folder = %self.path.display(),
+                "the data folder or a file in it was removed or replaced: no jobs are accepted; stop \
+                 the service, restore the folder, and start again"
+            );
+        }
+        is_in_place
+    }
+
+    /// Fails where less space is free than must be, or the folder is not where it was.
     ///
     /// # Errors
-    /// [`QueueError::StorageFull`] without a reserve, else [`QueueError::SpaceLow`].
+    /// [`QueueError::Storage`], [`QueueError::StorageFull`] without a reserve, else [`QueueError::SpaceLow`].
     pub fn check_room(&self) -> Result<(), QueueError> {
+        if !self.is_in_place() {
+            return Err(QueueError::Storage("the data folder was removed or replaced".into()));
+        }
         if !self.has_reserve() {
             return Err(QueueError::StorageFull("the space that is left is for deletions".into()));
         }
@@ -95,6 +131,7 @@ impl DataFolder {
 
     /// Reports the free space of the file system.
     pub(crate) fn report(&self) {
+        let _ = self.is_in_place();
         if let Ok(space) = Space::of(&self.path) {
             telemetry::disk(space.free, space.least_free(self.least_free_bytes));
         }
@@ -144,6 +181,11 @@ impl DataFolder {
     pub fn path(&self) -> &Path {
         &self.path
     }
+}
+
+/// The numbers of a file's file system and of the file in it; `None` where there is none.
+fn numbers_of(path: &Path) -> Option<[u64; 2]> {
+    fs::metadata(path).ok().map(|meta| [meta.dev(), meta.ino()])
 }
 
 /// The name of the reserve in the folder.

@@ -12,6 +12,7 @@ use pixmesh_engine::digest::Digest;
 use serde_json::Value;
 use std::collections::HashSet;
 use std::fmt;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
@@ -408,6 +409,11 @@ pub trait Queue: fmt::Debug + Send + Sync {
     /// The bytes of the pictures and meshes that the jobs of each owner keep. Jobs with the same
     /// picture are counted as if each had its own.
     async fn stored_bytes(&self) -> Result<Vec<(Owner, u64)>, QueueError>;
+
+    /// The folder for blobs that the next cleaning must not delete, because their jobs may be lost.
+    fn set_aside(&self) -> Option<&Path> {
+        None
+    }
 
     /// Gives up the space that is kept back, because there is no other.
     fn release_reserve(&self) {}

@@ -18,7 +18,7 @@ const PERIOD: Duration = Duration::from_secs(3);
 /// Blobs that are deleted at the same time.
 const DELETIONS: usize = 8;
 
-/// Deletes the blobs of the last process that no job uses. In a store that nodes share, the queue
+/// Deletes the blobs of the last process that no job uses, or sets them aside if jobs were lost. In a store that nodes share, the queue
 /// knows these blobs.
 ///
 /// # Errors
@@ -32,7 +32,10 @@ pub async fn clean_up(jobs: &Jobs) -> Result<(), Box<dyn Error + Send + Sync>> {
     let stored = spawn_blocking(move || blobs.all()).await??;
     let used = jobs.queue.referenced(stored.clone()).await?;
     for digest in stored.into_iter().filter(|digest| !used.contains(digest)) {
-        collector.delete(digest).await?;
+        match jobs.queue.set_aside() {
+            Some(aside) => collector.set_aside(digest, aside)?,
+            None => collector.delete(digest).await?,
+        }
     }
     Ok(())
 }
@@ -99,7 +102,7 @@ mod tests {
     use super::*;
     use crate::queue::Terms;
     use crate::record::JobId;
-    use crate::testing::{jobs, put, submit_picture, terms};
+    use crate::testing::{jobs, jobs_in, put, submit_picture, terms};
     use pixmesh_engine::Owner;
 
     async fn cancel(jobs: &Jobs, id: JobId) {
@@ -114,6 +117,31 @@ mod tests {
         assert_eq!(jobs.blobs.all().unwrap().len(), 2);
         clean_up(&jobs).await.unwrap();
         assert_eq!(jobs.blobs.all().unwrap(), [used]);
+    }
+
+    #[tokio::test]
+    async fn pictures_of_jobs_in_a_damaged_log_are_set_aside() {
+        let (jobs, folder) = jobs(terms());
+        let (_, first) = submit_picture(&jobs, "first").await;
+        let log = folder.path().join("jobs.sqlite3-wal");
+        let whole_before = std::fs::read(&log).unwrap().len();
+        let (_, second) = submit_picture(&jobs, "second").await;
+        // As a process that is killed leaves the files.
+        let killed = tempfile::tempdir().unwrap();
+        let copied = killed.path();
+        for name in ["jobs.sqlite3", "jobs.sqlite3-wal"] {
+            std::fs::copy(folder.path().join(name), copied.join(name)).unwrap();
+        }
+        std::fs::rename(folder.path().join("blobs"), copied.join("blobs")).unwrap();
+        let mut bytes = std::fs::read(&log).unwrap();
+        bytes[whole_before + 100] ^= 1;
+        std::fs::write(copied.join("jobs.sqlite3-wal"), &bytes).unwrap();
+        let jobs = jobs_in(copied, terms());
+        clean_up(&jobs).await.unwrap();
+        assert_eq!(jobs.blobs.all().unwrap(), [first]);
+        let aside = jobs.queue.set_aside().unwrap();
+        assert!(std::fs::read(aside.join("jobs.sqlite3-wal")).unwrap() == bytes);
+        assert_eq!(std::fs::read(aside.join(second.to_string())).unwrap(), b"second");
     }
 
     #[tokio::test]

@@ -23,6 +23,8 @@ declare_metrics! {
     DISK_FREE_BYTES: Gauge "pixmesh_disk_free_bytes" ["state"]
         "Bytes of the disk with the data folder: those that are free, and those that new jobs leave \
          free";
+    TRANSACTIONS_LOST: Gauge "pixmesh_transactions_lost" []
+        "Transactions of jobs that the last start found damaged in the write-ahead log";
     DATABASE_CONNECTIONS: Gauge "pixmesh_database_connections" ["state"]
         "Connections of this process to the database: those in use, and the limit";
     DATABASE_COMMIT: Gauge "pixmesh_database_commit_seconds" []
@@ -62,6 +64,11 @@ pub(crate) fn stored_bytes(used: u64, limit: u64) {
     if limit < u64::MAX {
         gauge!(STORED_BYTES, "state" => "limit").set(limit as f64);
     }
+}
+
+/// Sets the gauge of transactions that a start lost.
+pub(crate) fn transactions_lost(transactions: usize) {
+    gauge!(TRANSACTIONS_LOST).set(transactions as f64);
 }
 
 /// Sets the gauge of free space.

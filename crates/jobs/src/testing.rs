@@ -9,6 +9,7 @@ use crate::record::{JobId, MeshFigures, NewJob, Picture, PictureShape};
 use bytes::Bytes;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -78,10 +79,15 @@ pub(crate) async fn submit(queue: &dyn Queue, owner: &Owner, image: &str) -> Job
 /// The jobs of one process, in a folder that is deleted with the second value.
 pub(crate) fn jobs(terms: Terms) -> (Jobs, TempDir) {
     let folder = tempfile::tempdir().unwrap();
-    let blobs = Blobs::in_folder(&folder.path().join("blobs")).unwrap();
-    let locked = Arc::new(DataFolder::take(folder.path(), 0).unwrap());
+    (jobs_in(folder.path(), terms), folder)
+}
+
+/// The jobs of one process in a folder.
+pub(crate) fn jobs_in(folder: &Path, terms: Terms) -> Jobs {
+    let blobs = Blobs::in_folder(&folder.join("blobs")).unwrap();
+    let locked = Arc::new(DataFolder::take(folder, 0).unwrap());
     let queue = Arc::new(Embedded::open(locked, terms).unwrap());
-    (Jobs::new(queue, blobs, terms), folder)
+    Jobs::new(queue, blobs, terms)
 }
 
 /// Submits an anonymous job with its picture, and returns its id and the digest of the picture.

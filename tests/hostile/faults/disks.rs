@@ -293,6 +293,55 @@ fn an_image_that_the_disk_has_changed_is_never_meshed() {
 }
 
 #[test]
+fn jobs_of_a_damaged_log_are_told_and_their_pictures_set_aside() {
+    let folder: Arc<Folder> = Arc::default();
+    let mut server = Server::start_in(&folder, &["--workers", "1"]);
+    let holding = server.job(super::SLOW, &noise(900));
+    server.wait_for(&holding, "running");
+    let log = folder.path().join("jobs.sqlite3-wal");
+    let length = std::fs::metadata(&log).unwrap().len();
+    let jobs: Vec<String> = (1..=5).map(|n| server.job("size=20", &disc(30, 30 + n, 1))).collect();
+    server.kill();
+    let mut bytes = std::fs::read(&log).unwrap();
+    // In a page that is written after the first job.
+    bytes[length as usize + 500] ^= 8;
+    std::fs::write(&log, &bytes).unwrap();
+    let server = Server::start_in(&folder, &["--workers", "1"]);
+    server.wait_until("it is told", || server.log().contains("log of the jobs is damaged"));
+    let lost = jobs.iter().filter(|job| server.get(job).status == 404).count();
+    assert!(lost > 0 && server.metric("pixmesh_transactions_lost") >= lost as f64, "{lost}");
+    let aside = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap());
+    let aside = aside.map(|entry| entry.path());
+    let aside: Vec<_> =
+        aside.filter(|path| path.to_string_lossy().contains("set-aside-")).collect();
+    let set_aside = || std::fs::read_dir(&aside[0]).unwrap().count();
+    server.wait_until("their pictures and the log are there", || set_aside() == lost + 1);
+    // Those before are kept, and a start without damage says nothing.
+    let path = folder.path().join("jobs.sqlite3");
+    assert!(path.exists() && server.get(&holding).status == 200);
+    drop(server);
+    let server = Server::start_in(&folder, &["--workers", "1"]);
+    assert!(!server.log().contains("is damaged") && set_aside() == lost + 1, "{}", server.log());
+}
+
+#[test]
+fn a_data_folder_that_is_removed_is_noticed() {
+    let folder: Arc<Folder> = Arc::default();
+    let server = Server::start_in(&folder, &[]);
+    let image = disc(30, 30, 1);
+    let away = folder.path().with_extension("away");
+    std::fs::rename(folder.path(), &away).unwrap();
+    server.operate("/readyz").problem(503, "storage-unavailable");
+    server.submit("size=20", &[], &image).problem(503, "storage-unavailable");
+    assert_eq!(server.mesh("", &[], &image).status, 200, "requests need no storage");
+    server.wait_until("it is told", || server.log().contains("was removed or replaced"));
+    std::fs::rename(&away, folder.path()).unwrap();
+    assert_eq!(server.operate("/readyz").status, 200);
+    let job = server.job("size=20", &image);
+    server.wait_for(&job, "completed");
+}
+
+#[test]
 fn a_database_that_is_none_stops_the_start_with_a_reason() {
     let folder: Arc<Folder> = Arc::default();
     let mut server = Server::start_in(&folder, &[]);

@@ -38,7 +38,7 @@ pub(super) fn is_gone(connection: &Connection, owner: &Owner, id: JobId) -> Resu
 pub(super) fn list(connection: &Connection, owner: &Owner, request: PageRequest) -> Result<Page> {
     let PageRequest { state, before, limit } = request;
     let sql = select_record!(
-        "FROM jobs WHERE owner = ?1 AND COALESCE(expires_at > ?2, 1)
+        "FROM jobs WHERE owner = ?1 AND length(id) = 16 AND COALESCE(expires_at > ?2, 1)
            AND (?3 IS NULL OR state = ?3) AND (?4 IS NULL OR id < ?4)
          ORDER BY id DESC LIMIT ?5"
     );

@@ -14,10 +14,15 @@ use rusqlite::{Connection, Result, params};
 /// The most rows of each kind that one sweep changes, so that it is short.
 const MAX_ROWS: i64 = 256;
 
-/// Ends the leases of the last process.
+/// Ends the leases of the last process, and the jobs that nobody can name any more.
 pub(super) fn recover(connection: &Connection, terms: &Terms) -> Result<()> {
     connection.execute_batch("BEGIN IMMEDIATE")?;
     let mut write = Write { connection, changes: Changes::default() };
+    let sql = "UPDATE jobs SET state = 3, expires_at = NULL WHERE length(id) <> 16";
+    let unnamed = write.execute(sql, [])?;
+    if unnamed > 0 {
+        tracing::error!(records = unnamed, "job records with damaged ids are ignored");
+    }
     for (job, state) in end_leases(&mut write, terms, i64::MAX, i64::MAX)? {
         tracing::info!(%job, state = state.name(), "the process ended while this job was running");
     }

@@ -73,6 +73,44 @@ async fn damaged_record_fails_its_job_only() {
 }
 
 #[tokio::test]
+async fn record_with_a_damaged_id_is_ignored() {
+    let folder = folder();
+    let (queue, owner) = (open(folder.path(), terms()), Owner::named("a"));
+    let damaged = submit(&queue, &owner, "damaged").await;
+    let whole = submit(&queue, &owner, "whole").await;
+    let connection = Connection::open(folder.path().join(DATABASE)).unwrap();
+    let sql = "UPDATE jobs SET id = x'00' WHERE id = ?1";
+    connection.execute(sql, [damaged.as_bytes()]).unwrap();
+    let request = PageRequest { state: None, before: None, limit: 10 };
+    let page = queue.list(&owner, request).await.unwrap();
+    assert_eq!(page.jobs.iter().map(|job| job.id).collect::<Vec<_>>(), [whole]);
+    drop(queue);
+    let queue = open(folder.path(), terms());
+    assert_eq!(queue.claim().await.unwrap().unwrap().lease.job, whole);
+    assert_eq!(queue.claim().await.unwrap(), None);
+    queue.sweep().await.unwrap();
+}
+
+#[tokio::test]
+async fn removed_or_replaced_folder_is_noticed() {
+    let parent = folder();
+    let path = parent.path().join("data");
+    let queue = open(&path, terms());
+    assert!(queue.is_healthy() && queue.check_room().is_ok());
+    let away = parent.path().join("away");
+    fs::rename(&path, &away).unwrap();
+    assert!(!queue.is_healthy());
+    assert!(matches!(queue.check_room(), Err(QueueError::Storage(_))));
+    fs::create_dir(&path).unwrap();
+    assert!(!queue.is_healthy(), "another folder in its place");
+    fs::remove_dir(&path).unwrap();
+    fs::rename(&away, &path).unwrap();
+    assert!(queue.is_healthy() && queue.check_room().is_ok());
+    fs::remove_file(path.join(DATABASE)).unwrap();
+    assert!(!queue.is_healthy());
+}
+
+#[tokio::test]
 async fn idle_queue_waits_and_returns_its_own_mean() {
     let folder = folder();
     let queue = open(folder.path(), terms());
