@@ -21,6 +21,8 @@
 //! says what the task costs, its scheduler gives a ticket, and a worker runs the task with it. What a
 //! client can get wrong is refused before the scheduler, so that such an answer never waits for work.
 
+#![cfg(feature = "service")]
+
 pub mod access;
 pub mod config;
 pub mod doctor;

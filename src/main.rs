@@ -1,11 +1,8 @@
-//! The program `pixmesh`: `serve`, `worker`, `health`, `doctor`, `config`, `key` and
-//! `openapi`.
+//! The program `pixmesh`: with the feature `cli` the subcommands that work on files, `mesh`, `render`,
+//! `convert`, `compare`, `info`, `batch`, `completions` and `man`; with the feature `service` `serve`,
+//! `worker`, `health`, `doctor`, `config`, `key` and `openapi`.
 
 use clap::{Parser, Subcommand};
-use pixmesh::access::{NewKey, issue};
-use pixmesh::config::{self, HealthSettings, Settings};
-use pixmesh::server::Role;
-use pixmesh::{doctor, health, routes, server};
 use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -13,9 +10,9 @@ use std::process::ExitCode;
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// Pictures to triangle meshes, over HTTP.
+/// Turns pictures into triangle meshes, here or over HTTP.
 #[derive(Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(name = "pixmesh", version, arg_required_else_help = true)]
 struct Program {
     #[command(subcommand)]
     command: Command,
@@ -23,41 +20,24 @@ struct Program {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Serves until SIGTERM or SIGINT.
-    Serve(Settings),
-    /// Does jobs of a queue that nodes share, until SIGTERM or SIGINT. It listens for health and
-    /// metrics alone.
-    Worker(Settings),
-    /// Asks a running service whether it is ready: exit status 0 when it is, 1 when not.
-    Health(HealthSettings),
-    /// Prints every setting in force, after the checks that `serve` makes.
-    Config(Settings),
-    /// Checks whether the service would work here with these settings: a self-test of the meshes, the
-    /// data folder, memory and addresses. Exit status 1 when something is wrong.
-    Doctor(Settings),
-    /// Makes keys for --keys-file.
-    #[command(subcommand)]
-    Key(KeyCommand),
-    /// Prints the interface as an OpenAPI document.
-    Openapi,
-}
-
-#[derive(Subcommand)]
-enum KeyCommand {
-    /// Prints a new key, and adds its line to a file.
-    New(NewKey),
+    #[cfg(feature = "cli")]
+    #[command(flatten)]
+    File(Box<pixmesh_cli::program::FileCommand>),
+    #[cfg(feature = "service")]
+    #[command(flatten)]
+    Service(Box<service::ServiceCommand>),
 }
 
 fn main() -> ExitCode {
     let program = Program::try_parse().unwrap_or_else(|error| {
         // The parser names the flag alone.
-        if let Some(variable) = config::variable_of_error(&error, std::env::args()) {
+        #[cfg(feature = "service")]
+        if let Some(variable) = pixmesh::config::variable_of_error(&error, std::env::args()) {
             let _ = writeln!(io::stderr(), "{variable} is wrong:");
         }
         error.exit()
     });
-    let command = program.command;
-    match config::check_environment(std::env::vars_os()).and_then(|()| run(command)) {
+    match run(program.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(io::stderr(), "pixmesh: {error}");
@@ -68,13 +48,67 @@ fn main() -> ExitCode {
 
 fn run(command: Command) -> Result<(), Box<dyn Error>> {
     match command {
-        Command::Serve(settings) => server::run(&settings.checked()?, Role::Serve)?,
-        Command::Worker(settings) => server::run(&settings.checked_for_work()?, Role::Work)?,
-        Command::Health(settings) => health::ask(&settings)?,
-        Command::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
-        Command::Doctor(settings) => doctor::examine(&settings)?,
-        Command::Key(KeyCommand::New(order)) => issue(&order)?,
-        Command::Openapi => write!(io::stdout(), "{}", routes::openapi_document())?,
+        #[cfg(feature = "cli")]
+        Command::File(command) => {
+            Ok(command.run(&mut <Program as clap::CommandFactory>::command())?)
+        }
+        #[cfg(feature = "service")]
+        Command::Service(command) => service::run(*command),
     }
-    Ok(())
+}
+
+#[cfg(feature = "service")]
+mod service {
+    //! The subcommands of the service.
+
+    use clap::Subcommand;
+    use pixmesh::access::{NewKey, issue};
+    use pixmesh::config::{self, HealthSettings, Settings};
+    use pixmesh::server::Role;
+    use pixmesh::{doctor, health, routes, server};
+    use std::error::Error;
+    use std::io::{self, Write};
+
+    #[derive(Subcommand)]
+    pub(super) enum ServiceCommand {
+        /// Serves until SIGTERM or SIGINT.
+        Serve(Settings),
+        /// Does jobs of a queue that nodes share, until SIGTERM or SIGINT. It listens for health and
+        /// metrics alone.
+        Worker(Settings),
+        /// Asks a running service whether it is ready: exit status 0 when it is, 1 when not.
+        Health(HealthSettings),
+        /// Prints every setting in force, after the checks that `serve` makes.
+        Config(Settings),
+        /// Checks whether the service would work here with these settings: a self-test of the meshes, the
+        /// data folder, memory and addresses. Exit status 1 when something is wrong.
+        Doctor(Settings),
+        /// Makes keys for --keys-file.
+        #[command(subcommand)]
+        Key(KeyCommand),
+        /// Prints the interface as an OpenAPI document.
+        Openapi,
+    }
+
+    #[derive(Subcommand)]
+    pub(super) enum KeyCommand {
+        /// Prints a new key, and adds its line to a file.
+        New(NewKey),
+    }
+
+    pub(super) fn run(command: ServiceCommand) -> Result<(), Box<dyn Error>> {
+        config::check_environment(std::env::vars_os())?;
+        match command {
+            ServiceCommand::Serve(settings) => server::run(&settings.checked()?, Role::Serve)?,
+            ServiceCommand::Worker(settings) => {
+                server::run(&settings.checked_for_work()?, Role::Work)?;
+            }
+            ServiceCommand::Health(settings) => health::ask(&settings)?,
+            ServiceCommand::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
+            ServiceCommand::Doctor(settings) => doctor::examine(&settings)?,
+            ServiceCommand::Key(KeyCommand::New(order)) => issue(&order)?,
+            ServiceCommand::Openapi => write!(io::stdout(), "{}", routes::openapi_document())?,
+        }
+        Ok(())
+    }
 }

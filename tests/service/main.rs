@@ -18,6 +18,7 @@ mod output;
 mod ownership;
 mod parameters;
 mod pictures;
+mod program;
 mod rejected_pictures;
 mod server;
 mod sizes;

@@ -4,7 +4,6 @@
 use crate::CliError;
 use clap::{Args, Command};
 use clap_complete::Shell;
-use std::io;
 
 /// Options that print about the program and do nothing else.
 #[derive(Args, Clone, Debug)]
@@ -28,8 +27,7 @@ impl DocumentOptions {
             let name = command.get_name().to_owned();
             clap_complete::generate(shell, command, name, &mut text);
         } else if self.man_page {
-            manual_page(command, &mut text)
-                .map_err(|source| CliError::File { name: "standard output".to_owned(), source })?;
+            text = manual_page(command)?;
         } else {
             return Ok(None);
         }
@@ -38,6 +36,10 @@ impl DocumentOptions {
 }
 
 /// The manual page in roff.
-fn manual_page(command: &Command, text: &mut Vec<u8>) -> io::Result<()> {
-    clap_mangen::Man::new(command.clone()).render(text)
+pub(crate) fn manual_page(command: &Command) -> Result<Vec<u8>, CliError> {
+    let mut text = Vec::new();
+    clap_mangen::Man::new(command.clone())
+        .render(&mut text)
+        .map_err(|source| CliError::File { name: "standard output".to_owned(), source })?;
+    Ok(text)
 }

@@ -42,6 +42,36 @@ pub fn write(path: Option<&PathBuf>, bytes: &[u8]) -> Result<(), CliError> {
     })
 }
 
+/// The file of an argument; `None` for `-`, the standard stream.
+#[must_use]
+pub fn named(path: &Path) -> Option<&Path> {
+    Some(path).filter(|path| path.as_os_str() != "-")
+}
+
+/// Writes a file whole as [`write`] does, but one that exists stays as it was until the new one is
+/// complete.
+///
+/// # Errors
+/// When it cannot be written; the error carries the name.
+pub fn replace(path: Option<&Path>, bytes: &[u8]) -> Result<(), CliError> {
+    let Some(path) = path else { return write(None, bytes) };
+    let before = std::fs::symlink_metadata(path);
+    if before.as_ref().is_ok_and(|before| !before.is_file()) {
+        // A device or a link is written to, not replaced.
+        return write(Some(&path.to_owned()), bytes);
+    }
+    let part = path.with_added_extension(format!("{}.part", std::process::id()));
+    let keep = |before: std::fs::Metadata| std::fs::set_permissions(&part, before.permissions());
+    let written = std::fs::write(&part, bytes)
+        .and_then(|()| before.map_or(Ok(()), keep))
+        .and_then(|()| std::fs::rename(&part, path));
+    written.map_err(|source| {
+        // What is left of it is of no use, and the first error is the one to tell.
+        let _ = std::fs::remove_file(&part);
+        CliError::File { name: path.display().to_string(), source }
+    })
+}
+
 /// What messages call a file, or the stream that stands for it.
 #[must_use]
 pub fn name(path: Option<&Path>, stream: &str) -> String {

@@ -1,12 +1,14 @@
-//! The command-line programs `make_model` and `rasterize_model`.
+//! The command-line programs `make_model` and `rasterize_model`, and the part of `pixmesh` that works
+//! on files.
 //!
-//! Both are filters: standard input to standard output, so that they stand in pipes as the
+//! The first two are filters: standard input to standard output, so that they stand in pipes as the
 //! programs of the thesis do; `--input` and `--output` name files instead. They call the same
 //! functions as the service: `pixmesh-codec` at the borders, `pixmesh-meshing` in between.
 //!
 //! [`make_model`] and [`rasterize_model`] are the programs. [`options`] reads the first one's
 //! parameters, [`output`] writes its formats, [`attendant`] shows its progress, [`files`] reads and
-//! writes files and streams, and [`document`] prints manual pages and completions.
+//! writes files and streams, and [`document`] prints manual pages and completions. [`program`] has the
+//! subcommands of `pixmesh`.
 
 pub mod attendant;
 pub mod document;
@@ -14,6 +16,7 @@ pub mod files;
 pub mod make_model;
 pub mod options;
 pub mod output;
+pub mod program;
 pub mod rasterize_model;
 
 use std::fmt::Display;
@@ -87,9 +90,52 @@ pub enum CliError {
     /// An option is not allowed for this picture.
     #[error(transparent)]
     Generate(#[from] pixmesh_meshing::MeshingError),
+    /// A parameter's value is refused, or the work is.
+    #[error(transparent)]
+    Engine(#[from] pixmesh_engine::EngineError),
+    /// A file is refused, or the work on it.
+    #[error("{name}: {source}")]
+    Refused {
+        /// The file's name, or that of the stream.
+        name: String,
+        /// Why.
+        source: Box<pixmesh_engine::EngineError>,
+    },
+    /// A picture is asked for in a format of meshes.
+    #[error("render writes pictures, and {format} is none: use png or pnm, or pixmesh convert")]
+    NoPicture {
+        /// The format's name.
+        format: &'static str,
+    },
+    /// Standard input is to be read twice.
+    #[error("only one of the two files can be standard input")]
+    InputTwice,
+    /// Two pictures of a batch would become the same file.
+    #[error("{name}: {output} is the mesh of another picture of this run: rename one of them")]
+    SameName {
+        /// The later picture.
+        name: String,
+        /// The file of both.
+        output: String,
+    },
+    /// Some pictures of a batch failed.
+    #[error("{failed} of {all} pictures failed; the others are done")]
+    Batch {
+        /// How many failed.
+        failed: usize,
+        /// How many there were.
+        all: usize,
+    },
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] pixmesh_meshing::Cancelled),
+}
+
+impl CliError {
+    /// Why a file is refused, or the work on it.
+    fn of_file(path: Option<&std::path::Path>, source: pixmesh_engine::EngineError) -> Self {
+        Self::Refused { name: files::name(path, "standard input"), source: Box::new(source) }
+    }
 }
 
 /// Ends a program: status 0, or the error on standard error and status 1.

@@ -1,6 +1,7 @@
 //! The context of one task: cancellation, deadline, progress, time of each stage, its share of the
 //! threads and its memory.
 
+#[cfg(feature = "scheduling")]
 use crate::scheduler::{Share, Ticket};
 use crate::telemetry;
 use pixmesh_meshing::{Cancelled, Control, Stage};
@@ -20,6 +21,8 @@ pub struct Context {
     deadline: Option<Instant>,
     /// What the task's ticket grants; unset for a task without one.
     granted: OnceLock<Granted>,
+    /// Threads of a task without a ticket; `None` for one.
+    threads: Option<NonZeroUsize>,
     /// Steps of the present stage, behind and in all; 0 in all where they are not counted.
     done: AtomicUsize,
     total: AtomicUsize,
@@ -47,6 +50,7 @@ const ESTIMATES_AFTER: Duration = Duration::from_millis(500);
 /// What a ticket grants.
 #[derive(Debug)]
 struct Granted {
+    #[cfg(feature = "scheduling")]
     share: Share,
     memory_bytes: u64,
 }
@@ -70,7 +74,14 @@ impl Context {
         Self { deadline: Some(deadline), ..Self::default() }
     }
 
+    /// The context of a task that has so many threads for itself, any time and any amount of memory.
+    #[must_use]
+    pub fn on_threads(threads: NonZeroUsize) -> Self {
+        Self { threads: Some(threads), ..Self::default() }
+    }
+
     /// Lets the task use the threads and the memory that its ticket grants.
+    #[cfg(feature = "scheduling")]
     pub(crate) fn grant(&self, ticket: &Ticket) {
         let granted = Granted { share: ticket.share(), memory_bytes: ticket.memory_bytes() };
         // A task has one ticket, and this is called once.
@@ -187,7 +198,10 @@ impl Control for Context {
     }
 
     fn threads(&self) -> NonZeroUsize {
-        self.granted.get().map_or(NonZeroUsize::MIN, |granted| granted.share.threads())
+        let own = self.threads.unwrap_or(NonZeroUsize::MIN);
+        #[cfg(feature = "scheduling")]
+        let own = self.granted.get().map_or(own, |granted| granted.share.threads());
+        own
     }
 }
 

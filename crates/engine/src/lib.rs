@@ -30,15 +30,22 @@
 //! `pipeline → context → scheduler → task → params → error`: no module uses one to its left. Nothing
 //! here knows of HTTP or of stored jobs.
 
+#![cfg_attr(
+    not(feature = "scheduling"),
+    allow(dead_code, unused_imports, reason = "what only the scheduler counts and weighs")
+)]
+
 pub mod context;
 pub mod digest;
 pub mod error;
 pub mod owner;
 pub mod params;
 pub mod pipeline;
+#[cfg(feature = "scheduling")]
 pub mod scheduler;
 pub mod task;
 pub mod telemetry;
+#[cfg(feature = "scheduling")]
 pub mod workers;
 
 pub use context::Context;
@@ -47,6 +54,8 @@ pub use owner::Owner;
 pub use params::{MeshOptions, ParameterSet};
 pub use pipeline::{Answer, mesh};
 pub use pixmesh_codec::{Format, Limits};
+#[cfg(feature = "scheduling")]
 pub use scheduler::Scheduler;
 pub use task::{MeshTask, Weighed};
+#[cfg(feature = "scheduling")]
 pub use workers::Workers;
