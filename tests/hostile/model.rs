@@ -53,7 +53,10 @@ struct Expected {
 enum Became {
     New,
     Same(usize),
-    Refused,
+    /// Refused: the word stands for another job.
+    Reused,
+    /// Refused: the word's job is deleted.
+    Gone,
 }
 
 struct Calls;
@@ -137,14 +140,12 @@ fn rank(state: &str) -> u8 {
 
 impl Service {
     fn became(&self, kind: Kind, word: Option<u8>) -> Became {
-        let earlier = self
-            .jobs
-            .iter()
-            .position(|job| word.is_some() && job.word == word && job.seen.is_some());
+        let earlier = self.jobs.iter().position(|job| word.is_some() && job.word == word);
         match earlier {
             None => Became::New,
+            Some(job) if self.jobs[job].seen.is_none() => Became::Gone,
             Some(job) if self.jobs[job].kind == kind => Became::Same(job),
-            Some(_) => Became::Refused,
+            Some(_) => Became::Reused,
         }
     }
 
@@ -161,8 +162,12 @@ impl Service {
         let answer = self.server.submit(query, &headers, &image);
         let became = self.became(kind, word);
         let job = match became {
-            Became::Refused => {
+            Became::Reused => {
                 answer.problem(422, "idempotency-key-reused");
+                None
+            }
+            Became::Gone => {
+                answer.problem(410, "gone");
                 None
             }
             Became::New => {
