@@ -1,5 +1,4 @@
-//! Who may use the service, how often, and how much of it at a time: keys, their quotas, and the
-//! [`Shares`] of connections and event streams.
+//! API keys, their quotas, and the [`Shares`] of connections and event streams.
 //!
 //! Without a file of keys everyone is [anonymous](Owner::Anonymous), without a quota. With one,
 //! every request below `/v1/` needs a key. The file holds a digest of each key and never the key
@@ -52,7 +51,7 @@ impl KeyRing {
     /// The keys of the file that the settings name, if they name one.
     ///
     /// # Errors
-    /// When the file cannot be read, has a line that is none, or holds no key.
+    /// When the file cannot be read, has an invalid line, or has no key.
     pub fn of(settings: &AccessSettings) -> Result<Option<Self>, Box<dyn Error>> {
         let Some(path) = settings.keys_file.clone() else { return Ok(None) };
         let ring = Self {
@@ -64,7 +63,7 @@ impl KeyRing {
         Ok(Some(ring))
     }
 
-    /// Whom a key stands for, and the quota of its name. Every key is compared in full, so that the
+    /// The owner of a key, and the quota of its name. Every key is compared in full, so that the
     /// time tells nothing of how much of one was guessed.
     #[must_use]
     pub fn find(&self, presented: &str) -> Option<(Owner, Arc<Quota>)> {
@@ -79,7 +78,7 @@ impl KeyRing {
         found.map(|entry| (entry.owner.clone(), Arc::clone(&entry.quota)))
     }
 
-    /// Reads the file again for ever, and puts in force what has changed.
+    /// Reloads the file whenever it changes, for ever.
     pub async fn keep_up(self: Arc<Self>) {
         let mut ticks = tokio::time::interval(RELOAD_EVERY);
         let mut before = None;
@@ -100,14 +99,16 @@ impl KeyRing {
             Ok(lines) => {
                 self.replace(lines);
                 if !is_first {
-                    tracing::info!(keys = lines.len(), "the file of keys was read again");
+                    tracing::info!(keys = lines.len(), "keys file reloaded");
                 }
             }
-            Err(error) => tracing::error!(error, "the keys stay as they are"),
+            Err(error) => {
+                tracing::error!(error, "keys file not reloaded; the previous keys stay valid")
+            }
         }
     }
 
-    /// Puts these keys in force; a name that stays keeps what is left of its quota.
+    /// Replaces the keys; a name that stays keeps the rest of its quota.
     fn replace(&self, lines: &[KeyLine]) {
         let mut entries = self.entries.write().unwrap_or_else(PoisonError::into_inner);
         let mut next: Vec<Entry> = Vec::with_capacity(lines.len());

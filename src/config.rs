@@ -22,6 +22,8 @@ use clap::error::ContextKind;
 use clap::{Args, CommandFactory, Parser, ValueEnum};
 use ipnet::IpNet;
 use pixmesh_engine::scheduler;
+use serde::Serialize;
+use serde_json::Value;
 use std::error::Error;
 use std::ffi::OsString;
 use std::fmt;
@@ -32,7 +34,8 @@ use std::thread::available_parallelism;
 use std::time::Duration;
 
 /// The settings of `pixmesh serve`.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct Settings {
     /// Address of the public listener; port 0 is any free one.
     #[arg(long, env = "PIXMESH_LISTEN", default_value = "127.0.0.1:8080")]
@@ -40,110 +43,119 @@ pub struct Settings {
     /// Address of the listener for health and metrics; port 0 is any free one.
     #[arg(long, env = "PIXMESH_OPS_LISTEN", default_value = OPS_LISTEN)]
     pub ops_listen: SocketAddr,
-    /// Allow a public listener on other than loopback although anyone may then use the service.
+    /// Allow --listen on an address that other hosts reach without --keys-file: anyone who reaches it
+    /// may then use the service.
     #[arg(long, env = "PIXMESH_INSECURE_NO_AUTH")]
     pub insecure_no_auth: bool,
-    /// Meshes made at the same time; while there are fewer, they use the cores of the others too
-    /// [default: the number of cores, or that of the container's quota].
+    /// Most tasks that run at the same time; while fewer run, they share all cores [default: the number
+    /// of cores, or of those that the container's quota allows].
     #[arg(long, env = "PIXMESH_WORKERS", hide_env_values = true)]
     pub workers: Option<NonZeroUsize>,
-    /// Memory for bodies (a quarter), and for work and answers not sent yet (the rest) [default: 1GiB,
-    /// or two thirds of the container's limit].
+    /// Memory for request bodies (a quarter), and for tasks and responses not sent yet (the rest)
+    /// [default: 1GiB, or two thirds of the container's limit].
     #[arg(long, env = "PIXMESH_MEMORY_BUDGET", hide_env_values = true)]
     pub memory_budget: Option<ByteSize>,
-    /// Seconds of work that may wait for a worker; what comes on top is turned away.
+    /// Longest queue, in seconds of work; further requests are refused with 503.
     #[arg(long, env = "PIXMESH_QUEUE_SECONDS", default_value = "10", value_parser = quantity::seconds)]
     pub queue_seconds: f64,
-    /// Longest time from the end of the upload to the answer.
+    /// Longest time from the end of an upload to the response.
     #[arg(long, env = "PIXMESH_SYNC_DEADLINE", default_value = "30s")]
     pub sync_deadline: Period,
-    /// How the log is written.
+    /// Format of the log on standard error.
     #[arg(long, env = "PIXMESH_LOG_FORMAT", default_value = "human")]
     pub log_format: LogFormat,
-    /// The least important lines that are logged; PUT /log-level/LEVEL on the listener for operations
-    /// changes it.
+    /// Lowest level that is logged; PUT /log-level/LEVEL on the listener for operations changes it.
     #[arg(long, env = "PIXMESH_LOG_LEVEL", default_value = "info")]
     pub log_level: LogLevel,
     /// Where traces go.
     #[command(flatten)]
+    #[serde(flatten)]
     pub traces: TraceSettings,
     /// What a client may send, and how slowly.
     #[command(flatten)]
+    #[serde(flatten)]
     pub limits: Limits,
     /// Who may use the service, and how much of it.
     #[command(flatten)]
+    #[serde(flatten)]
     pub access: AccessSettings,
     /// Where and how jobs are kept.
     #[command(flatten)]
+    #[serde(flatten)]
     pub jobs: JobSettings,
 }
 
 /// Where and how jobs are kept.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct JobSettings {
-    /// Folder of the jobs, their pictures and results; one process has it at a time.
+    /// Folder of the jobs, their pictures and results; only one process may use it at a time.
     #[arg(long, env = "PIXMESH_DATA_DIR", default_value = "./pixmesh-data")]
     pub data_dir: PathBuf,
     /// The engine of the queue and its connection.
     #[command(flatten)]
+    #[serde(flatten)]
     pub queue: QueueSettings,
     /// Store of pictures and results: `file` in the data folder of one process; file:///FOLDER or
     /// s3://BUCKET, gs://BUCKET or az://CONTAINER for many nodes.
     #[arg(long, env = "PIXMESH_BLOBS", default_value = "file")]
     pub blobs: BlobEngine,
-    /// Take jobs in and do none: workers of the same queue do them.
+    /// Accept jobs but do not run them: workers of the same queue do.
     #[arg(long, env = "PIXMESH_NO_WORKER")]
     pub no_worker: bool,
-    /// How long a worker that falls silent keeps its job from others.
+    /// Lease of a running job: another worker takes over a job whose worker has not renewed it for this
+    /// long.
     #[arg(long, env = "PIXMESH_JOB_LEASE", default_value = "30s")]
     pub job_lease: Period,
-    /// Longest time of an attempt at a job.
+    /// Longest time of one attempt at a job.
     #[arg(long, env = "PIXMESH_JOB_DEADLINE", default_value = "10m")]
     pub job_deadline: Period,
-    /// How long a job and its result are kept after its end.
+    /// How long a job and its result are kept after the job has ended.
     #[arg(long, env = "PIXMESH_RESULT_TTL", default_value = "24h")]
     pub result_ttl: Period,
-    /// Most jobs that wait; what comes on top is turned away.
+    /// Most queued jobs; further ones are refused with 503.
     #[arg(long, env = "PIXMESH_MAX_QUEUED_JOBS", default_value = "10000")]
     pub max_queued_jobs: NonZeroUsize,
-    /// Most bytes of pictures and meshes that jobs keep; further jobs are refused [default: no limit].
+    /// Most bytes of stored pictures and meshes; further jobs are refused with 507 [default: no limit].
     #[arg(long, env = "PIXMESH_MAX_STORED_BYTES", hide_env_values = true)]
     pub max_stored_bytes: Option<ByteSize>,
-    /// Free space that new jobs leave on the disk with the data folder; at most an eighth of the disk.
+    /// Free space to leave on the disk of the data folder: new jobs are refused below it; at most an
+    /// eighth of the disk.
     #[arg(long, env = "PIXMESH_MIN_FREE_SPACE", default_value = "256MiB")]
     pub min_free_space: ByteSize,
 }
 
 /// What a client may send, and how slowly.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct Limits {
-    /// Longest body of a request; at most a quarter of the memory budget is in force.
+    /// Longest request body; never more than a quarter of --memory-budget.
     #[arg(long, env = "PIXMESH_MAX_BODY", default_value = "32MiB")]
     pub max_body: ByteSize,
     /// Most pixels of an image.
     #[arg(long, env = "PIXMESH_MAX_PIXELS", default_value = "40000000")]
     pub max_pixels: NonZeroU64,
-    /// Most columns or rows of an image.
+    /// Most columns and most rows of an image.
     #[arg(long, env = "PIXMESH_MAX_SIDE", default_value = "16384")]
     pub max_side: NonZeroUsize,
-    /// Longest time for a request's header to arrive.
+    /// Longest time for the header of a request to arrive.
     #[arg(long, env = "PIXMESH_HEADER_TIMEOUT", default_value = "10s")]
     pub header_timeout: Period,
-    /// Longest time that a connection stays open between requests; longer than that of a proxy in front.
+    /// Longest idle time of a connection between requests; set it higher than that of a proxy in front.
     #[arg(long, env = "PIXMESH_KEEP_ALIVE_TIMEOUT", default_value = "75s")]
     pub keep_alive_timeout: Period,
-    /// Longest time for a request's body to arrive, and for a client to take nothing of its answer.
+    /// Longest time for a request body to arrive, and for a client to read nothing of a response.
     #[arg(long, env = "PIXMESH_BODY_TIMEOUT", default_value = "30s")]
     pub body_timeout: Period,
-    /// Networks or addresses of proxies whose X-Forwarded-For the log believes, such as 10.0.0.0/8.
+    /// Networks or addresses of proxies whose X-Forwarded-For is trusted for the log, such as 10.0.0.0/8.
     #[arg(long, env = "PIXMESH_TRUSTED_PROXIES", value_delimiter = ',', num_args = 1.., value_parser = network)]
     pub trusted_proxies: Vec<IpNet>,
-    /// Most connections open at the same time; fewer where the limit on open files is low [default: two
-    /// for each MiB of the memory budget, 1024 to 16384].
+    /// Most open connections; fewer where the limit on open files is lower [default: two for each MiB of
+    /// the memory budget, 1024 to 16384].
     #[arg(long, env = "PIXMESH_MAX_CONNECTIONS", hide_env_values = true)]
     pub max_connections: Option<NonZeroUsize>,
-    /// Most of them from one address; behind a proxy all of them have its address [default: three
-    /// quarters].
+    /// Most open connections from one address; behind a proxy all connections have its address [default:
+    /// three quarters of --max-connections].
     #[arg(long, env = "PIXMESH_CONNECTIONS_PER_ADDRESS", hide_env_values = true)]
     pub connections_per_address: Option<NonZeroUsize>,
 }
@@ -151,28 +163,30 @@ pub struct Limits {
 /// The settings of `pixmesh health`.
 #[derive(Args, Clone, Debug)]
 pub struct HealthSettings {
-    /// Address of the listener for health and metrics of the service to ask.
+    /// Address of the listener for health and metrics of the running service.
     #[arg(long, env = "PIXMESH_OPS_LISTEN", default_value = OPS_LISTEN)]
     pub ops_listen: SocketAddr,
 }
 
 /// How the log is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum LogFormat {
-    /// Lines for people.
+    /// Lines to read.
     Human,
     /// One JSON object per line.
     Json,
 }
 
-/// The least important lines that are logged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+/// The lowest level that is logged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum LogLevel {
-    /// Defects and failures.
+    /// Failures of the service.
     Error,
-    /// What an operator should look at, too.
+    /// Also what an operator should look at.
     Warn,
-    /// Every answer, too.
+    /// Also every response.
     Info,
     /// Everything.
     Debug,
@@ -189,7 +203,7 @@ impl fmt::Display for LogLevel {
     }
 }
 
-/// The shortest lease: a worker renews it three times in that time.
+/// The shortest lease; a worker renews its lease three times in this time.
 const SHORTEST_LEASE: Duration = Duration::from_secs(2);
 const OPS_LISTEN: &str = "127.0.0.1:8081";
 /// The most worker threads.
@@ -219,7 +233,7 @@ impl Settings {
         Ok(self)
     }
 
-    /// Refuses values that nobody means.
+    /// Refuses values outside of sensible ranges.
     fn check_ranges(&self) -> Result<(), Box<dyn Error>> {
         let Self { limits, jobs, .. } = self;
         let (hour, year) = (Duration::from_hours(1), Duration::from_hours(24 * 365));
@@ -277,8 +291,8 @@ impl Settings {
         if is_open { self.max_connections() / 2 } else { self.access.key_event_streams.get() }
     }
 
-    /// Which pages' requests are taken: of a service that has no keys and is not open on purpose,
-    /// those under a name of this machine.
+    /// Which origins and host names are accepted: without keys and without --insecure-no-auth only the
+    /// names of this machine.
     #[must_use]
     pub fn visitors(&self) -> Visitors {
         let AccessSettings { cors_origins: origins, allowed_hosts: hosts, .. } = &self.access;
@@ -330,6 +344,18 @@ impl Settings {
             blobs: jobs.blobs.clone(),
             terms: Terms::new(caps, jobs.job_lease.0, jobs.result_ttl.0),
         }
+    }
+
+    /// The settings with what is chosen where none is given, and limited where others say so.
+    fn in_force(&self) -> Self {
+        let mut settings = self.clone();
+        settings.workers = NonZeroUsize::new(self.worker_count());
+        settings.memory_budget = Some(self.memory_budget());
+        settings.limits.max_body = self.longest_body();
+        settings.limits.max_connections = NonZeroUsize::new(self.max_connections());
+        settings.limits.connections_per_address = NonZeroUsize::new(self.connections_per_address());
+        settings.access.key_running = NonZeroUsize::new(self.access.running(self.worker_count()));
+        settings
     }
 
     /// Memory for bodies, work and answers.
@@ -412,7 +438,8 @@ impl JobSettings {
     /// Refuses settings that contradict each other.
     fn check(&self) -> Result<(), Box<dyn Error>> {
         let Self { queue, blobs, .. } = self;
-        match (queue.is_shared(), *blobs == BlobEngine::File) {
+        let (is_shared, queue) = (queue.is_shared(), &queue.queue);
+        match (is_shared, *blobs == BlobEngine::File) {
             (true, true) => Err(format!(
                 "--blobs file is a store of one node, and --queue {queue} is shared by many: name a \
                  store that all nodes use with --blobs s3://BUCKET or --blobs file:///FOLDER"
@@ -445,44 +472,24 @@ impl Limits {
 }
 
 impl fmt::Display for Settings {
-    /// One line `flag value` per setting in force.
+    /// One line `--flag value` for each setting in force, without secrets.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { limits, jobs, access, traces, .. } = self;
-        let log_format = match self.log_format {
-            LogFormat::Human => "human",
-            LogFormat::Json => "json",
-        };
-        writeln!(formatter, "--listen {}", self.listen)?;
-        writeln!(formatter, "--ops-listen {}", self.ops_listen)?;
-        writeln!(formatter, "--insecure-no-auth {}", self.insecure_no_auth)?;
-        writeln!(formatter, "--workers {}", self.worker_count())?;
-        writeln!(formatter, "--memory-budget {}", self.memory_budget())?;
-        writeln!(formatter, "--queue-seconds {}", self.queue_seconds)?;
-        writeln!(formatter, "--sync-deadline {}", self.sync_deadline)?;
-        writeln!(formatter, "--log-format {log_format}")?;
-        writeln!(formatter, "--log-level {}", self.log_level)?;
-        writeln!(formatter, "--max-body {}", self.longest_body())?;
-        writeln!(formatter, "--max-pixels {}", limits.max_pixels)?;
-        writeln!(formatter, "--max-side {}", limits.max_side)?;
-        writeln!(formatter, "--header-timeout {}", limits.header_timeout)?;
-        writeln!(formatter, "--keep-alive-timeout {}", limits.keep_alive_timeout)?;
-        writeln!(formatter, "--body-timeout {}", limits.body_timeout)?;
-        let proxies: Vec<String> = limits.trusted_proxies.iter().map(IpNet::to_string).collect();
-        writeln!(formatter, "--trusted-proxies {}", proxies.join(","))?;
-        writeln!(formatter, "--max-connections {}", self.max_connections())?;
-        writeln!(formatter, "--connections-per-address {}", self.connections_per_address())?;
-        writeln!(formatter, "--data-dir {}", jobs.data_dir.display())?;
-        write!(formatter, "{}", jobs.queue.shown())?;
-        writeln!(formatter, "--blobs {}", jobs.blobs)?;
-        writeln!(formatter, "--no-worker {}", jobs.no_worker)?;
-        writeln!(formatter, "--job-lease {}", jobs.job_lease)?;
-        writeln!(formatter, "--job-deadline {}", jobs.job_deadline)?;
-        writeln!(formatter, "--result-ttl {}", jobs.result_ttl)?;
-        writeln!(formatter, "--max-queued-jobs {}", jobs.max_queued_jobs)?;
-        let stored = jobs.max_stored_bytes.map(|size| size.to_string()).unwrap_or_default();
-        writeln!(formatter, "--max-stored-bytes {stored}")?;
-        writeln!(formatter, "--min-free-space {}", jobs.min_free_space)?;
-        write!(formatter, "{}{}", access.shown(self.worker_count()), traces)
+        let settings = serde_json::to_value(self.in_force()).map_err(|_| fmt::Error)?;
+        for (flag, value) in settings.as_object().into_iter().flatten() {
+            writeln!(formatter, "--{flag} {}", shown(value))?;
+        }
+        Ok(())
+    }
+}
+
+/// A setting as its flag takes it: several values with commas, and nothing for none.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        Value::Array(values) => values.iter().map(shown).collect::<Vec<_>>().join(","),
+        Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or_default().to_string(),
+        other => other.to_string(),
     }
 }
 
@@ -508,7 +515,7 @@ pub fn check_environment(
             let nearest =
                 pixmesh_engine::params::nearest_name(&name, known.iter().map(String::as_str));
             return Err(format!(
-                "there is no setting {name}: the nearest one is {}",
+                "there is no setting {name}: did you mean {}?",
                 nearest.unwrap_or("PIXMESH_LISTEN")
             )
             .into());

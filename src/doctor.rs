@@ -1,4 +1,4 @@
-//! `pixmesh doctor`: whether the service would work here, with these settings.
+//! `pixmesh doctor`: checks whether the service works on this machine with these settings.
 //!
 //! It meshes a picture made in code, and has the mesh checked by another library's triangulation
 //! ([`delaunay`]); and it looks at the machine: folder, memory, processors, addresses ([`machine`]).
@@ -63,8 +63,8 @@ fn check_queue(settings: &Settings) -> Finding {
     let QueueEngine::Postgres(url) = &queue.queue else { return Ok("embedded".into()) };
     let opened = wait_for(Postgres::open(url, &queue.postgres, settings.of_jobs().terms))?;
     opened
-        .map(|_| format!("{queue} answers, and its tables can be used"))
-        .map_err(|error| format!("--queue {queue}: {error}"))
+        .map(|_| format!("{} answers, and its tables can be used", queue.queue))
+        .map_err(|error| format!("--queue {}: {error}", queue.queue))
 }
 
 /// Writes, reads and deletes an object in the shared store, where the settings name one.

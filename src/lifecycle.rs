@@ -1,8 +1,9 @@
 //! Whether the service starts, takes requests or stops, and whether it still runs.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use tokio_util::sync::CancellationToken;
 
 /// How long the runtime of the public listener may show no sign of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
@@ -18,39 +19,49 @@ pub enum Stage {
     Stopping,
 }
 
+/// Stops a service.
+#[derive(Clone, Debug, Default)]
+pub struct Shutdown {
+    /// Raised when the service stops: it takes no more requests, and lets those that run end.
+    pub stop: CancellationToken,
+    /// Raised when a stopping service waits for nothing any longer.
+    pub cut: CancellationToken,
+}
+
 /// Where in its life the service is, as every thread sees it.
 #[derive(Clone, Debug)]
 pub struct Lifecycle(Arc<State>);
 
 #[derive(Debug)]
 struct State {
-    stage: AtomicU8,
+    is_ready: AtomicBool,
+    stop: CancellationToken,
     began: Instant,
     /// Milliseconds from then to the last sign of life.
     last_beat_ms: AtomicU64,
 }
 
-impl Default for Lifecycle {
-    fn default() -> Self {
-        let (stage, last_beat_ms) = (AtomicU8::new(0), AtomicU64::new(0));
-        Self(Arc::new(State { stage, began: Instant::now(), last_beat_ms }))
-    }
-}
-
 impl Lifecycle {
+    /// A service that starts, and stops when `stop` is raised.
+    #[must_use]
+    pub fn new(stop: CancellationToken) -> Self {
+        let (is_ready, last_beat_ms) = (AtomicBool::new(false), AtomicU64::new(0));
+        Self(Arc::new(State { is_ready, stop, began: Instant::now(), last_beat_ms }))
+    }
+
     /// The stage now.
     #[must_use]
     pub fn stage(&self) -> Stage {
-        match self.0.stage.load(Ordering::Acquire) {
-            0 => Stage::Starting,
-            1 => Stage::Ready,
-            _ => Stage::Stopping,
+        match self.0.is_ready.load(Ordering::Acquire) {
+            _ if self.0.stop.is_cancelled() => Stage::Stopping,
+            true => Stage::Ready,
+            false => Stage::Starting,
         }
     }
 
-    /// Enters a stage.
-    pub(crate) fn enter(&self, stage: Stage) {
-        self.0.stage.store(stage as u8, Ordering::Release);
+    /// The service takes requests from now on.
+    pub(crate) fn set_ready(&self) {
+        self.0.is_ready.store(true, Ordering::Release);
     }
 
     /// Shows that the runtime of the public listener runs.

@@ -73,20 +73,20 @@ mod service {
     pub(super) enum ServiceCommand {
         /// Serves until SIGTERM or SIGINT.
         Serve(Settings),
-        /// Does jobs of a queue that nodes share, until SIGTERM or SIGINT. It listens for health and
-        /// metrics alone.
+        /// Runs the jobs of a shared queue until SIGTERM or SIGINT. It listens for health and metrics
+        /// only.
         Worker(Settings),
-        /// Asks a running service whether it is ready: exit status 0 when it is, 1 when not.
+        /// Asks a running service whether it is ready: exit status 0 if it is, 1 if not.
         Health(HealthSettings),
         /// Prints every setting in force, after the checks that `serve` makes.
         Config(Settings),
-        /// Checks whether the service would work here with these settings: a self-test of the meshes, the
-        /// data folder, memory and addresses. Exit status 1 when something is wrong.
+        /// Checks whether the service works on this machine with these settings: the kernels, the data
+        /// folder, memory and addresses. Exit status 1 if a check fails.
         Doctor(Settings),
-        /// Makes keys for --keys-file.
+        /// Creates keys for --keys-file.
         #[command(subcommand)]
         Key(KeyCommand),
-        /// Prints the interface as an OpenAPI document.
+        /// Prints the OpenAPI document of the service.
         Openapi,
     }
 

@@ -118,18 +118,13 @@ impl Problem {
         self.member("setting", flag)
     }
 
-    /// Anything else that a program can read.
-    pub(crate) fn with(self, name: &'static str, value: impl Into<Value>) -> Self {
-        self.member(name, value)
-    }
-
     /// When to try again, in seconds; also sent as `Retry-After`.
     #[must_use]
     pub fn retry_after_s(self, seconds: u64) -> Self {
         self.member("retry_after_s", seconds)
     }
 
-    /// Adds a member of its own.
+    /// Adds a member that programs can read.
     pub(crate) fn member(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.members.push((name, value.into()));
         self

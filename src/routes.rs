@@ -15,6 +15,7 @@ pub mod problems;
 pub mod studio;
 
 mod answer;
+mod compress;
 mod cors;
 mod guard;
 mod observe;
@@ -42,7 +43,7 @@ use utoipa_axum::routes;
 /// The public routes.
 pub fn public(service: Arc<Service>) -> Router {
     let authenticate = from_fn_with_state(service.keys.clone(), authenticate);
-    let stop = from_fn_with_state(service.cut.clone(), stop);
+    let stop = from_fn_with_state(service.shutdown.cut.clone(), stop);
     let cors = cors::layer(&service.visitors.origins);
     let observe = from_fn_with_state(Arc::clone(&service.trusted_proxies), observe::observe);
     let admit = from_fn_with_state(Arc::clone(&service.visitors), origin::admit);
@@ -63,7 +64,10 @@ pub fn public(service: Arc<Service>) -> Router {
                 .option_layer(cors)
                 .layer(CatchPanicLayer::custom(panicked))
                 .layer(authenticate)
-                .layer(stop),
+                .layer(stop)
+                .layer(from_fn(compress::weaken_tag))
+                .layer(compress::layer())
+                .layer(from_fn(compress::mark)),
         ),
     )
 }

@@ -12,7 +12,7 @@ mod stream;
 
 use crate::access::KeyRing;
 use crate::config::{self, BESIDE_BUDGET, Settings};
-use crate::lifecycle::{Lifecycle, Stage};
+use crate::lifecycle::{Lifecycle, Shutdown};
 use crate::problem;
 use crate::routes;
 use crate::service::{Operations, Service};
@@ -32,9 +32,9 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 use stream::Timeouts;
-use tokio::runtime::{Builder, Runtime};
+use tokio::runtime::Builder;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, spawn_blocking};
 use tokio_util::sync::CancellationToken;
 
 /// How long running requests may take to end, once the service stops.
@@ -60,7 +60,38 @@ pub enum Role {
     Work,
 }
 
-/// Serves or works until SIGTERM or SIGINT.
+/// The addresses that a node listens on.
+#[derive(Debug)]
+pub struct Listeners {
+    /// That for requests; `None` where the node only does jobs.
+    pub public: Option<TcpListener>,
+    /// That for health and metrics.
+    pub operations: TcpListener,
+}
+
+impl Listeners {
+    /// Listens on the addresses of the settings.
+    ///
+    /// # Errors
+    /// When an address cannot be listened on.
+    pub fn bind(settings: &Settings, role: Role) -> Result<Self, String> {
+        let public = (role == Role::Serve).then(|| bind(settings.listen)).transpose()?;
+        Ok(Self { public, operations: bind(settings.ops_listen)? })
+    }
+
+    /// Says on standard output where the service listens, whichever ports were free.
+    fn announce(&self) -> io::Result<()> {
+        let mut output = io::stdout().lock();
+        if let Some(public) = &self.public {
+            writeln!(output, "listening on http://{}", public.local_addr()?)?;
+        }
+        writeln!(output, "operations on http://{}", self.operations.local_addr()?)?;
+        output.flush()
+    }
+}
+
+/// The program: serves or works until SIGTERM or SIGINT, with a log, metrics and a runtime of its
+/// own.
 ///
 /// # Errors
 /// When an address cannot be listened on, a runtime cannot be started, or jobs cannot be kept.
@@ -69,31 +100,45 @@ pub fn run(settings: &Settings, role: Role) -> Result<(), Box<dyn Error>> {
     warn_of_settings_not_in_force(settings);
     let metrics = telemetry::start_metrics(settings.worker_count())?;
     let runtime = Builder::new_multi_thread().enable_all().build()?;
-    let jobs =
-        runtime.block_on(Jobs::open(&settings.of_jobs())).map_err(|error| error.to_string())?;
-    let lifecycle = Lifecycle::default();
-    let public = match role {
-        Role::Serve => Some(bind(settings.listen)?),
-        Role::Work => None,
-    };
-    let operations = bind(settings.ops_listen)?;
-    announce(public.as_ref(), &operations)?;
-
-    let stop_operations = CancellationToken::new();
-    let upkeep = metrics.clone();
-    let routes = routes::operations(Operations {
-        lifecycle: lifecycle.clone(),
-        jobs: jobs.clone(),
-        metrics,
+    let result = runtime.block_on(async {
+        let jobs = open_jobs(settings).await?;
+        let listeners = Listeners::bind(settings, role)?;
+        listeners.announce()?;
+        let shutdown = Shutdown::default();
+        shut_down_on_signals(shutdown.clone())?;
+        serve(listeners, settings, jobs, metrics, shutdown).await
     });
-    let listener = Listener::new(operations, routes, OPERATIONS_CONNECTIONS, timeouts(settings));
-    let operations = start_operations(listener, upkeep, stop_operations.clone())?;
-
-    let result = runtime.block_on(serve(public, settings, jobs, &lifecycle));
     runtime.shutdown_timeout(REMAINING_THREADS);
-    stop_operations.cancel();
-    let _ = operations.join();
     result
+}
+
+/// Opens the queue and the store of the settings.
+///
+/// # Errors
+/// When they cannot be used.
+pub async fn open_jobs(settings: &Settings) -> Result<Jobs, String> {
+    Jobs::open(&settings.of_jobs()).await.map_err(|error| error.to_string())
+}
+
+/// Serves until `shutdown`: the public routes where there is a listener for them, operations, and
+/// jobs unless the settings say otherwise. Several may run in one process, which share its log and
+/// its metrics.
+///
+/// # Errors
+/// When a thread cannot be started, or a listener or the file of keys fails.
+pub async fn serve(
+    listeners: Listeners,
+    settings: &Settings,
+    jobs: Jobs,
+    metrics: PrometheusHandle,
+    shutdown: Shutdown,
+) -> Result<(), Box<dyn Error>> {
+    let lifecycle = Lifecycle::new(shutdown.stop.clone());
+    let shared = Operations { lifecycle: lifecycle.clone(), jobs: jobs.clone(), metrics };
+    let operations = OperationsThread::start(listeners.operations, shared, timeouts(settings))?;
+    let served = serve_public(listeners.public, settings, jobs, &lifecycle, shutdown).await;
+    operations.stop().await;
+    served
 }
 
 /// Says in the log which settings do not mean what they say.
@@ -126,34 +171,38 @@ fn bind(address: std::net::SocketAddr) -> Result<TcpListener, String> {
     listener.map_err(|error| format!("{address} cannot be listened on: {error}"))
 }
 
-/// Says on standard output where the service listens, whichever ports were free.
-fn announce(public: Option<&TcpListener>, operations: &TcpListener) -> io::Result<()> {
-    let mut output = io::stdout().lock();
-    if let Some(public) = public {
-        writeln!(output, "listening on http://{}", public.local_addr()?)?;
-    }
-    writeln!(output, "operations on http://{}", operations.local_addr()?)?;
-    output.flush()
+/// The thread for operations, with a runtime of its own.
+struct OperationsThread {
+    stop: CancellationToken,
+    thread: thread::JoinHandle<()>,
 }
 
-/// Starts the thread for operations.
-fn start_operations(
-    listener: Listener,
-    metrics: PrometheusHandle,
-    stop: CancellationToken,
-) -> io::Result<thread::JoinHandle<()>> {
-    let runtime: Runtime = Builder::new_current_thread().enable_all().build()?;
-    thread::Builder::new().name("operations".into()).spawn(move || {
-        let served = runtime.block_on(async {
-            tokio::spawn(keep_up(metrics));
-            let mut draining = listener.serve(stop).await?;
-            draining.finish(LAST_WORDS).await;
-            io::Result::Ok(())
-        });
-        if let Err(error) = served {
-            tracing::error!(%error, "the listener for operations failed");
-        }
-    })
+impl OperationsThread {
+    fn start(socket: TcpListener, shared: Operations, timeouts: Timeouts) -> io::Result<Self> {
+        let runtime = Builder::new_current_thread().enable_all().build()?;
+        let (stop, metrics) = (CancellationToken::new(), shared.metrics.clone());
+        let routes = routes::operations(shared);
+        let listener = Listener::new(socket, routes, OPERATIONS_CONNECTIONS, timeouts);
+        let stopped = stop.clone();
+        let thread = thread::Builder::new().name("operations".into()).spawn(move || {
+            let served = runtime.block_on(async {
+                tokio::spawn(keep_up(metrics));
+                let mut draining = listener.serve(stopped).await?;
+                draining.finish(LAST_WORDS).await;
+                io::Result::Ok(())
+            });
+            if let Err(error) = served {
+                tracing::error!(%error, "operations listener failed");
+            }
+        })?;
+        Ok(Self { stop, thread })
+    }
+
+    /// Ends it, after the responses that it is sending.
+    async fn stop(self) {
+        self.stop.cancel();
+        let _ = spawn_blocking(move || self.thread.join()).await;
+    }
 }
 
 /// Sorts the samples of histograms into their buckets for ever: they would pile up where nobody
@@ -166,12 +215,13 @@ async fn keep_up(metrics: PrometheusHandle) {
     }
 }
 
-/// Serves the public routes, if there are any, until a signal, then lets what runs end.
-async fn serve(
+/// Serves the public routes and does jobs until the service stops, then lets what runs end.
+async fn serve_public(
     listener: Option<TcpListener>,
     settings: &Settings,
     jobs: Jobs,
     lifecycle: &Lifecycle,
+    shutdown: Shutdown,
 ) -> Result<(), Box<dyn Error>> {
     let keys = KeyRing::of(&settings.access)?.map(Arc::new);
     if let Some(keys) = &keys {
@@ -182,30 +232,28 @@ async fn serve(
             "the worker threads cannot be started: {error}; lower --workers or allow more threads"
         )
     })?;
-    let service = Arc::new(Service::new(settings, jobs, keys, workers));
-    let stop = stop_on_signal(lifecycle.clone(), service.stop.clone(), service.cut.clone())?;
+    let service = Arc::new(Service::new(settings, jobs, keys, workers, shutdown));
     tokio::spawn(keep_alive(lifecycle.clone()));
     let work = start_jobs(&service, settings);
-    lifecycle.enter(Stage::Ready);
+    lifecycle.set_ready();
     tracing::info!(workers = settings.worker_count(), "ready");
     match listener {
-        Some(listener) => serve_public(listener, settings, &service, stop).await?,
-        None => stop.cancelled().await,
+        Some(listener) => serve_connections(listener, settings, &service).await?,
+        None => service.shutdown.stop.cancelled().await,
     }
     tokio::select! {
         _ = work => {}
-        () = service.cut.cancelled() => {}
+        () = service.shutdown.cut.cancelled() => {}
     }
     tracing::info!("stopped");
     Ok(())
 }
 
 /// Serves the public routes until the service stops.
-async fn serve_public(
+async fn serve_connections(
     listener: TcpListener,
     settings: &Settings,
     service: &Arc<Service>,
-    stop: CancellationToken,
 ) -> io::Result<()> {
     let connections = descriptors::public_connections(settings.max_connections());
     let routes = routes::public(Arc::clone(service));
@@ -213,13 +261,14 @@ async fn serve_public(
     let each = settings.connections_per_address().min((3 * connections).div_ceil(4));
     let each = settings.limits.connections_per_address.map_or(each, |asked| asked.get());
     let listener = Listener::new(listener, routes, connections, timeouts(settings)).public(each);
-    let mut draining = listener.serve(stop).await?;
+    let Shutdown { stop, cut } = &service.shutdown;
+    let mut draining = listener.serve(stop.clone()).await?;
     let has_ended = tokio::select! {
         has_ended = draining.finish(GRACE) => has_ended,
-        () = service.cut.cancelled() => false,
+        () = cut.cancelled() => false,
     };
     if !has_ended {
-        service.cut.cancel();
+        cut.cancel();
         draining.finish(LAST_WORDS).await;
     }
     Ok(())
@@ -238,14 +287,14 @@ fn start_jobs(service: &Service, settings: &Settings) -> JoinHandle<()> {
         describe: problem::of_attempt,
         lease: settings.jobs.job_lease.0,
     };
-    let stop = service.stop.clone();
+    let stop = service.shutdown.stop.clone();
     tokio::spawn(async move {
         if let Err(error) = retention::clean_up(&jobs).await {
-            tracing::warn!(%error, "blobs that no job has could not be deleted");
+            tracing::warn!(%error, "orphan blobs not deleted");
         }
         retention::run(jobs, stop).await;
     });
-    let (stop, is_idle) = (service.stop.clone(), settings.jobs.no_worker);
+    let (stop, is_idle) = (service.shutdown.stop.clone(), settings.jobs.no_worker);
     tokio::spawn(async move {
         match is_idle {
             true => stop.cancelled().await,
@@ -263,37 +312,30 @@ async fn keep_alive(lifecycle: Lifecycle) {
     }
 }
 
-/// The token, once the first SIGTERM or SIGINT is to raise it, after the service has said that it
-/// stops. A second one raises `cut`: nothing is waited for any longer. SIGHUP stops nothing: the
-/// file of keys is read again by itself.
-fn stop_on_signal(
-    lifecycle: Lifecycle,
-    stop: CancellationToken,
-    cut: CancellationToken,
-) -> io::Result<CancellationToken> {
+/// Stops the service at the first SIGTERM or SIGINT; at a second one nothing is waited for any
+/// longer. SIGHUP stops nothing: the file of keys is read again by itself.
+fn shut_down_on_signals(shutdown: Shutdown) -> io::Result<()> {
     let mut terminate = signal(SignalKind::terminate())?;
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut hangup = signal(SignalKind::hangup())?;
-    let raised = stop.clone();
     tokio::spawn(async move {
         loop {
             tokio::select! {
                 _ = terminate.recv() => {}
                 _ = interrupt.recv() => {}
                 _ = hangup.recv() => {
-                    tracing::info!("a hangup stops nothing; the file of keys is read every second");
+                    tracing::info!("SIGHUP ignored; the keys file is read again when it changes");
                     continue;
                 }
             }
-            if raised.is_cancelled() {
-                tracing::info!("stopping at once");
-                cut.cancel();
+            if shutdown.stop.is_cancelled() {
+                tracing::info!("second signal; stopping without waiting for running work");
+                shutdown.cut.cancel();
                 return;
             }
-            lifecycle.enter(Stage::Stopping);
             tracing::info!("stopping");
-            raised.cancel();
+            shutdown.stop.cancel();
         }
     });
-    Ok(stop)
+    Ok(())
 }

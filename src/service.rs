@@ -3,14 +3,13 @@
 use crate::access::{KeyRing, Shares};
 use crate::config::{Settings, Visitors};
 use crate::extract::upload::{BodyLimit, BodyMemory, Intake};
-use crate::lifecycle::Lifecycle;
+use crate::lifecycle::{Lifecycle, Shutdown};
 use ipnet::IpNet;
 use metrics_exporter_prometheus::PrometheusHandle;
 use pixmesh_engine::{Owner, Scheduler, Workers};
 use pixmesh_jobs::Jobs;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio_util::sync::CancellationToken;
 
 /// What the public routes share.
 #[derive(Debug)]
@@ -21,9 +20,9 @@ pub struct Service {
     pub pictures: pixmesh_codec::Limits,
     /// The keys that requests need one of, if they do.
     pub keys: Option<Arc<KeyRing>>,
-    /// Which pages' requests are taken, and under which names.
+    /// Which origins and host names are accepted.
     pub visitors: Arc<Visitors>,
-    /// The proxies that are believed.
+    /// The proxies whose X-Forwarded-For is trusted.
     pub trusted_proxies: Arc<[IpNet]>,
     /// Admits every task.
     pub scheduler: Scheduler,
@@ -37,10 +36,8 @@ pub struct Service {
     pub followers: Arc<Shares<Owner>>,
     /// The most of them.
     pub followers_of_each: usize,
-    /// Raised when the service stops: who only waits shall come back later.
-    pub stop: CancellationToken,
-    /// Raised when a stopping service can wait no longer for its work.
-    pub cut: CancellationToken,
+    /// Stops the service.
+    pub shutdown: Shutdown,
 }
 
 /// What the routes for operations share.
@@ -62,6 +59,7 @@ impl Service {
         jobs: Jobs,
         keys: Option<Arc<KeyRing>>,
         workers: Workers,
+        shutdown: Shutdown,
     ) -> Self {
         Self {
             workers,
@@ -82,8 +80,7 @@ impl Service {
             jobs,
             followers: Arc::default(),
             followers_of_each: settings.event_streams(),
-            stop: CancellationToken::new(),
-            cut: CancellationToken::new(),
+            shutdown,
         }
     }
 }

@@ -30,7 +30,7 @@ fn log_panics() {
     std::panic::set_hook(Box::new(|panic| {
         if pixmesh_codec::in_guarded_decoder() {
             counter!(DECODER_PANICS).increment(1);
-            tracing::warn!(message = %panic, "a file made its decoder panic");
+            tracing::warn!(message = %panic, "decoder panicked");
             return;
         }
         counter!(PANICS).increment(1);
@@ -88,7 +88,7 @@ pub fn requests_in_progress(change: f64) {
     gauge!(REQUESTS_IN_PROGRESS).increment(change);
 }
 
-/// One of a gauge's while it is kept.
+/// Adds 1 to a gauge until it is dropped.
 #[derive(Debug)]
 pub struct Open(&'static str);
 
@@ -122,7 +122,7 @@ pub fn connection_refused(reason: &'static str) {
     counter!(CONNECTIONS_REFUSED, "reason" => reason).increment(1);
 }
 
-/// What the system knows of this process: resident memory, processor time and open files.
+/// Sets the metrics of the process: resident memory, CPU time and open files.
 pub fn process() {
     counter!(LOG_LINES_DROPPED).absolute(log::dropped_lines() as u64);
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -18,7 +18,7 @@ const MAX_NAME: usize = 64;
 /// One key of the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KeyLine {
-    /// Whom it stands for.
+    /// Its owner.
     pub owner: Owner,
     /// Of the key.
     pub digest: Digest,
@@ -29,7 +29,7 @@ pub struct KeyLine {
 /// Reads a file of keys.
 ///
 /// # Errors
-/// The first line that is none, by its number and without its content.
+/// The number of the first invalid line, without its content.
 pub fn parse(text: &str) -> Result<Vec<KeyLine>, String> {
     let mut keys: Vec<KeyLine> = Vec::new();
     for (index, line) in text.lines().enumerate() {

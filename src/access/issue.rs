@@ -1,4 +1,4 @@
-//! `pixmesh key new`: makes a key, and the line of the file that lets it in.
+//! `pixmesh key new`: creates a key, and its line for the file of keys.
 
 use super::{Key, file};
 use clap::Args;
@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 /// The settings of `pixmesh key new`.
 #[derive(Args, Clone, Debug)]
 pub struct NewKey {
-    /// Whom the key stands for: 1 to 64 letters, digits, '-', '_' and '.'.
+    /// Owner of the key: 1 to 64 letters, digits, '-', '_' and '.'.
     #[arg(value_parser = name)]
     pub name: String,
-    /// File of keys to add the line to; it is made when it is not there. Without, the line is printed.
+    /// File of keys to append the line to, created if missing. Without it the line is printed.
     #[arg(long)]
     pub keys_file: Option<PathBuf>,
 }

@@ -14,7 +14,7 @@ const RANDOM_BYTES: usize = 32;
 /// Bytes of a digest.
 const DIGEST_BYTES: usize = 32;
 
-/// A key, as its holder gets it.
+/// A key in clear text.
 pub struct Key(String);
 
 /// The SHA-256 of a key.

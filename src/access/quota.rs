@@ -1,4 +1,4 @@
-//! How many requests a key's name may send: so many a minute, in any rhythm.
+//! Rate limit of a key's name, in requests per minute.
 //!
 //! The generic cell rate algorithm: a minute's worth may come at once, and each comes back by
 //! itself after its share of the minute.
@@ -17,14 +17,14 @@ pub struct Quota {
     limiter: RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformationMiddleware>,
 }
 
-/// Where a name stands after a request.
+/// The state of a quota after a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing {
     /// Requests per minute.
     pub per_minute: u32,
-    /// How many may come at once now.
+    /// Requests left now.
     pub remaining: u32,
-    /// Until there may be one more than that, in whole seconds, 1 or more.
+    /// Whole seconds until one more is left, at least 1.
     pub reset_s: u64,
 }
 

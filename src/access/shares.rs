@@ -1,4 +1,4 @@
-//! How many of something that all share each holder has.
+//! Counts how many units of a shared resource each holder has.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[derive(Debug)]
 pub struct Shares<H>(Mutex<HashMap<H, usize>>);
 
-/// One of a holder's, given back when dropped.
+/// One unit of a holder, released when dropped.
 #[derive(Debug)]
 pub struct Share<H: Eq + Hash> {
     shares: Arc<Shares<H>>,

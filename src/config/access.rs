@@ -3,44 +3,49 @@
 use super::ByteSize;
 use crate::access::KeyRing;
 use clap::Args;
+use serde::Serialize;
 use std::error::Error;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 /// Who may use the service, and how much of it.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct AccessSettings {
-    /// File of keys, which every request below /v1/ then needs one of; read again when it changes.
+    /// File of keys; with it every request below /v1/ needs a key. It is read again when it changes.
     #[arg(long, env = "PIXMESH_KEYS_FILE")]
     pub keys_file: Option<PathBuf>,
-    /// Requests per minute that a key's name may send, where the file gives no other number.
+    /// Most requests per minute of one key's name, unless the file gives another number.
     #[arg(long, env = "PIXMESH_KEY_REQUESTS_PER_MINUTE", default_value = "600")]
     pub key_requests_per_minute: NonZeroU32,
-    /// Meshes made at the same time for one key's name, and as many jobs beside them [default: all workers but one].
+    /// Most tasks that run at the same time for one key's name, and most of its running jobs [default:
+    /// all workers but one].
     #[arg(long, env = "PIXMESH_KEY_RUNNING", hide_env_values = true)]
     pub key_running: Option<NonZeroUsize>,
-    /// Requests of one key's name that may wait for a worker.
+    /// Most queued requests of one key's name.
     #[arg(long, env = "PIXMESH_KEY_QUEUED", default_value = "32")]
     pub key_queued: NonZeroUsize,
-    /// Jobs of one key's name that may wait.
+    /// Most queued jobs of one key's name.
     #[arg(long, env = "PIXMESH_KEY_QUEUED_JOBS", default_value = "1000")]
     pub key_queued_jobs: NonZeroUsize,
-    /// Bytes of pictures and meshes that the jobs of one key's name may keep.
+    /// Most bytes of stored pictures and meshes of one key's name.
     #[arg(long, env = "PIXMESH_KEY_STORED_BYTES", default_value = "16GiB")]
     pub key_stored_bytes: ByteSize,
-    /// Clients with one key's name that may follow events of jobs at the same time.
+    /// Most open streams of job events of one key's name.
     #[arg(long, env = "PIXMESH_KEY_EVENT_STREAMS", default_value = "64")]
     pub key_event_streams: NonZeroUsize,
-    /// Origins whose pages may use the service, such as `https://example.org`; none by default.
+    /// Origins whose pages may call the service, such as `https://example.org`; none by default.
     #[arg(long = "cors-origin", env = "PIXMESH_CORS_ORIGIN", value_name = "ORIGIN", value_delimiter = ',', num_args = 1.., value_parser = origin)]
+    #[serde(rename = "cors-origin")]
     pub cors_origins: Vec<String>,
-    /// Names under which the service answers beside localhost; without keys no other by default, with
-    /// keys or --insecure-no-auth any.
+    /// Host names that requests may be for, beside localhost [default: any with keys or
+    /// --insecure-no-auth, otherwise none].
     #[arg(long = "allowed-host", env = "PIXMESH_ALLOWED_HOST", value_name = "HOST", value_delimiter = ',', num_args = 1.., value_parser = host)]
+    #[serde(rename = "allowed-host")]
     pub allowed_hosts: Vec<String>,
 }
 
-/// Which pages' requests are taken, and under which names.
+/// Which origins and host names are accepted.
 #[derive(Clone, Debug)]
 pub struct Visitors {
     /// Origins whose pages may use the service.
@@ -55,26 +60,6 @@ impl AccessSettings {
     #[must_use]
     pub fn running(&self, workers: usize) -> usize {
         self.key_running.map_or_else(|| workers.saturating_sub(1), NonZeroUsize::get).max(1)
-    }
-
-    /// One line `flag value` per setting in force, with so many workers.
-    #[must_use]
-    pub fn shown(&self, workers: usize) -> String {
-        let keys_file = self.keys_file.as_ref().map(|path| path.display().to_string());
-        format!(
-            "--keys-file {}\n--key-requests-per-minute {}\n--key-running {}\n--key-queued {}\n\
-             --key-queued-jobs {}\n--key-stored-bytes {}\n--key-event-streams {}\n--cors-origin {}\n\
-             --allowed-host {}\n",
-            keys_file.unwrap_or_default(),
-            self.key_requests_per_minute,
-            self.running(workers),
-            self.key_queued,
-            self.key_queued_jobs,
-            self.key_stored_bytes,
-            self.key_event_streams,
-            self.cors_origins.join(","),
-            self.allowed_hosts.join(",")
-        )
     }
 
     /// Reads the file of keys, where there is one.

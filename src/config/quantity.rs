@@ -1,5 +1,6 @@
 //! Sizes and periods, as settings write them: `32MiB`, `30s`. None of them may be zero.
 
+use serde::{Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
@@ -53,6 +54,20 @@ impl fmt::Display for Period {
         } else {
             write!(formatter, "{period_ms}ms")
         }
+    }
+}
+
+impl Serialize for ByteSize {
+    /// As it is written.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl Serialize for Period {
+    /// As it is written.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 

@@ -2,10 +2,11 @@
 
 use clap::Args;
 use pixmesh_jobs::Secret;
-use std::fmt;
+use serde::Serialize;
 
 /// The collector of traces.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct TraceSettings {
     /// Collector of traces, by OTLP over HTTP, such as http://127.0.0.1:4318; none by default.
     #[arg(long, env = "PIXMESH_OTLP_ENDPOINT", value_parser = endpoint)]
@@ -13,15 +14,6 @@ pub struct TraceSettings {
     /// Headers for the collector, as NAME=VALUE,NAME=VALUE; never shown.
     #[arg(long, env = "PIXMESH_OTLP_HEADERS", hide_env_values = true)]
     pub otlp_headers: Option<Secret>,
-}
-
-impl fmt::Display for TraceSettings {
-    /// One line `flag value` per setting in force.
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let headers = self.otlp_headers.as_ref().map(Secret::to_string);
-        writeln!(formatter, "--otlp-endpoint {}", self.otlp_endpoint.as_deref().unwrap_or(""))?;
-        writeln!(formatter, "--otlp-headers {}", headers.unwrap_or_default())
-    }
 }
 
 /// The address of a collector, without a name or password, because the address is printed.

@@ -1,4 +1,4 @@
-//! Whether the machine gives what the settings count on.
+//! Checks disk, memory, processors and addresses against the settings.
 
 use super::Finding;
 use crate::config::{BESIDE_BUDGET, ByteSize, Settings, machine_memory, memory_limit};
@@ -56,7 +56,7 @@ pub(super) fn check_memory(settings: &Settings) -> Finding {
             available.0 >> 20
         )),
         Some(available) => Ok(format!("{budget} of {} MiB", available.0 >> 20)),
-        None => Ok(format!("{budget}; how much there is, is not known")),
+        None => Ok(format!("{budget}; the limit of the machine is unknown")),
     }
 }
 
@@ -68,7 +68,7 @@ pub(super) fn check_processors(settings: &Settings) -> Finding {
             Err(format!("--workers {workers}, but there are {cores} processors"))
         }
         Ok(cores) => Ok(format!("{workers} of {cores}")),
-        Err(error) => Ok(format!("{workers}; how many there are, is not known: {error}")),
+        Err(error) => Ok(format!("{workers}; the number of processors is unknown: {error}")),
     }
 }
 

@@ -78,25 +78,12 @@ pub fn choose_among(
     best(&offered, &ranges).ok_or_else(|| not_acceptable(&offered))
 }
 
-/// Whether a client that may have a page or JSON would rather have JSON: one that asks for it, and
-/// not as much for a page.
+/// Whether `Accept` gives the first media type a higher quality than the second.
 #[must_use]
-pub fn prefers_json_to_html(headers: &HeaderMap) -> bool {
-    let [json, html] = qualities(headers, ["application/json", "text/html"]);
-    json > html
-}
-
-/// Whether a client that may have JSON or a page would rather have the page, as browsers do.
-#[must_use]
-pub fn prefers_html_to_json(headers: &HeaderMap) -> bool {
-    let [json, html] = qualities(headers, ["application/json", "text/html"]);
-    html > json
-}
-
-fn qualities<const N: usize>(headers: &HeaderMap, media_types: [&str; N]) -> [f32; N] {
+pub fn prefers(headers: &HeaderMap, first: &str, second: &str) -> bool {
     let values = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
     let ranges: Vec<MediaRange> = values.flat_map(|v| v.split(',')).filter_map(range).collect();
-    media_types.map(|media_type| quality(media_type, &ranges))
+    quality(first, &ranges) > quality(second, &ranges)
 }
 
 fn not_acceptable(offered: &[Representation]) -> Problem {
@@ -198,11 +185,13 @@ mod tests {
         let prefers = |accept: &str| {
             let mut headers = HeaderMap::new();
             headers.insert(ACCEPT, accept.parse().unwrap());
-            prefers_json_to_html(&headers)
+            super::prefers(&headers, "application/json", "text/html")
         };
         assert!(prefers("application/json") && prefers("text/html;q=0.5, application/*"));
         assert!(!prefers("*/*") && !prefers("text/html,application/xhtml+xml,*/*;q=0.8"));
-        assert!(!prefers("") && !prefers_json_to_html(&HeaderMap::new()));
+        assert!(
+            !prefers("") && !super::prefers(&HeaderMap::new(), "application/json", "text/html")
+        );
     }
 
     #[test]

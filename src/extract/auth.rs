@@ -1,4 +1,4 @@
-//! Whom a request is from: the key in `Authorization: Bearer`, and its quota.
+//! Authentication by `Authorization: Bearer`, and the quota of the key.
 //!
 //! Where there are keys, everything below `/v1/` needs one, whether or not there is anything at the
 //! path, so that nobody without a key learns what exists. A handler finds the [`Owner`] among the
@@ -15,13 +15,16 @@ use pixmesh_engine::Owner;
 use pixmesh_engine::telemetry::{Shed, shed};
 use std::sync::Arc;
 
-/// What needs a key.
+/// The paths that need a key.
 const GUARDED: &str = "/v1/";
 /// The fields of RateLimit (draft-ietf-httpapi-ratelimit-headers).
 static RATE_LIMIT: HeaderName = HeaderName::from_static("ratelimit");
 static RATE_LIMIT_POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
 
-/// The layer that finds out whom a request is from, and counts it against the quota.
+/// The detail of a request without a key.
+pub(crate) const KEY_NEEDED: &str = "a key is needed: send the header Authorization: Bearer KEY";
+
+/// The layer that authenticates a request and counts it against the quota.
 pub async fn authenticate(
     State(keys): State<Option<Arc<KeyRing>>>,
     mut request: Request,
@@ -43,7 +46,10 @@ pub async fn authenticate(
             request.extensions_mut().insert(owner);
             next.run(request).await
         }
-        Err(standing) => exhausted(standing).into_response(),
+        Err(standing) => {
+            shed(Shed::Quota);
+            exhausted(standing).into_response()
+        }
     };
     let (Ok(standing) | Err(standing)) = standing;
     tell(standing, response.headers_mut());
@@ -69,7 +75,7 @@ fn bearer(value: &HeaderValue) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| key.trim_matches(' '))
 }
 
-/// Why a request is nobody's (RFC 6750, section 3.1).
+/// Why authentication fails (RFC 6750, section 3.1).
 #[derive(Clone, Copy, Debug)]
 enum Unauthorized {
     Missing,
@@ -80,10 +86,7 @@ enum Unauthorized {
 impl IntoResponse for Unauthorized {
     fn into_response(self) -> Response {
         let (detail, challenge) = match self {
-            Self::Missing => (
-                "a key is needed: send the header Authorization: Bearer KEY",
-                "Bearer realm=\"pixmesh\"",
-            ),
+            Self::Missing => (KEY_NEEDED, "Bearer realm=\"pixmesh\""),
             Self::Unreadable => (
                 "the header Authorization must be there once, as Bearer KEY",
                 "Bearer realm=\"pixmesh\", error=\"invalid_request\"",
@@ -99,17 +102,19 @@ impl IntoResponse for Unauthorized {
     }
 }
 
-fn exhausted(standing: Standing) -> Problem {
-    shed(Shed::Quota);
+/// The refusal of a request over the quota.
+pub(crate) fn exhausted(standing: Standing) -> Problem {
     let limit = standing.per_minute;
-    let detail = format!("the key's quota of {limit} requests per minute is used up");
+    let detail = format!(
+        "the key has used up its {limit} requests per minute: wait for the seconds in Retry-After"
+    );
     Problem::new(Kind::QuotaExceeded, detail)
         .setting("--key-requests-per-minute")
         .member("limit", limit)
         .retry_after_s(standing.reset_s)
 }
 
-/// Says where a key stands.
+/// Adds the headers RateLimit and RateLimit-Policy.
 fn tell(standing: Standing, headers: &mut HeaderMap) {
     let Standing { per_minute, remaining, reset_s } = standing;
     let fields = [

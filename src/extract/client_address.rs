@@ -1,4 +1,4 @@
-//! Where a request comes from: the other end of its connection, and what a proxy says of it.
+//! The client address of a request: the peer of its connection, and what a trusted proxy forwards.
 
 use axum::extract::Request;
 use axum::http::HeaderMap;

@@ -1,4 +1,4 @@
-//! The few parameters of a resource that has only few, with the rules of all parameters.
+//! Query and form parameters of resources that do not take all mesh parameters.
 
 use crate::problem::Problem;
 use pixmesh_engine::InputError;
@@ -12,9 +12,9 @@ pub static CONVERSION: LazyLock<Vec<&str>> =
 /// Those of them that matter where a picture is written.
 pub const RECONSTRUCTION: [&str; 4] = ["format", "size", "reconstruction", "png_compression"];
 
-/// What takes parameters, one by one.
+/// Collects parameters.
 pub trait Fields: Send {
-    /// Takes one more.
+    /// Adds one.
     ///
     /// # Errors
     /// What is wrong with it.

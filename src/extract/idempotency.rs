@@ -1,4 +1,4 @@
-//! `Idempotency-Key`: the client's word for a submission, by which a repeated one is known.
+//! `Idempotency-Key`: the client's key of a submission; a repeated key returns the same job.
 
 use crate::problem::{Kind, Problem};
 use axum::http::HeaderMap;
@@ -6,10 +6,10 @@ use axum::http::HeaderMap;
 /// The header.
 pub const IDEMPOTENCY_KEY: &str = "idempotency-key";
 
-/// The longest word.
+/// The longest key.
 const MAX_LENGTH: usize = 255;
 
-/// The word in a request's header, if there is one: 1 to 255 visible ASCII characters.
+/// The key of a request, if it has one: 1 to 255 visible ASCII characters.
 ///
 /// # Errors
 /// `duplicate-parameter` when it is there twice, `parameter-malformed` when it is none.

@@ -1,4 +1,4 @@
-//! `Prefer` (RFC 7240): whether the client would rather have a job, and how long it waits for it.
+//! `Prefer` (RFC 7240): `respond-async` and `wait`, which make a request a job.
 
 use axum::http::HeaderMap;
 use std::time::Duration;
@@ -6,14 +6,14 @@ use std::time::Duration;
 /// What a client prefers; what cannot be read is no preference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preference {
-    /// Rather a job than to wait.
+    /// `respond-async`.
     pub respond_async: bool,
-    /// To wait so long before it is a job.
+    /// `wait`.
     pub wait: Option<Duration>,
 }
 
 impl Preference {
-    /// That of a request's header; of a preference given twice the first counts.
+    /// The preferences of a request; the first of each name counts.
     #[must_use]
     pub fn of(headers: &HeaderMap) -> Self {
         let values = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
@@ -35,13 +35,13 @@ impl Preference {
         preference
     }
 
-    /// Whether there is to be a job.
+    /// Whether the request becomes a job.
     #[must_use]
     pub fn is_for_job(self) -> bool {
         self.respond_async || self.wait.is_some()
     }
 
-    /// What was done of it, as the header `Preference-Applied` says it.
+    /// The value of `Preference-Applied`.
     #[must_use]
     pub fn applied(self) -> String {
         let wait = self.wait.map(|wait| format!("wait={}", wait.as_secs()));

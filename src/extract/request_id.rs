@@ -1,4 +1,7 @@
-//! The request's id: the client's own, when it is harmless, or a new one.
+//! The request's id: that of the client if it is valid, otherwise a new one.
+//!
+//! `tower_http::request_id` keeps any id that a client sends; this one is written to the log, so it is
+//! checked.
 
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue};
@@ -15,7 +18,7 @@ pub static REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 pub struct RequestId(HeaderValue);
 
 impl RequestId {
-    /// The id in a request's header, when it is there once and harmless; else a new one.
+    /// The id in a request's header, if it is there once and valid; otherwise a new one.
     fn of(request: &Request) -> Self {
         let mut given = request.headers().get_all(&REQUEST_ID).iter();
         match (given.next(), given.next()) {

@@ -29,7 +29,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::spawn_blocking;
 
-/// What bodies may be like, and the memory that they share.
+/// The limits of request bodies, and the memory that they share.
 #[derive(Clone, Debug)]
 pub struct Intake {
     /// Longest body.
@@ -45,11 +45,11 @@ pub struct Intake {
 pub struct Wanted<const N: usize> {
     /// Their names as parts of a form; a body that is no form is the only one of them.
     pub files: [&'static str; N],
-    /// How many of them must come, from the first; the others may.
+    /// How many of them are required, from the first; the others are optional.
     pub required: usize,
-    /// The media types that each may be labelled with, rightly or not.
+    /// The media types that the Content-Type of each may name; the content decides.
     pub labels: [&'static [&'static str]; N],
-    /// Whether they may come in a JSON object.
+    /// Whether a JSON object with base64 is accepted.
     pub json: bool,
 }
 
@@ -111,7 +111,7 @@ impl AsRef<[u8]> for Upload {
 }
 
 impl Upload {
-    /// Puts another file behind this one, and charges for both while they are.
+    /// Appends another file, and reserves memory for the copy meanwhile.
     ///
     /// # Errors
     /// `overloaded` when bodies take all of their memory.
@@ -193,14 +193,18 @@ impl Intake {
     }
 
     fn too_slow(&self) -> Problem {
-        let detail = format!("the body did not arrive within {} s", self.timeout.as_secs_f64());
+        let detail = format!(
+            "the body did not arrive within {} s: use a faster connection or send a smaller file",
+            self.timeout.as_secs_f64()
+        );
         Problem::new(Kind::RequestTimeout, detail).setting("--body-timeout")
     }
 }
 
 fn missing(name: &str) -> Problem {
     let kind = if name == "image" { Kind::ImageMissing } else { Kind::PartMissing };
-    Problem::new(kind, format!("there is no part '{name}'")).param(name)
+    Problem::new(kind, format!("the request has no part '{name}': send the file under this name"))
+        .param(name)
 }
 
 /// Reads a JSON object: its files lie in memory beside its text, and its length takes its time.
@@ -217,7 +221,7 @@ async fn read_json<const N: usize>(
     Ok(found.map(|file| file.map(Bytes::from)))
 }
 
-/// What a body says it is.
+/// The kind of body that the Content-Type names.
 enum Label {
     File,
     Form,
@@ -308,7 +312,7 @@ fn refuse_encoded(headers: &HeaderMap) -> Result<(), Problem> {
     if headers.get_all(CONTENT_ENCODING).iter().all(|value| identity(value.as_bytes())) {
         return Ok(());
     }
-    let detail = "the body must come without a Content-Encoding";
+    let detail = "compressed bodies are not accepted: send the body without a Content-Encoding";
     Err(Problem::new(Kind::UnsupportedEncoding, detail).allowed(&["identity"]))
 }
 
@@ -332,5 +336,8 @@ async fn collect(mut body: Body, mut meter: Meter) -> Result<Bytes, Problem> {
 }
 
 fn broken_off() -> Problem {
-    Problem::new(Kind::BadRequest, "the body broke off before its end")
+    Problem::new(
+        Kind::BadRequest,
+        "the body ended before the announced length: send the request again",
+    )
 }

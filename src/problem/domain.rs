@@ -48,7 +48,7 @@ impl From<EngineError> for Problem {
             E::Cancelled(cancelled) => cancelled.into(),
             E::Stopping => Self::new(Kind::ShuttingDown, detail),
             E::Progression(error) => error.into(),
-            _ => internal("a task failed", &error),
+            _ => internal("task failed", &error),
         }
     }
 }
@@ -73,15 +73,15 @@ impl From<QueueError> for Problem {
             .setting("--min-free-space")
             .limit(*least, *free),
             QueueError::Storage(_) => {
-                Self::new(Kind::StorageUnavailable, "jobs can be neither stored nor read now")
+                Self::new(Kind::StorageUnavailable, "the data folder can be neither written nor read: try again")
                     .setting("--data-dir")
             }
             QueueError::Damaged(_) => {
-                Self::new(Kind::StorageDamaged, "what was stored of this job is damaged")
+                Self::new(Kind::StorageDamaged, "the stored data of this job are damaged: submit the picture again")
             }
             QueueError::Blobs(_) => Self::new(
                 Kind::StorageUnavailable,
-                "pictures and meshes can be neither stored nor read now",
+                "the store of pictures and meshes does not answer: try again",
             )
             .setting("--blobs"),
             QueueError::DatabaseFull(_) => Self::new(
@@ -91,11 +91,11 @@ impl From<QueueError> for Problem {
             .setting("--queue"),
             QueueError::Database(_) => Self::new(
                 Kind::StorageUnavailable,
-                "the database can neither store nor read jobs now",
+                "the database of the jobs refuses to work: try again",
             )
             .setting("--queue"),
             QueueError::Unreachable(_) => {
-                Self::new(Kind::StorageUnavailable, "the database of the jobs does not answer")
+                Self::new(Kind::StorageUnavailable, "the database of the jobs does not answer: try again")
                     .setting("--queue")
             }
         };
@@ -111,7 +111,7 @@ pub(crate) fn of_attempt(error: AttemptError) -> Value {
             EngineError::DeadlineExceeded | EngineError::DeadlineInQueue { .. },
         ) => Problem::new(
             Kind::DeadlineExceeded,
-            "the job was not done by its deadline: send a smaller image, or ask for fewer vertices \
+            "the job did not finish by its deadline: send a smaller image, or ask for fewer vertices \
              or a faster method such as med",
         )
         .setting("--job-deadline"),
@@ -119,7 +119,7 @@ pub(crate) fn of_attempt(error: AttemptError) -> Value {
         AttemptError::Storage(error) => error.into(),
         AttemptError::PictureChanged => Problem::new(
             Kind::StorageUnavailable,
-            "the stored image has another length than the submitted one",
+            "the stored image is not the submitted one: submit it again",
         ),
     };
     problem.value()
@@ -334,7 +334,7 @@ impl From<MeshingError> for Problem {
 impl From<Cancelled> for Problem {
     /// Work is cancelled at its deadline, or when nobody is left to hear of it.
     fn from(_: Cancelled) -> Self {
-        Self::new(Kind::DeadlineExceeded, "the work was stopped before it was done")
+        Self::new(Kind::DeadlineExceeded, "the task was cancelled before it finished")
     }
 }
 

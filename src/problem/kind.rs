@@ -53,7 +53,7 @@ macro_rules! problems {
 
 problems! {
     BadRequest = BAD_REQUEST "bad-request" "The request cannot be read"
-        "The request breaks a rule of HTTP, its body broke off, or its body is no file."
+        "The request breaks a rule of HTTP, its body is incomplete, or its body is no file."
         "Read the detail, and send the whole file as the body, as curl --data-binary @file \
          does.";
     QueryMalformed = BAD_REQUEST "query-malformed" "The query is not correctly encoded"
@@ -96,9 +96,9 @@ problems! {
     Unauthorized = UNAUTHORIZED "unauthorized" "The request needs a key"
         "The request has no key, or one that the service does not know."
         "Send the header Authorization: Bearer KEY with a key of the operator.";
-    ForeignOrigin = FORBIDDEN "foreign-origin" "A page of another origin sent the request"
-        "A browser says that a page of another site sent the request, and the operator lets no \
-         such page in."
+    ForeignOrigin = FORBIDDEN "foreign-origin" "Cross-origin request not allowed"
+        "A browser sent the request for a page of another origin, which the operator does not \
+         allow."
         "Open the service's own page, or ask the operator to name the page's origin with \
          --cors-origin.";
     NotFound = NOT_FOUND "not-found" "Not found"
@@ -180,7 +180,7 @@ problems! {
         "The profiles, comments and other data beside the pixels take too many bytes."
         "Remove the metadata, for example with `magick photo.png -strip smaller.png`.";
     DegenerateImage = UNPROCESSABLE_ENTITY "degenerate-image" "The image is too small to be meshed"
-        "The picture has fewer than two columns or two rows, so no triangle fits in."
+        "The picture has fewer than two columns or rows, so it contains no triangle."
         "Send a picture of at least 2 by 2 pixels.";
     ImageDecodeFailed = UNPROCESSABLE_ENTITY "image-decode-failed" "The image cannot be decoded"
         "The file breaks the rules of its format or ends early."
@@ -211,7 +211,7 @@ problems! {
         "An earlier submission with this Idempotency-Key had another picture or parameters."
         "Make a new key for each new submission, and repeat a key only with the same request.";
     TooManyJobs = TOO_MANY_REQUESTS "too-many-jobs" "Too many queued jobs"
-        "As many jobs of this client wait as may."
+        "The client has as many queued jobs as its limit allows."
         "Wait until a job ends, or cancel one.";
     HeadersTooLarge = REQUEST_HEADER_FIELDS_TOO_LARGE "headers-too-large" "The request's headers are too large"
         "The header of the request has too many lines or bytes."
@@ -226,10 +226,10 @@ problems! {
         "The worker crashed in every attempt at this job."
         "Try another method or a smaller picture, and report the job's id to the operator.";
     Overloaded = SERVICE_UNAVAILABLE "overloaded" "The service is overloaded"
-        "More work waits than the service can do in time, or it has just started."
+        "More work is queued than the service can do in time, or it is still starting."
         "Try again after the seconds in Retry-After, or submit a job, which waits longer.";
     DeadlineExceeded = SERVICE_UNAVAILABLE "deadline-exceeded" "The deadline has passed"
-        "The work took longer than the time for it."
+        "The task was not finished by its deadline."
         "Send a smaller picture, ask for fewer vertices, or submit a job.";
     ShuttingDown = SERVICE_UNAVAILABLE "shutting-down" "The service is stopping"
         "The service is stopping and takes no more work."

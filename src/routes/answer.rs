@@ -117,7 +117,7 @@ pub(super) fn refuse_other(request: &HeaderMap, tag: &str) -> Result<(), Problem
         return Ok(());
     }
     let detail = format!("If-Match names other entity tags than {tag}");
-    Err(Problem::new(Kind::PreconditionFailed, detail).param("If-Match").with("actual", tag))
+    Err(Problem::new(Kind::PreconditionFailed, detail).param("If-Match").member("actual", tag))
 }
 
 /// The answer to a client that has the representation already.
@@ -154,7 +154,7 @@ pub(super) fn part(
     let range = satisfied.and_then(|bounds| within(bounds, length));
     range.map(Some).ok_or_else(|| {
         let detail = format!("the representation has {length} bytes");
-        Problem::new(Kind::RangeNotSatisfiable, detail).with("limit", length)
+        Problem::new(Kind::RangeNotSatisfiable, detail).member("limit", length)
     })
 }
 

@@ -62,12 +62,14 @@ fn refusal(request: &Request) -> Option<Problem> {
     }
     let mut codings = request.headers().get_all(TRANSFER_ENCODING).iter();
     if codings.any(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"chunked")) {
-        let detail = "the only transfer coding that the service reads is chunked";
+        let detail = "the only supported transfer coding is chunked";
         return Some(Problem::new(Kind::BadRequest, detail).param("Transfer-Encoding"));
     }
     let target = length_of(request.uri());
     if target > MAX_TARGET {
-        let detail = format!("the request's target is longer than {MAX_TARGET} bytes");
+        let detail = format!(
+            "the path and query are longer than {MAX_TARGET} bytes: send parameters as a form"
+        );
         return Some(Problem::new(Kind::UriTooLong, detail).limit(MAX_TARGET, target));
     }
     oversized(request.headers())
@@ -86,12 +88,14 @@ fn length_of(target: &Uri) -> usize {
 fn oversized(headers: &HeaderMap) -> Option<Problem> {
     let lines = headers.len();
     if lines > MAX_HEADER_LINES {
-        let detail = format!("the request's header has more than {MAX_HEADER_LINES} lines");
+        let detail =
+            format!("the request has more than {MAX_HEADER_LINES} header lines: send fewer");
         return Some(Problem::new(Kind::HeadersTooLarge, detail).limit(MAX_HEADER_LINES, lines));
     }
     let length: usize = headers.iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
     (length > MAX_HEADER).then(|| {
-        let detail = format!("the request's header is longer than {MAX_HEADER} bytes");
+        let detail =
+            format!("the request's header lines have more than {MAX_HEADER} bytes: send less");
         Problem::new(Kind::HeadersTooLarge, detail).limit(MAX_HEADER, length)
     })
 }

@@ -19,10 +19,10 @@ pub async fn ready(State(operations): State<Operations>) -> Result<String, Probl
     match operations.lifecycle.stage() {
         Stage::Starting => Err(Problem::new(Kind::Overloaded, "the service is starting")),
         Stage::Ready if !operations.lifecycle.is_alive() => {
-            Err(Problem::new(Kind::Overloaded, "the public listener does not run"))
+            Err(Problem::new(Kind::Overloaded, "the public listener does not respond"))
         }
         Stage::Ready if !operations.jobs.is_healthy() => {
-            Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be written"))
+            Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be stored"))
         }
         Stage::Ready => Ok(match operations.jobs.queue.check_room() {
             Ok(()) => "ready\n".into(),

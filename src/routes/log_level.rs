@@ -18,6 +18,6 @@ pub async fn change(Path(level): Path<String>) -> Result<StatusCode, Problem> {
         Problem::new(Kind::UnknownValue, detail).param("level").allowed(&allowed)
     })?;
     telemetry::set_level(level);
-    tracing::warn!(%level, "the level of the log was changed");
+    tracing::warn!(%level, "log level changed");
     Ok(StatusCode::NO_CONTENT)
 }

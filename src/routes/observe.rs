@@ -1,4 +1,7 @@
-//! Sees every request from its header to its answer: one span, one log line, two metrics.
+//! One span, one log line and two metrics for each request.
+//!
+//! `tower_http::trace` logs in callbacks that do not see the matched route, the client address and the
+//! problem together, so this is a layer of our own.
 
 use crate::extract::client_address::ClientAddress;
 use crate::extract::request_id::RequestId;
@@ -38,7 +41,7 @@ pub(super) async fn observe(
     let refusal = response.extensions().get::<Problem>();
     let problem = refusal.map(|problem| problem.kind().slug());
     if let Some(cause) = refusal.and_then(Problem::cause) {
-        error!(cause, problem, "a request failed in the service");
+        error!(cause, problem, "request failed");
     }
     info!(
         method,
@@ -79,7 +82,7 @@ impl Drop for Progress {
     fn drop(&mut self) {
         telemetry::requests_in_progress(-1.0);
         if !self.ended {
-            self.span.in_scope(|| info!("the client went away"));
+            self.span.in_scope(|| info!("client disconnected before the response"));
         }
     }
 }

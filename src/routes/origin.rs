@@ -44,12 +44,13 @@ impl Visitors {
         let names_host = host.is_some() || request.headers().contains_key(HOST);
         let is_own = host.as_ref().is_some_and(|host| self.is_own(host.host()));
         if self.hosts.is_some() && names_host && !is_own {
-            let detail = "without keys the service answers to names of this machine alone";
+            let detail =
+                "the service only accepts requests for localhost and the hosts of --allowed-host";
             return Some(Problem::new(Kind::UnknownHost, detail).setting("--allowed-host"));
         }
         let is_guarded = request.uri().path().starts_with(GUARDED);
         (is_guarded && self.is_foreign(request.headers(), host.as_ref())).then(|| {
-            let detail = "a page of another origin sent this request";
+            let detail = "a browser sent this request for a page of another origin";
             Problem::new(Kind::ForeignOrigin, detail).setting("--cors-origin")
         })
     }

@@ -4,7 +4,7 @@ use super::openapi::answers::ProblemsOf;
 use super::openapi::bodies::{AnyObject, Text};
 use super::openapi::examples;
 use super::openapi::parameters::ProblemPath;
-use crate::extract::accept::prefers_html_to_json;
+use crate::extract::accept;
 use crate::problem::{Kind, Problem};
 use axum::Json;
 use axum::extract::Path;
@@ -41,9 +41,13 @@ const STYLE: &str = ":root{color-scheme:light dark}\
 )]
 pub async fn show(Path(slug): Path<String>, request: HeaderMap) -> Result<Response, Problem> {
     let kind = Kind::ALL.iter().find(|kind| kind.slug() == slug);
-    let kind =
-        *kind.ok_or_else(|| Problem::new(Kind::NotFound, "there is no such type of problem"))?;
-    let answer = if prefers_html_to_json(&request) {
+    let kind = *kind.ok_or_else(|| {
+        Problem::new(
+            Kind::NotFound,
+            "no type of problem has this name; GET /openapi.json lists them",
+        )
+    })?;
+    let answer = if accept::prefers(&request, "text/html", "application/json") {
         ([(CONTENT_SECURITY_POLICY, POLICY)], Html(page(kind))).into_response()
     } else {
         let mut document = kind.document();

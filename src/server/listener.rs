@@ -105,7 +105,7 @@ impl Listener {
             match accepted {
                 Ok((connection, peer)) => self.admit(connection, peer.ip(), &open),
                 Err(error) => {
-                    tracing::warn!(%error, "a connection could not be accepted");
+                    tracing::warn!(%error, "accept failed");
                     sleep(PAUSE_AFTER_ERROR).await;
                 }
             }
@@ -144,7 +144,7 @@ impl Listener {
                 Ok(ended) => ended,
             };
             if let Err(error) = ended {
-                tracing::debug!(%error, "a connection ended early");
+                tracing::debug!(%error, "connection closed with an error");
             }
         });
     }
@@ -210,10 +210,11 @@ impl Refusal {
 
     fn problem(self) -> Problem {
         let (detail, setting) = match self {
-            Self::Total => ("too many connections are open", "--max-connections"),
-            Self::Address => {
-                ("too many connections of one address are open", "--connections-per-address")
-            }
+            Self::Total => ("too many connections are open: try again", "--max-connections"),
+            Self::Address => (
+                "too many connections of your address are open: close some",
+                "--connections-per-address",
+            ),
         };
         Problem::new(Kind::Overloaded, detail).setting(setting).retry_after_s(1)
     }

@@ -59,7 +59,7 @@ pub(super) struct Stream {
     header: Option<Pin<Box<Sleep>>>,
     /// How long it is read from after it was closed.
     linger: Duration,
-    /// What the connection holds until its socket is closed.
+    /// The permit of the connection, held until its socket is closed.
     place: Option<Box<dyn Send>>,
 }
 

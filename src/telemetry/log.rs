@@ -32,7 +32,7 @@ struct InForce {
 #[cfg(not(feature = "otlp"))]
 type Traces = ();
 
-/// What goes on while it is kept: the writing of lines and the sending of traces.
+/// Writes log lines and sends traces until it is dropped.
 #[derive(Debug)]
 pub struct Log {
     _lines: WorkerGuard,

@@ -7,30 +7,30 @@ use pixmesh_engine::telemetry::Metric;
 
 declare_metrics! {
     HTTP_REQUESTS: Counter "pixmesh_http_requests_total" ["route", "method", "code"]
-        "Requests answered, by route, method and status";
+        "Responses, by route, method and status";
     HTTP_DURATION: Histogram "pixmesh_http_request_duration_seconds" ["route"]
-        "Seconds from a request's header to its answer";
+        "Seconds from the end of a request's header to the start of its response";
     REQUESTS_IN_PROGRESS: Gauge "pixmesh_requests_in_progress" []
-        "Requests being received, waiting or worked on";
-    CONNECTIONS: Gauge "pixmesh_open_connections" [] "Connections of the public listener that are open";
+        "Requests without a response yet: uploading, queued or running";
+    CONNECTIONS: Gauge "pixmesh_open_connections" [] "Open connections of the public listener";
     CONNECTIONS_REFUSED: Counter "pixmesh_connections_refused_total" ["reason"]
-        "Connections refused: 'total' are open, or 'address' has its part";
-    EVENT_STREAMS: Gauge "pixmesh_event_streams" [] "Clients that follow the events of a job";
-    WORKERS: Gauge "pixmesh_workers" [] "Meshes that can be made at the same time";
-    PANICS: Counter "pixmesh_panics_total" [] "Panics, each a defect";
+        "Connections refused, by the limit that was reached: 'total', or 'address' for one client address";
+    EVENT_STREAMS: Gauge "pixmesh_event_streams" [] "Open streams of job events";
+    WORKERS: Gauge "pixmesh_workers" [] "Worker threads: the most tasks that run at the same time";
+    PANICS: Counter "pixmesh_panics_total" [] "Panics of the service; each is a defect to report";
     DECODER_PANICS: Counter "pixmesh_decoder_panics_total" []
-        "Uploaded files that made a decoder from another crate panic; answered with 422";
+        "Panics of picture decoders, caused by uploaded files; the response is 422";
     LOG_LINES_DROPPED: Counter "pixmesh_log_lines_dropped_total" []
-        "Lines of the log that were dropped because nobody read it";
+        "Log lines dropped because standard error was not read";
     PROCESS_RESIDENT: Gauge "process_resident_memory_bytes" []
         "Resident memory of the process in bytes";
-    PROCESS_CPU: Counter "process_cpu_seconds_total" [] "Seconds of processor time, of all threads";
-    PROCESS_FDS: Gauge "process_open_fds" [] "Files and connections the process has open";
-    PROCESS_MAX_FDS: Gauge "process_max_fds" [] "Files and connections the process may have open";
+    PROCESS_CPU: Counter "process_cpu_seconds_total" [] "CPU seconds of all threads";
+    PROCESS_FDS: Gauge "process_open_fds" [] "Open file descriptors";
+    PROCESS_MAX_FDS: Gauge "process_max_fds" [] "Limit of open file descriptors";
     PROCESS_START: Gauge "process_start_time_seconds" []
-        "When the process started, in seconds since 1970";
+        "Start time of the process, in seconds since 1970";
     BUILD_INFO: Gauge "pixmesh_build_info" ["version", "commit"]
-        "Version of the service, and the commit it was built from";
+        "1, with the version and commit of the build as labels";
 }
 
 /// Every metric of the service and the crates that it is made of.

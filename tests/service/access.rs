@@ -1,13 +1,14 @@
 //! Who may use the service: keys, quotas, origins, and what browsers are told.
 
 use crate::client::{Answer, connect, exchange, send};
+use crate::in_process::Service;
 use crate::keys::KeysFile;
 use crate::pictures::{disc, noise};
-use crate::server::{Server, program};
+use crate::server::{Client, Server, program};
 use std::fs;
 use std::io::{Read, Write};
 
-fn methods(server: &Server, key: &str) -> Answer {
+fn methods(server: &Client, key: &str) -> Answer {
     let bearer = format!("Bearer {key}");
     send(server.public, "GET", "/v1/methods", &[("Authorization", &bearer)], &[])
 }
@@ -138,7 +139,7 @@ fn a_quota_is_told_and_kept_apart_by_name() {
 #[test]
 fn pages_of_other_origins_are_let_in_by_name_only() {
     let origin = "https://example.org";
-    let preflight = |server: &Server, origin: &str| {
+    let preflight = |server: &Client, origin: &str| {
         let headers = [
             ("Origin", origin),
             ("Access-Control-Request-Method", "POST"),
@@ -146,7 +147,7 @@ fn pages_of_other_origins_are_let_in_by_name_only() {
         ];
         send(server.public, "OPTIONS", "/v1/meshes", &headers, &[])
     };
-    let closed = Server::start(&[]);
+    let closed = Service::start(&[]);
     let answer = preflight(&closed, origin);
     answer.problem(403, "foreign-origin");
     assert_eq!(answer.header("access-control-allow-origin"), "");
@@ -154,7 +155,7 @@ fn pages_of_other_origins_are_let_in_by_name_only() {
     let file = KeysFile::new("origins");
     file.issue("studio");
     let flags = ["--cors-origin", origin, "http://localhost:3000", "--keys-file", file.path()];
-    let server = Server::start(&flags);
+    let server = Service::start(&flags);
     let answer = preflight(&server, origin);
     assert_eq!((answer.status, answer.header("access-control-allow-origin")), (200, origin));
     assert!(answer.header("access-control-allow-headers").contains("authorization"));
@@ -209,7 +210,7 @@ fn a_key_follows_so_many_jobs_at_a_time_and_takes_no_place_of_others() {
 
 #[test]
 fn a_page_that_forges_requests_or_names_changes_and_reads_nothing() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let forged = [("Origin", "https://evil.example"), ("Sec-Fetch-Site", "cross-site")];
     server.submit("size=20", &forged, &image).problem(403, "foreign-origin");
@@ -226,7 +227,7 @@ fn a_page_that_forges_requests_or_names_changes_and_reads_nothing() {
     let own = [("Origin", "http://localhost"), ("Sec-Fetch-Site", "same-origin")];
     assert_eq!(send(server.public, "GET", &job, &own, &[]).status, 200);
     drop(server);
-    let server = Server::start(&["--allowed-host", "mesh.test"]);
+    let server = Service::start(&["--allowed-host", "mesh.test"]);
     for (host, status) in [("mesh.test:80", 200), ("MESH.test", 200), ("other.test", 421)] {
         let request =
             format!("GET /v1/methods HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
@@ -238,7 +239,7 @@ fn a_page_that_forges_requests_or_names_changes_and_reads_nothing() {
 
 #[test]
 fn browsers_are_told_to_run_nothing_and_frame_nothing() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let answers = [
         server.get("/v1/methods"),
         server.get("/nothing"),

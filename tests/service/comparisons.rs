@@ -2,13 +2,13 @@
 
 use crate::client::{Answer, field, form, send};
 use crate::pictures::{disc, flat};
-use crate::server::Server;
+use crate::server::{Client, Server};
 
-fn reconstruct(server: &Server, query: &str, headers: &[(&str, &str)], model: &[u8]) -> Answer {
+fn reconstruct(server: &Client, query: &str, headers: &[(&str, &str)], model: &[u8]) -> Answer {
     send(server.public, "POST", &format!("/v1/reconstructions?{query}"), headers, model)
 }
 
-fn compare(server: &Server, parts: &[(&str, &[u8])]) -> Answer {
+fn compare(server: &Client, parts: &[(&str, &[u8])]) -> Answer {
     let fields: Vec<_> = parts.iter().map(|(name, content)| (field(name), *content)).collect();
     let parts: Vec<_> = fields.iter().map(|(name, content)| (name.as_str(), *content)).collect();
     let (label, body) = form(&parts);

@@ -1,8 +1,9 @@
 //! The interface as it is documented: methods, problems, metrics and the OpenAPI document.
 
 use crate::client::send;
+use crate::in_process::Service;
 use crate::pictures::disc;
-use crate::server::{Server, program};
+use crate::server::program;
 
 #[test]
 fn the_checked_in_document_is_the_one_that_the_program_prints_and_serves() {
@@ -13,7 +14,7 @@ fn the_checked_in_document_is_the_one_that_the_program_prints_and_serves() {
         printed == checked_in,
         "openapi/openapi.json is not up to date: write `pixmesh openapi` into it"
     );
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let served = server.get("/openapi.json");
     assert_eq!(served.body, printed);
     assert_eq!(served.header("content-type"), "application/json");
@@ -21,7 +22,7 @@ fn the_checked_in_document_is_the_one_that_the_program_prints_and_serves() {
 
 #[test]
 fn methods_are_listed_with_parameters_defaults_and_bounds() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let list = server.get("/v1/methods").json();
     assert_eq!(list["default"], "mgprfs");
     let methods = list["methods"].as_array().unwrap();
@@ -39,7 +40,7 @@ fn methods_are_listed_with_parameters_defaults_and_bounds() {
 
 #[test]
 fn the_type_of_a_problem_can_be_looked_up() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let problem = server.mesh("density=0", &[], &disc(20, 20, 1)).json();
     let row = server.get(problem["type"].as_str().unwrap());
     assert_eq!(row.status, 200);
@@ -51,7 +52,7 @@ fn the_type_of_a_problem_can_be_looked_up() {
 
 #[test]
 fn every_type_of_problem_has_cause_example_and_remedy_as_json_and_as_a_page() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let document = server.get("/openapi.json").json();
     let types = &document["components"]["schemas"]["Problem"]["properties"]["type"]["enum"];
     let types: Vec<&str> = types.as_array().unwrap().iter().map(|t| t.as_str().unwrap()).collect();
@@ -85,7 +86,7 @@ fn every_type_of_problem_has_cause_example_and_remedy_as_json_and_as_a_page() {
 
 #[test]
 fn the_index_links_to_what_there_is_and_head_has_no_body() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let as_json = [("Accept", "application/json")];
     let index = send(server.public, "GET", "/", &as_json, &[]).json();
     assert_eq!(server.get(index["links"]["methods"].as_str().unwrap()).status, 200);
@@ -102,7 +103,7 @@ fn the_index_links_to_what_there_is_and_head_has_no_body() {
 
 #[test]
 fn the_metrics_count_what_was_answered_and_name_no_client_text() {
-    let server = Server::start(&["--workers", "2"]);
+    let server = Service::start(&["--workers", "2"]);
     server.mesh("", &[], &disc(30, 30, 3));
     server.get("/secret-path?token=abc");
     send(server.public, "BREW", "/secret-path", &[], &[]);

@@ -1,17 +1,18 @@
 //! Mesh files to every other format and size.
 
 use crate::client::{Answer, field, form, send};
+use crate::in_process::Service;
 use crate::pictures::disc_image;
 use crate::pictures::{disc, flat, png};
-use crate::server::Server;
+use crate::server::{Client, Server};
 use pixmesh_codec::{Format, Limits, read_model};
 use pixmesh_meshing::rasterize;
 
-fn convert(server: &Server, query: &str, file: &[u8]) -> Answer {
+fn convert(server: &Client, query: &str, file: &[u8]) -> Answer {
     send(server.public, "POST", &format!("/v1/conversions?{query}"), &[], file)
 }
 
-fn convert_form(server: &Server, query: &str, parts: &[(&str, &[u8])]) -> Answer {
+fn convert_form(server: &Client, query: &str, parts: &[(&str, &[u8])]) -> Answer {
     let fields: Vec<_> = parts.iter().map(|(name, content)| (field(name), *content)).collect();
     let parts: Vec<_> = fields.iter().map(|(name, content)| (name.as_str(), *content)).collect();
     let (label, body) = form(&parts);
@@ -158,7 +159,7 @@ fn damaged_mesh_files_are_refused_by_name() {
 
 #[test]
 fn pictures_are_rebuilt_from_and_compared_with_pmesh_too() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(60, 50, 3);
     let direct = server.mesh("size=60&format=png", &[], &image);
     let pmesh = server.mesh("size=60&format=pmesh", &[], &image).body;

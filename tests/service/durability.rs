@@ -4,7 +4,7 @@
 
 use crate::client::{Answer, try_send};
 use crate::pictures::{disc, noise};
-use crate::server::{Folder, Server, program};
+use crate::server::{Client, Folder, Server, program};
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::process::Command;
@@ -187,7 +187,7 @@ fn wait_for_ends(server: &Server) {
     }
 }
 
-fn count_listed(server: &Server) -> usize {
+fn count_listed(server: &Client) -> usize {
     let (mut count, mut next) = (0, Some("/v1/jobs?limit=100".to_owned()));
     while let Some(target) = next {
         let page = server.get(&target).json();
@@ -262,7 +262,7 @@ fn sigterm_at_saturation_breaks_nothing_that_was_accepted() {
 }
 
 /// Waits for a job in a queue of others.
-fn wait_long_for(server: &Server, job: &str, state: &str) -> serde_json::Value {
+fn wait_long_for(server: &Client, job: &str, state: &str) -> serde_json::Value {
     let began = Instant::now();
     loop {
         let document = server.get(job).json();

@@ -1,8 +1,9 @@
 //! The events of a job, as a browser's EventSource would hear them.
 
 use crate::client::connect;
+use crate::in_process::Service;
 use crate::pictures::{disc, noise};
-use crate::server::Server;
+use crate::server::{Client, Server};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
@@ -21,7 +22,7 @@ struct Stream(BufReader<TcpStream>);
 
 impl Stream {
     /// Follows a job, from after an event on.
-    fn of(server: &Server, job: &str, last: Option<u64>) -> Self {
+    fn of(server: &Client, job: &str, last: Option<u64>) -> Self {
         let mut stream = connect(server.public);
         let last = last.map_or_else(String::new, |id| format!("Last-Event-ID: {id}\r\n"));
         let request = format!(
@@ -80,7 +81,7 @@ fn states(events: &[Event]) -> Vec<&str> {
 
 #[test]
 fn a_job_is_followed_from_its_beginning_to_its_end() {
-    let server = Server::start(&["--workers", "1"]);
+    let server = Service::start(&["--workers", "1"]);
     let job = server.job("method=mgpr&density=1", &noise(1024));
     let events = Stream::of(&server, &job, None).rest();
     assert_eq!(states(&events), ["queued", "running", "completed"]);
@@ -106,7 +107,7 @@ fn a_job_is_followed_from_its_beginning_to_its_end() {
 
 #[test]
 fn who_comes_back_hears_what_was_missed_and_nothing_twice() {
-    let server = Server::start(&["--workers", "1"]);
+    let server = Service::start(&["--workers", "1"]);
     let slow = server.job("method=mgpr&density=1", &noise(1024));
     server.wait_for(&slow, "running");
     let job = server.job("method=med&size=20", &disc(20, 20, 1));

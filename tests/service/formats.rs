@@ -1,6 +1,7 @@
 //! What comes back: each format, its headers, and the same bytes every time.
 
 use crate::client::Answer;
+use crate::in_process::Service;
 use crate::pictures::{disc, disc_image};
 use crate::server::Server;
 use pixmesh_codec::{Limits, decode, read_model};
@@ -23,7 +24,7 @@ const FORMATS: [(&str, &str, &str, &[u8]); 11] = [
 
 #[test]
 fn every_format_is_answered_by_name_and_by_accept() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(60, 40, 3);
     for (name, content_type, file_name, start) in FORMATS {
         let media_type = content_type.split(';').next().unwrap();
@@ -42,7 +43,7 @@ fn every_format_is_answered_by_name_and_by_accept() {
 
 #[test]
 fn the_format_asked_for_by_name_wins_over_accept_and_model_is_the_default() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let content_type = |query: &str, headers: &[(&str, &str)]| {
         server.mesh(query, headers, &image).header("content-type").to_owned()
@@ -86,7 +87,7 @@ fn the_headers_tell_the_figures_of_the_mesh_that_the_body_holds() {
 
 #[test]
 fn the_picture_rebuilt_is_the_one_that_the_figures_are_about() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc_image(50, 50, 1);
     for format in ["png", "pnm"] {
         let answer = server.mesh(&format!("format={format}&density=5"), &[], &disc(50, 50, 1));
@@ -98,7 +99,7 @@ fn the_picture_rebuilt_is_the_one_that_the_figures_are_about() {
 
 #[test]
 fn a_perfect_copy_has_infinite_psnr() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let answer = server.mesh("density=100&method=mgpr", &[], &disc(16, 12, 1));
     assert_eq!(answer.header("mesh-psnr"), "inf", "{}", answer.text());
     assert_eq!(answer.header("mesh-vertices"), (16 * 12).to_string());
@@ -106,7 +107,7 @@ fn a_perfect_copy_has_infinite_psnr() {
 
 #[test]
 fn the_same_request_gives_the_same_bytes_and_the_tag_is_theirs() {
-    let server = Server::start(&["--workers", "2"]);
+    let server = Service::start(&["--workers", "2"]);
     let image = disc(64, 64, 3);
     let first = server.mesh("density=3", &[], &image);
     std::thread::scope(|scope| {
@@ -127,7 +128,7 @@ fn the_same_request_gives_the_same_bytes_and_the_tag_is_theirs() {
 
 #[test]
 fn what_was_run_can_be_asked_for_again() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(40, 40, 1);
     for query in
         ["method=gprfsed&density=3", "method=med&size=50&policy=psd_avg_l", "target_psnr=30"]
@@ -141,7 +142,7 @@ fn what_was_run_can_be_asked_for_again() {
 
 #[test]
 fn every_method_makes_a_mesh_of_the_size_asked_for() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let methods = server.get("/v1/methods").json();
     for method in methods["methods"].as_array().unwrap() {
         let components = method["components"].as_u64().unwrap_or(3) as usize;

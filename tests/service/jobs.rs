@@ -1,8 +1,9 @@
 //! Jobs: submitted, looked at, cancelled, listed, and their meshes.
 
 use crate::client::{Answer, assert_median_within, field, form, send};
+use crate::in_process::Service;
 use crate::pictures::{disc, noise};
-use crate::server::{Folder, Server};
+use crate::server::{Client, Folder, Server};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pixmesh_codec::Format;
@@ -15,11 +16,11 @@ const SLOW: &str = "method=mgpr&density=1";
 /// No job of anybody.
 const UNKNOWN: &str = "/v1/jobs/01890000-0000-7000-8000-000000000000";
 
-fn delete(server: &Server, job: &str) -> Answer {
+fn delete(server: &Client, job: &str) -> Answer {
     send(server.public, "DELETE", job, &[], &[])
 }
 
-fn get(server: &Server, target: &str, headers: &[(&str, &str)]) -> Answer {
+fn get(server: &Client, target: &str, headers: &[(&str, &str)]) -> Answer {
     send(server.public, "GET", target, headers, &[])
 }
 
@@ -97,7 +98,7 @@ fn faces_of_a_flat_mesh_have_the_same_colors_in_every_answer() {
 }
 
 /// The answer to HEAD, which has no body.
-fn head(server: &Server, target: &str) -> String {
+fn head(server: &Client, target: &str) -> String {
     use std::io::{Read, Write};
     let mut stream = crate::client::connect(server.public);
     let request = format!("HEAD {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
@@ -148,7 +149,7 @@ fn a_mesh_is_sent_in_part_or_not_at_all_where_the_client_says_so() {
 
 #[test]
 fn parameters_of_a_job_are_refused_like_those_of_a_request() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     for (query, status, slug) in [
         ("density=0", 422, "parameter-out-of-range"),
@@ -172,7 +173,7 @@ fn parameters_of_a_job_are_refused_like_those_of_a_request() {
 
 #[test]
 fn a_job_can_be_a_form_or_json() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(30, 30, 1);
     let json = |body: &str| {
         send(
@@ -216,7 +217,7 @@ fn a_job_can_be_a_form_or_json() {
 
 #[test]
 fn the_same_idempotency_key_is_the_same_job_for_the_same_content_alone() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(30, 30, 1);
     let key = [("Idempotency-Key", "3fa1-word")];
     let first = server.submit("size=50&method=med", &key, &image);
@@ -251,7 +252,7 @@ fn the_same_idempotency_key_is_the_same_job_for_the_same_content_alone() {
 
 #[test]
 fn clients_that_repeat_a_submission_at_once_make_one_job() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(40, 40, 1);
     let mut locations: Vec<String> = thread::scope(|scope| {
         let submit = || {
@@ -314,7 +315,7 @@ fn a_job_that_fails_says_why_and_has_no_mesh() {
 
 #[test]
 fn a_job_that_can_never_fit_is_refused_when_it_is_submitted() {
-    let server = Server::start(&["--memory-budget", "64MiB"]);
+    let server = Service::start(&["--memory-budget", "64MiB"]);
     let problem = server.submit("method=mgpr", &[], &noise(2000)).problem(422, "work-too-large");
     assert_eq!(problem["setting"], "--memory-budget");
     assert!(problem["actual"].as_u64() > problem["limit"].as_u64(), "{problem}");
@@ -355,7 +356,7 @@ fn cancelling_stops_running_work_at_once_and_frees_its_worker() {
 
 #[test]
 fn jobs_are_listed_newest_first_and_page_by_page() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let jobs: Vec<String> =
         (0..5).map(|i| server.job("method=med&size=20", &disc(20 + i, 20, 1))).collect();
     for job in &jobs {
@@ -389,7 +390,7 @@ fn jobs_are_listed_newest_first_and_page_by_page() {
 
 #[test]
 fn what_is_no_name_of_a_job_is_not_found() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     for name in [
         "..%2f..%2fetc%2fpasswd",
         "%00",
@@ -430,7 +431,7 @@ fn blobs(folder: &Folder) -> usize {
 
 #[test]
 fn more_jobs_than_may_wait_are_turned_away_at_once() {
-    let server = Server::start(&["--workers", "1", "--max-queued-jobs", "3"]);
+    let server = Service::start(&["--workers", "1", "--max-queued-jobs", "3"]);
     let running = server.job(SLOW, &noise(1024));
     server.wait_for(&running, "running");
     let waiting: Vec<String> = (0..3).map(|i| server.job("", &disc(20 + i, 20, 1))).collect();

@@ -1,8 +1,9 @@
 //! More work than there are workers: what waits, what is turned away, and who frees what.
 
 use crate::client::{Answer, assert_median_within, connect};
+use crate::in_process::Service;
 use crate::pictures::{colour_noise, disc, flat, noise};
-use crate::server::Server;
+use crate::server::{Client, Server};
 use std::io::Write;
 use std::net::TcpStream;
 use std::thread;
@@ -12,12 +13,12 @@ use std::time::{Duration, Instant};
 const SLOW: &str = "method=mgpr&density=1";
 
 /// Sends slow work, and does not wait for its answer.
-fn begin_slow_work(server: &Server, image: &[u8]) -> TcpStream {
+fn begin_slow_work(server: &Client, image: &[u8]) -> TcpStream {
     begin_work(server, SLOW, image)
 }
 
 /// Sends work, and does not wait for its answer.
-fn begin_work(server: &Server, query: &str, image: &[u8]) -> TcpStream {
+fn begin_work(server: &Client, query: &str, image: &[u8]) -> TcpStream {
     let mut stream = connect(server.public);
     let length = image.len();
     let head = format!(
@@ -47,7 +48,7 @@ fn a_client_that_leaves_frees_its_worker_its_memory_and_its_place() {
     server.wait_until_idle();
     assert!(!server.log().contains("meshed"), "it was stopped and not done");
     assert_eq!(server.mesh("", &[], &disc(30, 30, 1)).status, 200);
-    server.wait_until("the log says so", || server.log().contains("the client went away"));
+    server.wait_until("the log says so", || server.log().contains("client disconnected"));
 }
 
 #[test]
@@ -227,7 +228,7 @@ fn large() -> Vec<u8> {
 }
 
 /// Asks for a large answer, and reads nothing of it.
-fn ask_for_large_answer(server: &Server, image: &[u8]) -> TcpStream {
+fn ask_for_large_answer(server: &Client, image: &[u8]) -> TcpStream {
     let mut stream = connect(server.public);
     let head = format!(
         "POST /v1/meshes?method=med&size=4&format=pnm HTTP/1.1\r\nHost: localhost\r\n\
@@ -277,7 +278,7 @@ fn clients_that_read_nothing_stay_within_the_budget_and_are_cut() {
 fn tiny_requests_do_not_let_in_more_large_ones_than_can_be_served() {
     let (tiny, larger) = (disc(20, 20, 1), noise(400));
     assert_median_within(Duration::from_millis(2100), || {
-        let server = Server::start(&["--workers", "1", "--queue-seconds", "1"]);
+        let server = Service::start(&["--workers", "1", "--queue-seconds", "1"]);
         for _ in 0..200 {
             assert_eq!(server.mesh("", &[], &tiny).status, 200);
         }
@@ -286,7 +287,7 @@ fn tiny_requests_do_not_let_in_more_large_ones_than_can_be_served() {
 }
 
 /// The longest that any of sixteen clients at once waited, for a worker or to be refused.
-fn longest_wait_of_sixteen(server: &Server, larger: &[u8]) -> Duration {
+fn longest_wait_of_sixteen(server: &Client, larger: &[u8]) -> Duration {
     let answers: Vec<_> = thread::scope(|scope| {
         let send = || server.mesh("method=mgpr&density=1", &[], larger);
         let clients: Vec<_> = (0..16).map(|_| scope.spawn(send)).collect();

@@ -1,4 +1,5 @@
-//! Black-box tests: the real program, real sockets, pictures made here.
+//! Black-box tests: the service over real sockets, in this process or as a program of its own, and
+//! pictures made here.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod access;
@@ -9,6 +10,7 @@ mod conversions;
 mod durability;
 mod events;
 mod formats;
+mod in_process;
 mod jobs;
 mod keys;
 mod lifecycle;

@@ -1,5 +1,6 @@
 //! The parameters that change how the image is read and how the mesh is written.
 
+use crate::in_process::Service;
 use crate::pictures::{disc, disc_image, png, sprite};
 use crate::server::Server;
 use pixmesh_codec::{
@@ -21,7 +22,7 @@ fn document(glb: &[u8]) -> Value {
 
 #[test]
 fn a_relief_has_the_height_asked_for_and_says_so() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(40, 30, 1);
     let answer = server.mesh("format=ply&height=7.5&pixel_size=0.5&base=2&density=4", &[], &image);
     assert_eq!(answer.status, 200, "{}", answer.text());
@@ -46,7 +47,7 @@ fn an_elevation_model_becomes_metres() {
     let samples = (0..20_u16 * 10).map(|i| 1000 * (i % 20)).collect();
     let mut png = Vec::new();
     write_png(&Image::from_bottom_up(20, 10, 16, vec![samples]).unwrap(), &mut png).unwrap();
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let stl = server.mesh("format=stl&z_scale=0.1&pixel_size=30&base=5&density=50", &[], &png);
     let triangles = stl.body[84..].chunks_exact(50);
     let lengths: Vec<[f32; 3]> = triangles
@@ -64,7 +65,7 @@ fn an_elevation_model_lies_and_has_colors() {
     // Heights of 1200 to 1390 of 65535, which are black as a picture.
     let samples = (0..20_u16 * 10).map(|i| 1200 + 10 * (i % 20)).collect();
     let png = png(&Image::from_bottom_up(20, 10, 16, vec![samples]).unwrap());
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let glb = server.mesh("format=glb&z_scale=1", &[], &png).body;
     let node = document(&glb)["nodes"][0].clone();
     let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -106,7 +107,7 @@ fn an_elevation_model_lies_and_has_colors() {
 
 #[test]
 fn gltf_is_compressed_and_textured_on_request() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(60, 40, 3);
     let plain = server.mesh("format=glb&density=20", &[], &image).body;
     let packed = server.mesh("format=glb&density=20&compression=meshopt", &[], &image).body;
@@ -121,7 +122,7 @@ fn gltf_is_compressed_and_textured_on_request() {
 
 #[test]
 fn alpha_is_kept_cut_dropped_or_composed() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 4);
     let start = |query: &str| {
         let answer = server.mesh(query, &[], &image);
@@ -145,7 +146,7 @@ fn alpha_is_kept_cut_dropped_or_composed() {
 
 #[test]
 fn a_jobs_mesh_can_be_cut_later_but_its_alpha_not_dropped() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let job = server.job("size=40", &sprite(60));
     server.wait_for(&job, "completed");
     let mesh = |query: &str| server.get(&format!("{job}/mesh?format=ply{query}"));
@@ -160,7 +161,7 @@ fn a_jobs_mesh_can_be_cut_later_but_its_alpha_not_dropped() {
 
 #[test]
 fn an_image_that_ends_early_is_only_taken_when_asked_to() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(60, 40, 1);
     let cut = &image[..image.len() - 40];
     server.mesh("", &[], cut).problem(422, "image-decode-failed");
@@ -173,7 +174,7 @@ fn an_image_that_ends_early_is_only_taken_when_asked_to() {
 
 #[test]
 fn what_cannot_be_is_refused_before_any_work() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let refused = |query: &str, status: u16, kind: &str| {
         server.mesh(query, &[], &image).problem(status, kind)["param"].clone()

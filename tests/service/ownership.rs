@@ -1,17 +1,18 @@
 //! Whose jobs are whose, and how many one key's name may have.
 
 use crate::client::{Answer, send};
+use crate::in_process::Service;
 use crate::keys::KeysFile;
 use crate::pictures::{disc, noise};
-use crate::server::Server;
+use crate::server::{Client, Server};
 
-/// A client with a key.
-struct Client<'a> {
-    server: &'a Server,
+/// Somebody with a key.
+struct KeyHolder<'a> {
+    server: &'a Client,
     bearer: String,
 }
 
-impl Client<'_> {
+impl KeyHolder<'_> {
     fn send(&self, method: &str, target: &str, extra: &[(&str, &str)], body: &[u8]) -> Answer {
         let headers = [&[("Authorization", self.bearer.as_str())], extra].concat();
         send(self.server.public, method, target, &headers, body)
@@ -33,15 +34,15 @@ impl Client<'_> {
     }
 }
 
-fn client<'a>(server: &'a Server, file: &KeysFile, name: &str) -> Client<'a> {
-    Client { server, bearer: format!("Bearer {}", file.issue(name)) }
+fn client<'a>(server: &'a Client, file: &KeysFile, name: &str) -> KeyHolder<'a> {
+    KeyHolder { server, bearer: format!("Bearer {}", file.issue(name)) }
 }
 
 #[test]
 fn a_job_is_there_for_its_owner_alone() {
     let file = KeysFile::new("ownership");
     file.issue("anybody");
-    let server = Server::start(&["--keys-file", file.path()]);
+    let server = Service::start(&["--keys-file", file.path()]);
     let [mine, mine_too, theirs] =
         ["mine", "mine", "theirs"].map(|name| client(&server, &file, name));
     for client in [&mine, &mine_too, &theirs] {
@@ -64,7 +65,7 @@ fn a_job_is_there_for_its_owner_alone() {
     assert_eq!((mine.listed(), mine_too.listed(), theirs.listed()), (1, 1, 0));
     assert_eq!(mine_too.send("GET", &format!("{job}/mesh"), &[], &[]).status, 200, "one name");
     let word = [("Idempotency-Key", "once")];
-    let submit = |client: &Client<'_>| client.send("POST", "/v1/jobs?size=9", &word, &image);
+    let submit = |client: &KeyHolder<'_>| client.send("POST", "/v1/jobs?size=9", &word, &image);
     let [first, again, other] = [submit(&mine), submit(&mine_too), submit(&theirs)];
     assert_eq!(first.header("location"), again.header("location"));
     assert_ne!(first.header("location"), other.header("location"), "each has words of its own");
@@ -77,7 +78,7 @@ fn jobs_of_a_key_keep_so_many_bytes_and_no_more() {
     file.issue("anybody");
     let picture = noise(900);
     let limit = picture.len() * 3 / 2;
-    let server = Server::start(&[
+    let server = Service::start(&[
         "--keys-file",
         file.path(),
         "--key-stored-bytes",

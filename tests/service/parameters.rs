@@ -1,6 +1,7 @@
 //! What a parameter may be: one table, the same for the query, a field and JSON.
 
 use crate::client::{field, form, send};
+use crate::in_process::Service;
 use crate::pictures::disc;
 use crate::server::Server;
 use pixmesh_engine::params::TABLE;
@@ -97,7 +98,7 @@ fn every_wrong_value_gets_its_refusal_at_once() {
 
 #[test]
 fn a_number_out_of_bounds_is_answered_with_the_nearest_that_is_not() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     for (query, nearest) in [
         ("target_psnr=-1", 0.0),
@@ -120,7 +121,7 @@ fn a_number_out_of_bounds_is_answered_with_the_nearest_that_is_not() {
 
 #[test]
 fn fields_are_refused_like_the_query() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     for (query, status, slug) in REFUSALS {
         let simple =
@@ -135,7 +136,7 @@ fn fields_are_refused_like_the_query() {
 
 #[test]
 fn json_is_refused_like_the_query() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let mut tried = 0;
     for (query, status, slug) in REFUSALS {
@@ -157,7 +158,7 @@ fn json_is_refused_like_the_query() {
 
 #[test]
 fn the_list_of_methods_has_every_parameter_of_the_parser() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let list = server.get("/v1/methods").json();
     let image = disc(20, 20, 3);
     let parameters = list["parameters"].as_array().unwrap();
@@ -186,7 +187,7 @@ fn the_list_of_methods_has_every_parameter_of_the_parser() {
 
 #[test]
 fn a_refusal_carries_bounds_alternatives_and_the_nearest_name() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let refusal = |query: &str| server.mesh(query, &[], &image).json();
     let problem = refusal("density=101");
@@ -208,7 +209,7 @@ fn a_refusal_carries_bounds_alternatives_and_the_nearest_name() {
 
 #[test]
 fn a_target_that_the_initial_points_cannot_reach_is_refused() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(40, 40, 1);
     for target in ["target_psnr=60", "target_error=0.01", "max_error=1"] {
         let query = format!("{target}&initial_size=50");
@@ -222,7 +223,7 @@ fn a_target_that_the_initial_points_cannot_reach_is_refused() {
 
 #[test]
 fn a_plus_may_be_written_as_it_is_escaped_or_as_the_blank_of_a_form() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(60, 40, 3);
     let plain = server.mesh("method=med&size=90", &[], &image);
     let plus = server.mesh("method=med%2B&size=90", &[], &image);
@@ -247,7 +248,7 @@ fn a_plus_may_be_written_as_it_is_escaped_or_as_the_blank_of_a_form() {
 
 #[test]
 fn without_a_target_the_mesh_has_two_percent_of_the_pixels() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let answer = server.mesh("", &[], &disc(50, 40, 3));
     assert_eq!(answer.header("mesh-vertices"), "40");
     assert!(answer.header("mesh-parameters").starts_with("method=mgprfs&density=2&"));
@@ -255,7 +256,7 @@ fn without_a_target_the_mesh_has_two_percent_of_the_pixels() {
 
 #[test]
 fn every_choice_changes_the_mesh_and_is_named_in_the_answer() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(40, 30, 3);
     let plain = server.mesh("size=30&gamma=8", &[], &image);
     for choice in [

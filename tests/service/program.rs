@@ -1,8 +1,9 @@
 //! The subcommands that work on files, as a user types them.
 
 use crate::client::send;
+use crate::in_process::Service;
 use crate::pictures::disc;
-use crate::server::{Server, program};
+use crate::server::program;
 use serde_json::Value;
 use std::io::Write;
 use std::path::Path;
@@ -51,7 +52,7 @@ fn folder() -> TempDir {
 
 #[test]
 fn the_same_parameters_give_the_bytes_of_the_service() {
-    let (server, folder) = (Server::start(&[]), folder());
+    let (server, folder) = (Service::start(&[]), folder());
     let (path, image) = (folder.path(), disc(60, 50, 3));
     for (words, query) in [
         ("-n 80 -f glb", "size=80&format=glb"),

@@ -1,9 +1,12 @@
-//! The program under test, on ports of its own; killed when dropped.
+//! The program under test as a process of its own, on free ports; killed when dropped. What needs no
+//! log, metrics, signals or memory of its own runs in the process of the tests instead
+//! (`in_process.rs`).
 
 use crate::client::{Answer, send};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -57,11 +60,17 @@ impl Drop for Folder {
     }
 }
 
-/// A running service.
-pub(crate) struct Server {
-    child: Child,
+/// Asks a service at these addresses.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Client {
     pub(crate) public: SocketAddr,
     pub(crate) operations: SocketAddr,
+}
+
+/// A running program.
+pub(crate) struct Server {
+    child: Child,
+    client: Client,
     log: Arc<Mutex<String>>,
     /// Shared by those that are started one after another with the same jobs.
     _folder: Arc<Folder>,
@@ -112,47 +121,10 @@ impl Server {
         };
         let public = address("listening on http://");
         let operations = address("operations on http://");
-        let server = Self { child, public, operations, log, _folder: folder };
+        let client = Client { public, operations };
+        let server = Self { child, client, log, _folder: folder };
         server.wait_until("it is ready", || server.operate("/readyz").status == 200);
         server
-    }
-
-    /// Sends an image with a query and headers.
-    pub(crate) fn mesh(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
-        send(self.public, "POST", &format!("/v1/meshes?{query}"), headers, image)
-    }
-
-    /// Submits a job with a query and headers.
-    pub(crate) fn submit(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
-        send(self.public, "POST", &format!("/v1/jobs?{query}"), headers, image)
-    }
-
-    /// Submits a job that is accepted, and returns where it is.
-    #[track_caller]
-    pub(crate) fn job(&self, query: &str, image: &[u8]) -> String {
-        let answer = self.submit(query, &[], image);
-        assert_eq!(answer.status, 202, "{}", answer.text());
-        answer.header("location").to_owned()
-    }
-
-    /// Waits until a job is in a state, and returns its document.
-    #[track_caller]
-    pub(crate) fn wait_for(&self, job: &str, state: &str) -> Value {
-        let mut document = Value::Null;
-        self.wait_until(&format!("{job} is {state}"), || {
-            document = self.get(job).json();
-            document["state"] == state
-        });
-        document
-    }
-
-    pub(crate) fn get(&self, target: &str) -> Answer {
-        send(self.public, "GET", target, &[], &[])
-    }
-
-    /// Asks the listener for operations.
-    pub(crate) fn operate(&self, target: &str) -> Answer {
-        send(self.operations, "GET", target, &[], &[])
     }
 
     /// The value of a metric, by its name with labels; 0 when it was never counted.
@@ -162,14 +134,10 @@ impl Server {
         line.map_or(0.0, |value| value.parse().unwrap())
     }
 
-    /// Waits until something holds, for 30 s at most: other tests run beside.
+    /// Waits as [`Client::wait_until`] does, and shows the log when it was in vain.
     #[track_caller]
-    pub(crate) fn wait_until(&self, what: &str, mut holds: impl FnMut() -> bool) {
-        let began = Instant::now();
-        while !holds() {
-            assert!(began.elapsed() < Duration::from_secs(30), "never: {what}\n{}", self.log());
-            thread::sleep(Duration::from_millis(10));
-        }
+    pub(crate) fn wait_until(&self, what: &str, holds: impl FnMut() -> bool) {
+        wait_until(what, holds, || self.log());
     }
 
     /// Waits until nothing waits, runs or holds memory.
@@ -223,6 +191,69 @@ impl Server {
     /// Waits for the end of the process.
     pub(crate) fn wait(&mut self) -> ExitStatus {
         self.child.wait().unwrap()
+    }
+}
+
+impl Deref for Server {
+    type Target = Client;
+
+    fn deref(&self) -> &Client {
+        &self.client
+    }
+}
+
+impl Client {
+    /// Sends an image with a query and headers.
+    pub(crate) fn mesh(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
+        send(self.public, "POST", &format!("/v1/meshes?{query}"), headers, image)
+    }
+
+    /// Submits a job with a query and headers.
+    pub(crate) fn submit(&self, query: &str, headers: &[(&str, &str)], image: &[u8]) -> Answer {
+        send(self.public, "POST", &format!("/v1/jobs?{query}"), headers, image)
+    }
+
+    /// Submits a job that is accepted, and returns where it is.
+    #[track_caller]
+    pub(crate) fn job(&self, query: &str, image: &[u8]) -> String {
+        let answer = self.submit(query, &[], image);
+        assert_eq!(answer.status, 202, "{}", answer.text());
+        answer.header("location").to_owned()
+    }
+
+    /// Waits until a job is in a state, and returns its document.
+    #[track_caller]
+    pub(crate) fn wait_for(&self, job: &str, state: &str) -> Value {
+        let mut document = Value::Null;
+        self.wait_until(&format!("{job} is {state}"), || {
+            document = self.get(job).json();
+            document["state"] == state
+        });
+        document
+    }
+
+    pub(crate) fn get(&self, target: &str) -> Answer {
+        send(self.public, "GET", target, &[], &[])
+    }
+
+    /// Asks the listener for operations.
+    pub(crate) fn operate(&self, target: &str) -> Answer {
+        send(self.operations, "GET", target, &[], &[])
+    }
+
+    /// Waits until something holds, for 30 s at most: other tests run beside.
+    #[track_caller]
+    pub(crate) fn wait_until(&self, what: &str, holds: impl FnMut() -> bool) {
+        wait_until(what, holds, String::new);
+    }
+}
+
+#[track_caller]
+fn wait_until(what: &str, mut holds: impl FnMut() -> bool, log: impl Fn() -> String) {
+    let began = Instant::now();
+    while !holds() {
+        assert!(began.elapsed() < Duration::from_secs(30), "never: {what}\n{}", log());
+        thread::sleep(Duration::from_millis(10));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::client::{Answer, send};
 use crate::pictures::{disc, disc_image};
-use crate::server::{Folder, Server};
+use crate::server::{Client, Folder, Server};
 use pixmesh_codec::{Limits, read_model, read_pmesh, read_progression};
 use pixmesh_meshing::{Fidelity, rasterize};
 use std::sync::Arc;
@@ -10,12 +10,12 @@ use std::sync::Arc;
 /// A job of 100 vertices, which starts with 400 points.
 const QUERY: &str = "size=100&initial_size=400";
 
-fn get(server: &Server, target: &str, headers: &[(&str, &str)]) -> Answer {
+fn get(server: &Client, target: &str, headers: &[(&str, &str)]) -> Answer {
     send(server.public, "GET", target, headers, &[])
 }
 
 /// Submits a job and waits for it; tells where its mesh is.
-fn mesh_of(server: &Server, query: &str, image: &[u8]) -> String {
+fn mesh_of(server: &Client, query: &str, image: &[u8]) -> String {
     let job = server.job(query, image);
     server.wait_for(&job, "completed");
     format!("{job}/mesh")

@@ -1,6 +1,7 @@
 //! The wire: limits, timeouts, methods, and requests that mean two things.
 
 use crate::client::{assert_median_within, connect, connect_from, exchange, receive, send};
+use crate::in_process::Service;
 use crate::pictures::disc;
 use crate::server::Server;
 use rustix::process::{Resource, getrlimit, setrlimit};
@@ -37,7 +38,7 @@ fn a_body_over_the_limit_is_refused_announced_or_not() {
 
 #[test]
 fn a_chunked_body_is_received_and_ends_its_connection() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let mut request =
         b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n"
@@ -54,7 +55,7 @@ fn a_chunked_body_is_received_and_ends_its_connection() {
 
 #[test]
 fn one_connection_serves_many_requests() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let mut stream = connect(server.public);
     for _ in 0..5 {
@@ -69,7 +70,7 @@ fn one_connection_serves_many_requests() {
 
 #[test]
 fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     for target in
         ["/nothing", "/v1", "/v1/meshes/", "/v1/meshes/..%2f..%2fetc", "/%00", "/v1/jobs/1"]
     {
@@ -126,7 +127,7 @@ fn paths_methods_and_targets_that_do_not_exist_are_problems_too() {
 
 #[test]
 fn a_request_id_that_could_do_harm_is_replaced() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let id = |given: &str| {
         let answer = send(server.public, "GET", "/", &[("X-Request-ID", given)], &[]);
         answer.header("x-request-id").to_owned()
@@ -141,7 +142,7 @@ fn a_request_id_that_could_do_harm_is_replaced() {
 #[test]
 fn a_header_that_does_not_arrive_closes_the_connection() {
     // So long that no busy machine takes it between a connection and its first bytes.
-    let server = Server::start(&["--header-timeout", "3s"]);
+    let server = Service::start(&["--header-timeout", "3s"]);
     let mut kept = connect(server.public);
     let request = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n";
     kept.write_all(request).unwrap();
@@ -165,7 +166,7 @@ fn a_header_that_does_not_arrive_closes_the_connection() {
 
 #[test]
 fn a_body_may_arrive_for_longer_than_a_header_on_a_kept_connection() {
-    let server = Server::start(&["--header-timeout", "1s"]);
+    let server = Service::start(&["--header-timeout", "1s"]);
     let mut stream = connect(server.public);
     let image = disc(20, 20, 1);
     for _ in 0..2 {
@@ -182,7 +183,7 @@ fn a_body_may_arrive_for_longer_than_a_header_on_a_kept_connection() {
 
 #[test]
 fn a_connection_without_requests_is_closed() {
-    let server = Server::start(&["--keep-alive-timeout", "1s"]);
+    let server = Service::start(&["--keep-alive-timeout", "1s"]);
     let mut idle = connect(server.public);
     idle.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     assert_eq!(receive(&mut idle, Instant::now()).status, 200);
@@ -206,7 +207,7 @@ fn a_body_that_does_not_arrive_is_answered_408() {
 
 #[test]
 fn connections_over_the_number_are_told_so() {
-    let server = Server::start(&["--max-connections", "3"]);
+    let server = Service::start(&["--max-connections", "3"]);
     let held: Vec<_> = (0..3).map(|_| connect(server.public)).collect();
     let mut over = connect(server.public);
     let answer = receive(&mut over, Instant::now());
@@ -256,7 +257,7 @@ fn allow_descriptors(count: u64) {
 
 #[test]
 fn bodies_share_a_memory_of_their_own() {
-    let server = Server::start(&["--memory-budget", "4MiB"]);
+    let server = Service::start(&["--memory-budget", "4MiB"]);
     let mut slow = connect(server.public);
     let head = b"POST /v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000000\r\n\r\n";
     slow.write_all(&[head.as_slice(), &[0; 900_000]].concat()).unwrap();
@@ -315,7 +316,7 @@ fn few_descriptors_leave_the_listener_for_operations_its_own() {
 
 #[test]
 fn a_request_names_one_host() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     for headers in ["", "Host: localhost\r\nHost: b\r\n", "Host: localhost\r\nHost: localhost\r\n"]
     {
         let request = format!("GET / HTTP/1.1\r\n{headers}\r\n");

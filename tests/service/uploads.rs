@@ -1,14 +1,15 @@
 //! How an image may be sent, and what a form must be like.
 
 use crate::client::{Answer, connect, exchange, field, form, receive, send};
+use crate::in_process::Service;
 use crate::pictures::{disc, flat};
-use crate::server::Server;
+use crate::server::Client;
 use std::io::Write;
 use std::time::Instant;
 
 const IMAGE: &str = "Content-Disposition: form-data; name=\"image\"; filename=\"../../etc/passwd\"";
 
-fn post_form(server: &Server, query: &str, parts: &[(&str, &[u8])]) -> Answer {
+fn post_form(server: &Client, query: &str, parts: &[(&str, &[u8])]) -> Answer {
     let (content_type, body) = form(parts);
     let target = format!("/v1/meshes?{query}");
     send(server.public, "POST", &target, &[("Content-Type", &content_type)], &body)
@@ -16,7 +17,7 @@ fn post_form(server: &Server, query: &str, parts: &[(&str, &[u8])]) -> Answer {
 
 #[test]
 fn a_raw_body_a_form_and_json_parameters_all_mean_the_same() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(50, 40, 3);
     let raw = server.mesh("density=3&method=med", &[("Content-Type", "image/png")], &image);
     assert_eq!(raw.status, 200, "{}", raw.text());
@@ -38,7 +39,7 @@ fn a_raw_body_a_form_and_json_parameters_all_mean_the_same() {
 
 #[test]
 fn the_content_decides_and_not_the_label() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     for label in ["image/jpeg", "image/nonsense", "application/octet-stream; x=y", "IMAGE/PNG"] {
         let answer = server.mesh("", &[("Content-Type", label)], &image);
@@ -56,7 +57,7 @@ fn the_content_decides_and_not_the_label() {
 
 #[test]
 fn compressed_bodies_are_refused_unread() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     for encoding in ["gzip", "br", "identity, gzip", "zstd"] {
         let answer = server.mesh("", &[("Content-Encoding", encoding)], &image);
@@ -68,7 +69,7 @@ fn compressed_bodies_are_refused_unread() {
 
 #[test]
 fn a_form_must_have_one_image_and_no_more_than_sixteen_parts() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let image: (&str, &[u8]) = (IMAGE, &image);
     let density = field("density");
@@ -135,7 +136,7 @@ fn a_form_must_have_one_image_and_no_more_than_sixteen_parts() {
 
 #[test]
 fn a_picture_in_a_part_of_another_name_is_refused_with_both_names() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let heic = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic";
     for image in [&disc(20, 20, 1)[..], heic] {
         for name in ["file", "density"] {
@@ -151,7 +152,7 @@ fn a_picture_in_a_part_of_another_name_is_refused_with_both_names() {
 
 #[test]
 fn a_mesh_in_a_part_of_another_name_is_refused_with_both_names() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     for format in ["model", "pmesh"] {
         let mesh = server.mesh(&format!("size=30&format={format}"), &[], &image).body;
@@ -166,7 +167,7 @@ fn a_mesh_in_a_part_of_another_name_is_refused_with_both_names() {
 
 #[test]
 fn slips_with_curl_are_answered_with_the_option_to_use() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let urlencoded = [("Content-Type", "application/x-www-form-urlencoded")];
     let detail = |body: &[u8]| {
         let problem = server.mesh("", &urlencoded, body).problem(400, "bad-request");
@@ -181,7 +182,7 @@ fn slips_with_curl_are_answered_with_the_option_to_use() {
 
 #[test]
 fn a_form_that_cannot_be_read_is_refused() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let malformed = |content_type: &str, body: &[u8]| {
         let headers = [("Content-Type", content_type)];
         let answer = send(server.public, "POST", "/v1/meshes", &headers, body);
@@ -200,7 +201,7 @@ fn a_form_that_cannot_be_read_is_refused() {
 
 #[test]
 fn a_form_over_the_limit_of_bodies_is_refused_like_any_body() {
-    let server = Server::start(&["--max-body", "64KiB"]);
+    let server = Service::start(&["--max-body", "64KiB"]);
     let answer = post_form(&server, "", &[(IMAGE, &[0; 100_000])]);
     assert_eq!(answer.problem(413, "body-too-large")["setting"], "--max-body");
     let mut chunked =
@@ -218,10 +219,10 @@ fn a_form_over_the_limit_of_bodies_is_refused_like_any_body() {
 #[test]
 fn a_form_may_be_as_long_as_any_body() {
     let image = flat(1000, 1000);
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let answer = post_form(&server, "size=4&method=med", &[(IMAGE, &image)]);
     assert_eq!(answer.status, 200, "{}", answer.text());
-    let server = Server::start(&["--max-body", "3000100"]);
+    let server = Service::start(&["--max-body", "3000100"]);
     let (content_type, body) = form(&[(IMAGE, &image)]);
     assert!(body.len() > 3_000_100);
     let mut chunked = format!(
@@ -237,7 +238,7 @@ fn a_form_may_be_as_long_as_any_body() {
 
 #[test]
 fn a_form_may_come_in_the_smallest_pieces() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let long_name = "n".repeat(10_000);
     let headers = format!("{IMAGE}\r\nX-Long: {long_name}");
     // A picture whose bytes look like the beginning of a boundary again and again.
@@ -262,7 +263,7 @@ fn a_form_may_come_in_the_smallest_pieces() {
 
 #[test]
 fn json_parameters_are_a_flat_object() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(20, 20, 1);
     let params = field("params");
     let post = |json: &[u8]| post_form(&server, "", &[(IMAGE, &image), (&params, json)]);

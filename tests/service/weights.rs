@@ -1,8 +1,9 @@
 //! Pictures that say how much each pixel of another one matters.
 
 use crate::client::{Answer, field, form, send};
+use crate::in_process::Service;
 use crate::pictures::{disc, disc_image, noise, png};
-use crate::server::{Folder, Server};
+use crate::server::{Client, Folder, Server};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pixmesh_codec::{Limits, decode, read_model, read_weights};
@@ -19,7 +20,7 @@ fn left() -> Vec<u8> {
         .unwrap())
 }
 
-fn post(server: &Server, path: &str, parts: &[(&str, &[u8])]) -> Answer {
+fn post(server: &Client, path: &str, parts: &[(&str, &[u8])]) -> Answer {
     let fields: Vec<(String, &[u8])> =
         parts.iter().map(|(name, bytes)| (field(name), *bytes)).collect();
     let fields: Vec<(&str, &[u8])> =
@@ -100,7 +101,7 @@ fn a_job_that_waits_keeps_its_weights_when_the_process_is_killed() {
 
 #[test]
 fn equal_weights_change_nothing_whatever_their_depth_colour_or_alpha() {
-    let server = Server::start(&[]);
+    let server = Service::start(&[]);
     let image = disc(SIDE, SIDE, 3);
     let plain = server.mesh(QUERY, &[], &image);
     for components in 1..=4 {

@@ -60,7 +60,7 @@ pub enum EngineError {
         budget_mib: usize,
     },
     /// The owner's share of the queue is full.
-    #[error("{waiting_s:.3} s of work wait already, more than {limit_s:.3} s")]
+    #[error("the queue is full: {waiting_s:.3} s of work are queued, the limit is {limit_s:.3} s")]
     QueueFull {
         /// Seconds of work that wait.
         waiting_s: f64,
@@ -70,7 +70,7 @@ pub enum EngineError {
         retry_after_s: u64,
     },
     /// As many requests of one key wait as may.
-    #[error("{waiting} requests of this key wait already, and {limit} may")]
+    #[error("this key has {waiting} queued requests already, the limit is {limit}")]
     KeyQueueFull {
         /// Requests that wait.
         waiting: usize,
@@ -101,12 +101,12 @@ pub enum EngineError {
     },
     /// The deadline passed before the task was done.
     #[error(
-        "the mesh was not done by the deadline: send a smaller image, or ask for fewer vertices or \
+        "the task did not finish by the deadline: send a smaller image, or ask for fewer vertices or \
          a faster method such as med"
     )]
     DeadlineExceeded,
     /// The task was stopped, because nobody waits for it or its deadline passed.
-    #[error("the work was stopped before it was done")]
+    #[error("the task was cancelled")]
     Cancelled(#[from] Cancelled),
     /// The scheduler gives out no more slots.
     #[error("the service is stopping")]

@@ -46,16 +46,16 @@ macro_rules! declare_metrics {
 
 declare_metrics! {
     STAGE_DURATION: Histogram "pixmesh_stage_duration_seconds" ["stage"]
-        "Seconds that a stage of the work took";
-    TASKS_IN_PROGRESS: Gauge "pixmesh_jobs_in_progress" [] "Meshes being made";
-    QUEUE_DEPTH: Gauge "pixmesh_queue_depth" [] "Requests that wait for a worker or memory";
-    QUEUE_WAIT: Histogram "pixmesh_queue_wait_seconds" [] "Seconds that work waited";
+        "Seconds of each stage of a task";
+    TASKS_IN_PROGRESS: Gauge "pixmesh_jobs_in_progress" [] "Running tasks, of requests and of jobs";
+    QUEUE_DEPTH: Gauge "pixmesh_queue_depth" [] "Requests queued for a worker or for memory";
+    QUEUE_WAIT: Histogram "pixmesh_queue_wait_seconds" [] "Seconds from admission of a task to its start";
     REQUESTS_SHED: Counter "pixmesh_requests_shed_total" ["reason"]
-        "Requests turned away because of load, by reason";
+        "Requests refused because of load or quotas, by reason";
     MEMORY_PERMITS: Gauge "pixmesh_memory_permits_mib" ["state"]
-        "Memory for work and its answers, used and in all, in MiB";
-    INPUT_PIXELS: Histogram "pixmesh_input_pixels" [] "Pixels of the images meshed";
-    MESH_VERTICES: Histogram "pixmesh_mesh_vertices" [] "Vertices of the meshes made";
+        "MiB of memory for tasks and their responses: used, and the limit";
+    INPUT_PIXELS: Histogram "pixmesh_input_pixels" [] "Pixels of meshed images";
+    MESH_VERTICES: Histogram "pixmesh_mesh_vertices" [] "Vertices of generated meshes";
 }
 
 /// Why a request was turned away.

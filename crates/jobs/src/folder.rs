@@ -142,7 +142,7 @@ impl DataFolder {
         let had = self.has_reserve.swap(false, Ordering::AcqRel);
         if had {
             let removed = fs::remove_file(self.path.join(RESERVE));
-            tracing::warn!(?removed, "the disk with the jobs is full: no jobs are accepted");
+            tracing::warn!(?removed, "disk of the data folder full; no new jobs accepted");
         }
         had
     }
@@ -155,7 +155,7 @@ impl DataFolder {
         match self.try_restore() {
             Ok(is_restored) => self.has_reserve.store(is_restored, Ordering::Release),
             Err(error) => {
-                tracing::warn!(%error, "no space can be kept back for deletions");
+                tracing::warn!(%error, "space for deletions not reserved");
                 let _ = fs::remove_file(self.path.join(RESERVE));
                 // Where no such file may be written, the service goes on without.
                 let is_forbidden = error.kind() != ErrorKind::StorageFull;

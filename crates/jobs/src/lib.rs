@@ -114,7 +114,7 @@ impl Jobs {
         };
         let blobs = Blobs::shared(&settings.blobs).await?;
         let opened = Postgres::open(url, &queue.postgres, terms).await;
-        let queue = Arc::new(opened.map_err(|error| format!("--queue {queue}: {error}"))?);
+        let queue = Arc::new(opened.map_err(|error| format!("--queue {}: {error}", queue.queue))?);
         Ok(Self::new(queue, blobs, terms))
     }
 

@@ -147,9 +147,9 @@ async fn listen(
                         "no notifications through this pooler: this node polls every second; name \
                          the database itself with --queue-direct"
                     ),
-                    Listening::Unsupported => tracing::warn!(
-                        "this database has no LISTEN and NOTIFY: this node polls every second"
-                    ),
+                    Listening::Unsupported => {
+                        tracing::warn!("database without LISTEN and NOTIFY; polling every second")
+                    }
                 }
                 return Ok(listening);
             }

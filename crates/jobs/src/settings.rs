@@ -3,12 +3,13 @@
 use crate::Secret;
 use crate::postgres::PostgresSettings;
 use clap::Args;
+use serde::{Serialize, Serializer};
 use std::fmt;
-use std::path::PathBuf;
 use std::str::FromStr;
 
 /// The engine of the queue and its connection.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct QueueSettings {
     /// Engine of the queue: `embedded`, a database in the data folder of one process; or a
     /// PostgreSQL database that many nodes share, as
@@ -17,6 +18,7 @@ pub struct QueueSettings {
     pub queue: QueueEngine,
     /// The connection to the PostgreSQL database.
     #[command(flatten)]
+    #[serde(flatten)]
     pub postgres: PostgresSettings,
 }
 
@@ -35,35 +37,22 @@ impl QueueSettings {
     pub fn is_shared(&self) -> bool {
         matches!(self.queue, QueueEngine::Postgres(_))
     }
+}
 
-    /// One line `flag value` per setting in force, without names and passwords.
-    #[must_use]
-    pub fn shown(&self) -> String {
-        let PostgresSettings { queue_connections, queue_schema, .. } = &self.postgres;
-        let path = |path: &Option<PathBuf>| {
-            path.as_ref().map_or_else(String::new, |path| path.display().to_string())
-        };
-        let direct = self.postgres.queue_direct.as_ref();
-        format!(
-            "--queue {self}\n--queue-direct {}\n--queue-connections {queue_connections}\n\
-             --queue-schema {queue_schema}\n--queue-password-file {}\n--queue-ca {}\n\
-             --queue-cert {}\n--queue-key {}\n",
-            direct.map_or_else(String::new, |url| public_part(url.reveal())),
-            path(&self.postgres.queue_password_file),
-            path(&self.postgres.queue_ca),
-            path(&self.postgres.queue_cert),
-            path(&self.postgres.queue_key),
-        )
+impl fmt::Display for QueueEngine {
+    /// The engine, without names and passwords.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Embedded => formatter.write_str("embedded"),
+            Self::Postgres(url) => formatter.write_str(&public_part(url.reveal())),
+        }
     }
 }
 
-impl fmt::Display for QueueSettings {
-    /// The engine, without names and passwords.
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.queue {
-            QueueEngine::Embedded => formatter.write_str("embedded"),
-            QueueEngine::Postgres(url) => formatter.write_str(&public_part(url.reveal())),
-        }
+impl Serialize for QueueEngine {
+    /// As it is shown.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 

@@ -141,7 +141,7 @@ impl Worker {
                     outcome
                 }
                 Err(error) if error.may_succeed_later() => {
-                    tracing::error!(%error, attempt, "attempt failed by the storage");
+                    tracing::error!(%error, attempt, "attempt failed: storage error");
                     Outcome::Retry((self.describe)(error))
                 }
                 Err(error) => Outcome::Failed((self.describe)(error)),

@@ -1,4 +1,4 @@
-//! Slips with curl: bodies that are no file, where another option of curl sends the file.
+//! Typical mistakes with curl, where the body is not the file that was meant.
 
 use super::essence;
 use crate::problem::{Kind, Problem};

@@ -13,7 +13,7 @@ const RETRY_AFTER_S: u64 = 2;
 /// The longest body in bytes, and the setting that says so.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyLimit {
-    /// So many may come.
+    /// Bytes.
     pub bytes: u64,
     /// The flag of the setting.
     pub setting: &'static str,
@@ -21,7 +21,7 @@ pub struct BodyLimit {
 
 impl BodyLimit {
     /// Refuses a body of more bytes.
-    pub(super) fn check(self, length: u64) -> Result<(), Problem> {
+    pub(crate) fn check(self, length: u64) -> Result<(), Problem> {
         let Self { bytes, setting } = self;
         if length <= bytes {
             return Ok(());
@@ -52,7 +52,7 @@ impl BodyMemory {
         Self(Arc::new(Mutex::new(Shared { free_kib, held_kib: HashMap::new() })))
     }
 
-    /// A charge of nothing so far.
+    /// A reservation of 0 bytes.
     pub(super) fn charge(&self, owner: &Owner) -> Charge {
         Charge { memory: self.clone(), owner: owner.clone(), held_kib: AtomicUsize::new(0) }
     }
@@ -63,7 +63,8 @@ impl BodyMemory {
 }
 
 impl Shared {
-    /// Gives `kib` more to the owner of a body that has `body_kib` already, if they may be its.
+    /// Reserves `kib` more for a body of this owner that has `body_kib`; returns whether the share rule
+    /// allows it.
     fn take(&mut self, owner: &Owner, body_kib: usize, kib: usize) -> bool {
         let held_kib = self.held_kib.get(owner).copied().unwrap_or_default();
         let Some(left_kib) = self.free_kib.checked_sub(kib) else { return false };
@@ -87,7 +88,7 @@ impl Shared {
     }
 }
 
-/// The memory that one body takes; freed when dropped.
+/// The memory reserved for one body; released when dropped.
 #[derive(Debug)]
 pub struct Charge {
     memory: BodyMemory,
@@ -96,7 +97,7 @@ pub struct Charge {
 }
 
 impl Charge {
-    /// Charges for `bytes` in all.
+    /// Grows the reservation to `bytes`.
     ///
     /// # Errors
     /// `overloaded` when there is no memory for them.
@@ -104,7 +105,7 @@ impl Charge {
         if self.grow_to(bytes) { Ok(()) } else { Err(no_memory()) }
     }
 
-    /// Charges for `bytes` in all, and says whether there was memory for them.
+    /// Grows the reservation to `bytes`, and returns whether there was memory for them.
     fn grow_to(&self, bytes: u64) -> bool {
         let needed_kib = usize::try_from(bytes.div_ceil(1024)).unwrap_or(usize::MAX);
         let held_kib = self.held_kib.load(Ordering::Relaxed);
@@ -150,9 +151,12 @@ impl Meter {
 
 fn no_memory() -> Problem {
     shed(Shed::Memory);
-    Problem::new(Kind::Overloaded, "the bodies being received take all memory meant for them")
-        .setting("--memory-budget")
-        .retry_after_s(RETRY_AFTER_S)
+    Problem::new(
+        Kind::Overloaded,
+        "the uploads in progress take all memory for request bodies: try again",
+    )
+    .setting("--memory-budget")
+    .retry_after_s(RETRY_AFTER_S)
 }
 
 #[cfg(test)]

@@ -69,7 +69,7 @@ pub async fn follow(
         _place: (place, Open::event_stream()),
         queue: Arc::clone(&service.jobs.queue),
         owner,
-        stop: service.stop.clone(),
+        stop: service.shutdown.stop.clone(),
         id,
         last: last_event(request.headers()),
         changes: VecDeque::new(),
@@ -88,7 +88,8 @@ fn last_event(headers: &HeaderMap) -> u64 {
 }
 
 fn too_many(most: usize) -> Problem {
-    let detail = format!("{most} streams of events are open already, which is the most");
+    let detail =
+        format!("{most} event streams are open already, which is the limit: close one first");
     Problem::new(Kind::QuotaExceeded, detail)
         .setting("--key-event-streams")
         .member("limit", most)
@@ -126,7 +127,7 @@ impl Follower {
                 () = self.stop.cancelled() => return None,
             };
             let changes = changes.inspect_err(|error| {
-                tracing::error!(%error, "a job's events cannot be read");
+                tracing::error!(%error, "job events not read");
             });
             self.changes = changes.ok()?.into();
         }

@@ -40,7 +40,7 @@ pub(super) fn id_of(path: Result<Path<String>, PathRejection>) -> Result<JobId, 
 }
 
 pub(super) fn unknown() -> Problem {
-    Problem::new(Kind::NotFound, "there is no such job")
+    Problem::new(Kind::NotFound, "no job of this key has this id")
 }
 
 pub(super) fn gone() -> Problem {

@@ -153,10 +153,13 @@ fn mesh_of(record: &Record) -> Result<&MeshFigures, Problem> {
     let without = |detail: &str| Problem::new(Kind::JobWithoutMesh, detail);
     match record.state {
         JobState::Queued | JobState::Running => {
-            let detail = format!("the job is {}", record.state.name());
+            let detail =
+                format!("the job is {}: poll it until it is completed", record.state.name());
             Err(Problem::new(Kind::JobUnfinished, detail).retry_after_s(found::POLL_AFTER_S))
         }
-        JobState::Completed => record.mesh.as_ref().ok_or_else(|| without("the mesh is not there")),
+        JobState::Completed => {
+            record.mesh.as_ref().ok_or_else(|| without("the job has no stored mesh"))
+        }
         JobState::Failed => Err(without("the job failed: its 'error' says why")),
         JobState::Cancelled => Err(without("the job was cancelled")),
     }
@@ -273,7 +276,10 @@ impl Finished<'_> {
 
     fn blob(&self) -> Result<ChunkedBlob, Problem> {
         self.mesh.blob().ok_or_else(|| {
-            Problem::new(Kind::StorageDamaged, "what was stored of this job is damaged")
+            Problem::new(
+                Kind::StorageDamaged,
+                "the stored mesh of this job is damaged: submit the picture again",
+            )
         })
     }
 }

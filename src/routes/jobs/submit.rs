@@ -144,7 +144,8 @@ impl Submission {
                 let mut response = mesh::of(service, &self.record, &parameters, headers).await?;
                 let path =
                     HeaderValue::try_from(format!("{}/mesh", document::path(self.record.id)));
-                let path = path.map_err(|error| internal("a path is not valid", &error))?;
+                let path =
+                    path.map_err(|error| internal("the path of a job is no header value", &error))?;
                 response.headers_mut().insert(CONTENT_LOCATION, path);
                 Ok(response)
             }
@@ -186,7 +187,7 @@ async fn submit(
     match service.jobs.submit(job, image).await? {
         Submitted::Created(record) => {
             pixmesh_jobs::telemetry::job_submitted();
-            tracing::info!(job = %record.id, pixels = header.width * header.height, "submitted");
+            tracing::info!(job = %record.id, pixels = header.width * header.height, "job submitted");
             Ok(Submission { record, was_there: false })
         }
         Submitted::Existing(record) => Ok(Submission { record, was_there: true }),
@@ -231,7 +232,7 @@ async fn packed(upload: Weighed<Upload>) -> Result<Packed, Problem> {
 }
 
 fn key_reused() -> Problem {
-    let detail = "this Idempotency-Key was given for another image or other parameters";
+    let detail = "an earlier request used this Idempotency-Key for another image or other parameters: send a new key";
     Problem::new(Kind::IdempotencyKeyReused, detail).param("Idempotency-Key")
 }
 
@@ -243,18 +244,24 @@ fn key_of_gone() -> Problem {
 
 fn queue_full(limit: usize, retry_after_s: u64) -> Problem {
     shed(Shed::QueueFull);
-    Problem::new(Kind::Overloaded, format!("{limit} jobs wait already"))
-        .setting("--max-queued-jobs")
-        .limit(limit, limit)
-        .retry_after_s(retry_after_s)
+    Problem::new(
+        Kind::Overloaded,
+        format!("the queue has {limit} jobs, which is its limit: try again"),
+    )
+    .setting("--max-queued-jobs")
+    .limit(limit, limit)
+    .retry_after_s(retry_after_s)
 }
 
 fn owner_full(limit: usize, retry_after_s: u64) -> Problem {
     shed(Shed::QueueFull);
-    Problem::new(Kind::TooManyJobs, format!("{limit} jobs of this client wait already"))
-        .setting("--key-queued-jobs")
-        .limit(limit, limit)
-        .retry_after_s(retry_after_s)
+    Problem::new(
+        Kind::TooManyJobs,
+        format!("this client has {limit} queued jobs, which is its limit: wait or cancel one"),
+    )
+    .setting("--key-queued-jobs")
+    .limit(limit, limit)
+    .retry_after_s(retry_after_s)
 }
 
 fn store_full(whose: &str, setting: &'static str, limit: u64, bytes: u64) -> Problem {
@@ -278,7 +285,7 @@ async fn wait_for_end(
         let changes = service.jobs.queue.events(owner, record.id, record.revision);
         let changed = tokio::select! {
             changed = timeout_at(until.into(), changes) => changed,
-            () = service.stop.cancelled() => return Ok(record),
+            () = service.shutdown.stop.cancelled() => return Ok(record),
         };
         match changed {
             Ok(changes) => changes?,
@@ -287,10 +294,7 @@ async fn wait_for_end(
         match service.jobs.queue.get(owner, record.id).await? {
             Lookup::Found(found) => record = *found,
             Lookup::Gone | Lookup::Unknown => {
-                return Err(Problem::new(
-                    Kind::Gone,
-                    "the job was deleted while it was waited for",
-                ));
+                return Err(Problem::new(Kind::Gone, "the job was deleted before it ended"));
             }
         }
     }

@@ -1,12 +1,16 @@
 //! Examples in the document: real ones, from the same code that answers.
 
-use crate::problem::Kind;
-use pixmesh_codec::{Limits, decode, write_model};
+use crate::access::Standing;
+use crate::extract::auth::{KEY_NEEDED, exhausted};
+use crate::extract::upload::BodyLimit;
+use crate::problem::{Kind, Problem};
+use pixmesh_codec::{DecodeError, Limits, decode, write_model};
+use pixmesh_engine::EngineError;
 use pixmesh_engine::params::{
-    DEFAULT_DENSITY, DEFAULT_METHOD, MeshOptions, Parameter as Row, Takes,
+    DEFAULT_DENSITY, DEFAULT_METHOD, MeshOptions, Parameter as Row, ParameterSet, Takes,
 };
 use pixmesh_meshing::{Target, mesh_image};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 /// A picture that can be written in a document: a square on a ground, as plain graymap.
 pub(in crate::routes) const PICTURE: &str = "P2\n6 5\n15\n0 0 0 0 0 0\n0 9 9 9 0 0\n0 9 9 9 0 0\n\
@@ -46,73 +50,42 @@ fn order(density: f64) -> MeshOptions {
     }
 }
 
-/// A document of a kind of problem.
+/// A document of a kind of problem: one that the service makes, or one with the title as its detail.
 pub(in crate::routes) fn problem(kind: Kind) -> Value {
-    let mut document = kind.document();
-    document.insert("detail".into(), detail(kind).into());
-    for (name, value) in members(kind) {
-        document.insert(name.into(), value);
-    }
-    document.insert("request_id".into(), "01a1fdfd-8e1e-7599-b221-78796ef84ac3".into());
-    Value::Object(document)
+    let problem = refusal(kind).unwrap_or_else(|| Problem::new(kind, kind.title()));
+    let mut document = problem.value();
+    document["request_id"] = "01a1fdfd-8e1e-7599-b221-78796ef84ac3".into();
+    document
 }
 
-/// What is wrong, where more is said than the title.
-fn detail(kind: Kind) -> &'static str {
-    match kind {
-        Kind::UnknownParameter => "there is no parameter 'desnity'",
-        Kind::DuplicateParameter => "density is given more than once",
-        Kind::ParameterMalformed => "density must be a decimal number such as 2 or 0.5",
-        Kind::ParameterOutOfRange => "density is 101, but must lie in 0.000001 to 100",
-        Kind::NotFinite => "density must be a finite number",
-        Kind::ConflictingParameters => "density and size exclude each other: give one of them",
-        Kind::BodyTooLarge => "the body is longer than the limit of 33554432 bytes",
-        Kind::ImageTooLarge => {
-            "an image of 10000x5000 has 50000000 pixels, more than the limit of 40000000: scale it \
-             down first, or have the service started with a larger --max-pixels"
+/// A refusal of this kind, where more is said than the title.
+fn refusal(kind: Kind) -> Option<Problem> {
+    Some(match kind {
+        Kind::UnknownParameter => of_query("desnity=2")?,
+        Kind::DuplicateParameter => of_query("density=2&density=3")?,
+        Kind::ParameterMalformed => of_query("density=two")?,
+        Kind::ParameterOutOfRange => of_query("density=101")?,
+        Kind::NotFinite => of_query("density=NaN")?,
+        Kind::ConflictingParameters => of_query("density=2&size=100")?,
+        Kind::BodyTooLarge => {
+            BodyLimit { bytes: 32 << 20, setting: "--max-body" }.check(40_000_000).err()?
         }
-        Kind::Overloaded => "10.250 s of work wait already, more than 10.000 s",
-        Kind::QuotaExceeded => "the key's quota of 600 requests per minute is used up",
-        Kind::Unauthorized => "a key is needed: send the header Authorization: Bearer KEY",
-        _ => kind.title(),
-    }
+        Kind::ImageTooLarge => {
+            let (width, height) = (10_000, 5_000);
+            let pixels = width * height;
+            DecodeError::TooManyPixels { width, height, pixels, limit: 40_000_000 }.into()
+        }
+        Kind::Overloaded => {
+            EngineError::QueueFull { waiting_s: 10.25, limit_s: 10.0, retry_after_s: 12 }.into()
+        }
+        Kind::QuotaExceeded => exhausted(Standing { per_minute: 600, remaining: 0, reset_s: 1 }),
+        Kind::Unauthorized => Problem::new(kind, KEY_NEEDED),
+        _ => return None,
+    })
 }
 
-/// The members that programs can read.
-fn members(kind: Kind) -> Vec<(&'static str, Value)> {
-    let density = ("param", json!("density"));
-    match kind {
-        Kind::UnknownParameter => vec![("param", json!("desnity")), ("nearest", json!("density"))],
-        Kind::DuplicateParameter | Kind::ParameterMalformed | Kind::NotFinite => vec![density],
-        Kind::ConflictingParameters => vec![("param", json!("size"))],
-        Kind::ParameterOutOfRange => vec![
-            density,
-            ("minimum", json!(0.000_001)),
-            ("maximum", json!(100)),
-            ("actual", json!("101")),
-            ("nearest", json!(100)),
-        ],
-        Kind::BodyTooLarge => vec![
-            ("setting", json!("--max-body")),
-            ("limit", json!(33_554_432)),
-            ("actual", json!(40_000_000)),
-        ],
-        Kind::ImageTooLarge => vec![
-            ("limit", json!(40_000_000)),
-            ("actual", json!(50_000_000)),
-            ("setting", json!("--max-pixels")),
-        ],
-        Kind::Overloaded => vec![
-            ("setting", json!("--queue-seconds")),
-            ("limit", json!(10.0)),
-            ("actual", json!(10.25)),
-            ("retry_after_s", json!(12)),
-        ],
-        Kind::QuotaExceeded => vec![
-            ("setting", json!("--key-requests-per-minute")),
-            ("limit", json!(600)),
-            ("retry_after_s", json!(1)),
-        ],
-        _ => Vec::new(),
-    }
+/// What is wrong with a query.
+fn of_query(query: &str) -> Option<Problem> {
+    let options = ParameterSet::of_query(Some(query)).and_then(|set| set.finish());
+    options.err().map(Problem::from)
 }

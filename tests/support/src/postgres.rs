@@ -101,12 +101,10 @@ impl PostgresServer {
     ) -> Self {
         let programs = programs();
         let data = folder.path().join("data");
-        let mut initdb = as_server_user(&programs.join("initdb"));
-        initdb.args(["--no-sync", "--auth=trust", "--encoding=UTF8", "--username=pixmesh"]);
-        if disk.is_some() {
-            initdb.arg("--wal-segsize=1");
+        match disk {
+            Some(_) => initialize(&programs, &data, &["--wal-segsize=1"]),
+            None => copy(&template(&programs), &data),
         }
-        succeed(initdb.arg("--pgdata").arg(&data).stdout(Stdio::null()));
         for (name, text) in files {
             let path = data.join(name);
             fs::write(&path, text).unwrap();
@@ -342,6 +340,37 @@ impl Drop for Pooler {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Makes a new data folder.
+fn initialize(programs: &Path, data: &Path, more: &[&str]) {
+    let mut initdb = as_server_user(&programs.join("initdb"));
+    initdb.args(["--no-sync", "--auth=trust", "--encoding=UTF8", "--username=pixmesh"]);
+    succeed(initdb.args(more).arg("--pgdata").arg(data).stdout(Stdio::null()));
+}
+
+/// A new data folder to copy, which takes a tenth of the time of making one. It lies beside the test
+/// programs, is made once for a version, and no server runs in it.
+fn template(programs: &Path) -> PathBuf {
+    let version = programs.parent().and_then(Path::file_name).unwrap().to_string_lossy();
+    let template = std::env::current_exe().unwrap().with_file_name(format!("postgresql-{version}"));
+    if !template.exists() {
+        // The server's user may not write there.
+        let (folder, beside) =
+            (server_folder(), TempDir::new_in(template.parent().unwrap()).unwrap());
+        let (made, copied) = (folder.path().join("data"), beside.path().join("data"));
+        initialize(programs, &made, &[]);
+        copy(&made, &copied);
+        // Another test may have made it meanwhile.
+        let moved = fs::rename(copied, &template);
+        assert!(template.exists(), "{moved:?}");
+    }
+    template
+}
+
+/// Copies a folder with owners and permissions.
+fn copy(from: &Path, to: &Path) {
+    succeed(Command::new("cp").arg("--archive").arg(from).arg(to));
 }
 
 /// The address of the database behind a port of this machine.

@@ -1,5 +1,6 @@
 //! The setting of the store of blobs.
 
+use serde::{Serialize, Serializer};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -43,6 +44,13 @@ impl fmt::Display for BlobEngine {
             Self::Folder(path) => write!(formatter, "file://{}", path.display()),
             Self::Bucket(address) => formatter.write_str(address),
         }
+    }
+}
+
+impl Serialize for BlobEngine {
+    /// As it is shown.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 

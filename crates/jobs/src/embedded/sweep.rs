@@ -21,10 +21,10 @@ pub(super) fn recover(connection: &Connection, terms: &Terms) -> Result<()> {
     let sql = "UPDATE jobs SET state = 3, expires_at = NULL WHERE length(id) <> 16";
     let unnamed = write.execute(sql, [])?;
     if unnamed > 0 {
-        tracing::error!(records = unnamed, "job records with damaged ids are ignored");
+        tracing::error!(records = unnamed, "job records with damaged ids ignored");
     }
     for (job, state) in end_leases(&mut write, terms, i64::MAX, i64::MAX)? {
-        tracing::info!(%job, state = state.name(), "the process ended while this job was running");
+        tracing::info!(%job, state = state.name(), "job was running when the process ended");
     }
     connection.execute_batch("COMMIT")
 }

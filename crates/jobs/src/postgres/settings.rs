@@ -5,6 +5,7 @@ use clap::Args;
 use rustls::RootCertStore;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use serde::Serialize;
 use sqlx::ConnectOptions;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::error::Error;
@@ -14,7 +15,8 @@ use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 /// The connection to the database, without its address.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct PostgresSettings {
     /// Address of the same PostgreSQL database without the pooler, for notifications between nodes.
     #[arg(long, env = "PIXMESH_QUEUE_DIRECT", hide_env_values = true)]

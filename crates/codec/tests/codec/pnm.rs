@@ -3,8 +3,6 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
 use pixmesh_codec::{DecodeError, Limits, decode, probe, write_pnm};
 use pixmesh_meshing::Image;
 

@@ -4,17 +4,15 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{deflated, ihdr, png_file};
 use pixmesh_codec::{DecodeError, Limits, decode, probe};
 use pixmesh_meshing::Image;
 use proptest::prelude::*;
-use samples::{deflated, ihdr, png_file};
 use std::collections::BTreeMap;
 
 /// Each file of the suite with its columns, rows, components and bits, and a checksum of its
 /// samples; or `refused`: broken on purpose, or a single column.
-const SUITE: &str = include_str!("samples/png_suite.txt");
+const SUITE: &str = include_str!("../samples/png_suite.txt");
 
 /// FNV-1a of all samples, component by component from the bottom row.
 fn checksum(image: &Image) -> u64 {
@@ -43,7 +41,8 @@ fn outcome(bytes: &[u8]) -> String {
 
 #[test]
 fn every_file_of_the_suite_has_its_expected_outcome() {
-    let Some(folder) = samples::test_images().map(|images| images.join("formats/pngsuite")) else {
+    let Some(folder) = crate::samples::test_images().map(|images| images.join("formats/pngsuite"))
+    else {
         println!("skipped: there is no folder of test images, so the PngSuite is not read");
         return;
     };

@@ -3,11 +3,9 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{deflated, exif, ihdr, png_file, scattered};
 use pixmesh_codec::{DecodeError, Limits, decode, probe, write_png};
 use pixmesh_meshing::Image;
-use samples::{deflated, exif, ihdr, png_file, scattered};
 
 type Chunk = (&'static [u8; 4], Vec<u8>);
 

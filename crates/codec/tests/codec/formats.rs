@@ -3,13 +3,11 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::encoders::{GifFrame, bmp, gif, gray_gif, tiff, webp};
+use crate::samples::{exif, scattered};
 use pixmesh_codec::{Alpha, DecodeError, DecodeOptions, Limits, decode, probe};
 use pixmesh_meshing::Image;
 use proptest::prelude::*;
-use samples::encoders::{GifFrame, bmp, gif, gray_gif, tiff, webp};
-use samples::{exif, scattered};
 use tiff::encoder::{Compression, DeflateLevel, Predictor};
 
 fn read(bytes: &[u8]) -> Result<Image, DecodeError> {
@@ -146,22 +144,22 @@ fn files() -> Vec<(usize, Vec<u8>)> {
     vec![
         (0, webp(&image(3, 8))),
         (0, webp(&image(4, 8))),
-        (0, include_bytes!("samples/lossy.webp").to_vec()),
-        (0, include_bytes!("samples/lossy_alpha.webp").to_vec()),
-        (0, include_bytes!("samples/animated.webp").to_vec()),
+        (0, include_bytes!("../samples/lossy.webp").to_vec()),
+        (0, include_bytes!("../samples/lossy_alpha.webp").to_vec()),
+        (0, include_bytes!("../samples/animated.webp").to_vec()),
         // The reader stops after the last pixel: the end of the frame and of the file follow.
         (4, gray_gif(&image(1, 8))),
-        (4, include_bytes!("samples/interlaced.gif").to_vec()),
+        (4, include_bytes!("../samples/interlaced.gif").to_vec()),
         (0, tiff(&image(1, 16), Compression::Uncompressed, Predictor::None)),
         (0, tiff(&image(3, 8), Compression::Lzw, Predictor::Horizontal)),
         (0, tiff(&image(4, 8), deflate, Predictor::None)),
-        (0, include_bytes!("samples/fax4.tif").to_vec()),
-        (0, include_bytes!("samples/palette.tif").to_vec()),
-        (0, include_bytes!("samples/cmyk.tif").to_vec()),
+        (0, include_bytes!("../samples/fax4.tif").to_vec()),
+        (0, include_bytes!("../samples/palette.tif").to_vec()),
+        (0, include_bytes!("../samples/cmyk.tif").to_vec()),
         (0, bmp(&image(3, 8))),
         (0, bmp(&image(4, 8))),
-        (0, include_bytes!("samples/palette.bmp").to_vec()),
-        (0, include_bytes!("samples/bilevel.bmp").to_vec()),
+        (0, include_bytes!("../samples/palette.bmp").to_vec()),
+        (0, include_bytes!("../samples/bilevel.bmp").to_vec()),
     ]
 }
 
@@ -215,14 +213,14 @@ fn greatest_difference(a: &Image, b: &Image) -> u16 {
 #[test]
 fn files_made_elsewhere_show_the_picture_they_were_made_of() {
     let files: [(&[u8], u16); 8] = [
-        (include_bytes!("samples/lossy.webp"), 40),
-        (include_bytes!("samples/lossy_alpha.webp"), 40),
-        (include_bytes!("samples/animated.webp"), 40),
-        (include_bytes!("samples/planar_lzw.tif"), 0),
-        (include_bytes!("samples/palette.tif"), 60),
-        (include_bytes!("samples/cmyk.tif"), 1),
-        (include_bytes!("samples/palette.bmp"), 60),
-        (include_bytes!("samples/interlaced.gif"), 60),
+        (include_bytes!("../samples/lossy.webp"), 40),
+        (include_bytes!("../samples/lossy_alpha.webp"), 40),
+        (include_bytes!("../samples/animated.webp"), 40),
+        (include_bytes!("../samples/planar_lzw.tif"), 0),
+        (include_bytes!("../samples/palette.tif"), 60),
+        (include_bytes!("../samples/cmyk.tif"), 1),
+        (include_bytes!("../samples/palette.bmp"), 60),
+        (include_bytes!("../samples/interlaced.gif"), 60),
     ];
     for (index, (bytes, tolerance)) in files.into_iter().enumerate() {
         let straight = DecodeOptions { alpha: Alpha::Drop, ..DecodeOptions::default() };
@@ -233,15 +231,15 @@ fn files_made_elsewhere_show_the_picture_they_were_made_of() {
 
 #[test]
 fn lossy_webp_keeps_its_alpha() {
-    let image = read(include_bytes!("samples/lossy_alpha.webp")).unwrap();
+    let image = read(include_bytes!("../samples/lossy_alpha.webp")).unwrap();
     let expected: Vec<u16> = (0..120).map(|i| if i % 12 < 6 { 255 } else { 51 }).collect();
     assert_eq!(image.components()[3], expected);
 }
 
 #[test]
 fn bilevel_fax_and_bitmap_show_the_same_pattern() {
-    let fax = read(include_bytes!("samples/fax4.tif")).unwrap();
-    let bitmap = read(include_bytes!("samples/bilevel.bmp")).unwrap();
+    let fax = read(include_bytes!("../samples/fax4.tif")).unwrap();
+    let bitmap = read(include_bytes!("../samples/bilevel.bmp")).unwrap();
     assert_eq!((fax.component_count(), fax.precision()), (1, 1));
     assert_eq!((bitmap.component_count(), bitmap.precision()), (3, 8));
     let bright: Vec<u16> = fax.components()[0].iter().map(|&bit| 255 * bit).collect();
@@ -461,8 +459,8 @@ fn a_file_that_ends_early_is_read_as_far_as_it_goes_when_asked_to() {
     pixmesh_codec::write_pnm(&image, &mut pgm).unwrap();
     let plain: Vec<String> = image.components()[0].iter().map(ToString::to_string).collect();
     let plain = format!("P2 61 47 255 {}", plain.join(" ")).into_bytes();
-    let jpeg = samples::jpeg(&samples::gradient(61, 47, 3), 90);
-    let progressive = include_bytes!("samples/progressive.jpg").to_vec();
+    let jpeg = crate::samples::jpeg(&crate::samples::gradient(61, 47, 3), 90);
+    let progressive = include_bytes!("../samples/progressive.jpg").to_vec();
     for whole in [png, pgm, plain, jpeg, progressive, gray_gif(&image)] {
         let complete = read(&whole).unwrap();
         assert_eq!(options.decode(&whole).as_ref(), Ok(&complete));

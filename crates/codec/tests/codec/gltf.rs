@@ -3,8 +3,7 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{gradient, lattice, node_folder, scattered, written};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pixmesh_codec::{
@@ -13,7 +12,6 @@ use pixmesh_codec::{
 };
 use pixmesh_meshing::{Mesh, Point, rasterize};
 use proptest::strategy::{Strategy, ValueTree};
-use samples::{gradient, lattice, node_folder, scattered, written};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -132,7 +130,7 @@ fn count_of(name: &str) -> usize {
 /// A JPEG carried as it is.
 fn jpeg_texture() -> Texture {
     let image = gradient(16, 9, 3);
-    let jpeg = samples::jpeg(&image, 80);
+    let jpeg = crate::samples::jpeg(&image, 80);
     let texture = Texture::of_file_while(&jpeg, &image, &|| Ok(())).unwrap();
     let options = EncodeOptions { texture: Some(&texture), ..EncodeOptions::default() };
     let glb = glb_with(&lattice(3, 3, 3, 8), &options);
@@ -196,7 +194,7 @@ fn compressed_files_hold_the_same_triangles_for_the_library_that_defines_them() 
     let mut meshes: Vec<Mesh> = meshes().into_iter().map(|(_, mesh)| mesh).collect();
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     for _ in 0..40 {
-        meshes.push(samples::meshes().new_tree(&mut runner).unwrap().current());
+        meshes.push(crate::samples::meshes().new_tree(&mut runner).unwrap().current());
     }
     let write = |mesh: &Mesh, index: usize| {
         let options =
@@ -267,7 +265,7 @@ fn first_color(mesh: &Mesh) -> [u16; 4] {
 fn colors_are_linear_and_alpha_is_kept() {
     let color = |component_count, samples: &[u16]| {
         let sample = |i: usize| samples[i % samples.len()];
-        first_color(&samples::crossings(&[0, 1], &[0, 1], component_count, 8, sample))
+        first_color(&crate::samples::crossings(&[0, 1], &[0, 1], component_count, 8, sample))
     };
     assert_eq!(color(1, &[128]), [14146, 14146, 14146, 65535]);
     assert_eq!(color(2, &[255, 128]), [65535, 65535, 65535, 32896]);
@@ -314,7 +312,7 @@ fn viewer_psnr(mesh: &Mesh, light: &[f64]) -> f64 {
 fn colors_are_fitted_to_viewers_that_interpolate_light() {
     let sides = [0, 10, 20, 30, 40];
     let gray = |i: usize| [0, 250, 40, 160, 20, 90, 255][i * 5 % 7];
-    let mesh = samples::crossings(&sides, &sides, 1, 8, gray);
+    let mesh = crate::samples::crossings(&sides, &sides, 1, 8, gray);
     let bytes = glb(&mesh);
     let (document, buffer) = parts(&bytes);
     let offset = document["bufferViews"][1]["byteOffset"].as_u64().unwrap() as usize;

@@ -3,11 +3,9 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{exif, gradient, jpeg};
 use pixmesh_codec::{DecodeError, Limits, decode, probe};
 use pixmesh_meshing::Image;
-use samples::{exif, gradient, jpeg};
 
 fn read(bytes: &[u8]) -> Result<Image, DecodeError> {
     decode(bytes, &Limits::default())
@@ -73,13 +71,13 @@ fn made_elsewhere() -> Image {
 
 #[test]
 fn progressive_files_with_sampled_chroma_decode() {
-    let image = read(include_bytes!("samples/progressive.jpg")).unwrap();
+    let image = read(include_bytes!("../samples/progressive.jpg")).unwrap();
     assert!(greatest_difference(&made_elsewhere(), &image) < 60);
 }
 
 #[test]
 fn adobe_s_inverted_cmyk_becomes_rgb() {
-    let bytes = include_bytes!("samples/cmyk.jpg");
+    let bytes = include_bytes!("../samples/cmyk.jpg");
     assert_eq!(probe(bytes, &Limits::default()).unwrap().component_count, 3);
     assert!(greatest_difference(&made_elsewhere(), &read(bytes).unwrap()) < 60);
 }

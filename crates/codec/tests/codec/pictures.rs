@@ -3,15 +3,13 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{gradient, images, scattered};
 use pixmesh_codec::{
     DecodeError, EncodeError, Limits, PictureFormat, decode, probe, write_png, write_pnm,
 };
 use pixmesh_meshing::alpha::has_alpha;
 use pixmesh_meshing::{Image, ImageError};
 use proptest::prelude::*;
-use samples::{gradient, images, scattered};
 
 fn png(image: &Image) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -26,7 +24,7 @@ fn pnm(image: &Image) -> Vec<u8> {
 }
 
 fn jpeg(image: &Image) -> Vec<u8> {
-    samples::jpeg(image, 90)
+    crate::samples::jpeg(image, 90)
 }
 
 fn read(bytes: &[u8]) -> Result<Image, DecodeError> {
@@ -109,7 +107,7 @@ fn files() -> Vec<(usize, Vec<u8>)> {
     vec![
         (0, png(&scattered(61, 47, 3, 8))),
         (0, jpeg(&gradient(61, 47, 3))),
-        (0, include_bytes!("samples/progressive.jpg").to_vec()),
+        (0, include_bytes!("../samples/progressive.jpg").to_vec()),
         (0, pnm(&scattered(61, 47, 3, 16))),
         (0, pnm(&scattered(61, 47, 4, 8))),
         // The last white space, and digits of the last number.

@@ -3,13 +3,11 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{crossings, meshes};
 use pixmesh_codec::{Limits, ModelDefect, ModelError, read_model, write_model};
 use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Mesh, MeshError};
 use proptest::prelude::*;
-use samples::{crossings, meshes};
 
 fn model(mesh: &Mesh) -> Vec<u8> {
     let mut bytes = Vec::new();

@@ -3,8 +3,8 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::encoders::{bmp, gray_gif, tiff, webp};
+use crate::samples::{gradient, jpeg, scattered};
 use pixmesh_codec::{
     Alpha, DecodeError, DecodeOptions, EncodeError, Limits, ModelDefect, PmeshError,
     PngCompression, Texture, Wanted, WeightsError, read_model_while, read_progression_while,
@@ -12,8 +12,6 @@ use pixmesh_codec::{
     write_progression,
 };
 use pixmesh_meshing::{Cancelled, Image, Mesh, Method, Progression, Target, mesh_image};
-use samples::encoders::{bmp, gray_gif, tiff, webp};
-use samples::{gradient, jpeg, scattered};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use tiff::encoder::{Compression, DeflateLevel, Predictor};
 
@@ -43,12 +41,12 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
         ("TIFF by Deflate", tiff(deflate, Predictor::None)),
         ("TIFF by PackBits", tiff(Compression::Packbits, Predictor::None)),
         ("BMP", bmp(&image(3, 8))),
-        ("progressive JPEG", include_bytes!("samples/progressive.jpg").to_vec()),
-        ("lossy WebP", include_bytes!("samples/lossy.webp").to_vec()),
-        ("lossy WebP with alpha", include_bytes!("samples/lossy_alpha.webp").to_vec()),
-        ("interlaced GIF", include_bytes!("samples/interlaced.gif").to_vec()),
-        ("TIFF for fax", include_bytes!("samples/fax4.tif").to_vec()),
-        ("BMP of two colours", include_bytes!("samples/bilevel.bmp").to_vec()),
+        ("progressive JPEG", include_bytes!("../samples/progressive.jpg").to_vec()),
+        ("lossy WebP", include_bytes!("../samples/lossy.webp").to_vec()),
+        ("lossy WebP with alpha", include_bytes!("../samples/lossy_alpha.webp").to_vec()),
+        ("interlaced GIF", include_bytes!("../samples/interlaced.gif").to_vec()),
+        ("TIFF for fax", include_bytes!("../samples/fax4.tif").to_vec()),
+        ("BMP of two colours", include_bytes!("../samples/bilevel.bmp").to_vec()),
     ]
 }
 

@@ -3,8 +3,7 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{lattice, meshes, written};
 use pixmesh_codec::{
     Coloring, Encodable, EncodeError, EncodeOptions, Format, Geometry, LengthUnit, Relief,
     ReliefHeight, ReliefSource, UpAxis, ZOffset, encode,
@@ -12,7 +11,6 @@ use pixmesh_codec::{
 use pixmesh_meshing::{Fidelity, Mesh};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
-use samples::{lattice, meshes, written};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -107,7 +105,7 @@ fn a_relief_lies_where_it_is_asked_to() {
     let folder = std::env::temp_dir().join(format!("pixmesh-placed-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     // Heights of 7 to 43 in 16 bits.
-    let mesh = samples::crossings(&[0, 4, 8], &[0, 5], 1, 16, |i| [7, 43, 30, 9, 12, 20][i]);
+    let mesh = crate::samples::crossings(&[0, 4, 8], &[0, 5], 1, 16, |i| [7, 43, 30, 9, 12, 20][i]);
     let placed = Geometry {
         relief: elevation().relief,
         width: Some(80.0),
@@ -258,7 +256,7 @@ fn colors_of_obj(mesh: &Mesh, geometry: Geometry) -> Vec<[f64; 3]> {
 #[test]
 fn colors_show_the_picture_the_height_or_the_light() {
     // A slope of elevations that rises to the right, and is dark in 16 bits.
-    let mesh = samples::crossings(&[0, 2, 4], &[0, 4], 1, 16, |i| [100, 300, 500][i % 3]);
+    let mesh = crate::samples::crossings(&[0, 2, 4], &[0, 4], 1, 16, |i| [100, 300, 500][i % 3]);
     let relief = Geometry { relief: elevation().relief, ..Geometry::default() };
     let colors = |color| colors_of_obj(&mesh, Geometry { color, ..relief });
     let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.6);
@@ -286,7 +284,7 @@ fn colors_show_the_picture_the_height_or_the_light() {
 
 #[test]
 fn a_solid_is_written_in_the_order_of_its_parts() {
-    let mesh = samples::crossings(&[0, 2], &[0, 2], 1, 8, |i| [0, 255, 51, 102][i]);
+    let mesh = crate::samples::crossings(&[0, 2], &[0, 2], 1, 8, |i| [0, 255, 51, 102][i]);
     let relief = Relief { height: ReliefHeight::Total(5.0), ..Relief::default() };
     let geometry = Geometry { relief: Some(relief), base: 0.5, ..Geometry::default() };
     let obj = in_space(&mesh, Format::Obj, geometry).unwrap();

@@ -3,15 +3,13 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
-mod samples;
-
 use pixmesh_codec::{Alpha, DecodeError, DecodeOptions, Limits, decode, probe};
 use pixmesh_meshing::{Image, ImageError};
 use std::path::{Path, PathBuf};
 
 /// The files of a folder of test images with one of the extensions, sorted; none when absent.
 fn files(folder: &str, extensions: &[&str]) -> Vec<PathBuf> {
-    let Some(images) = samples::test_images() else {
+    let Some(images) = crate::samples::test_images() else {
         println!("skipped: there is no folder of test images, so {folder} is not read");
         return Vec::new();
     };

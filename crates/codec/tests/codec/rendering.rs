@@ -3,14 +3,12 @@
 // A test is told that something is wrong by a panic, helpers of tests too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-mod samples;
-
+use crate::samples::{node_folder, written};
 use pixmesh_codec::{
     Compression, EncodeOptions, Format, Geometry, Limits, Relief, Shading, Texture, decode,
     write_png,
 };
 use pixmesh_meshing::{Image, Mesh, Method, Target, mesh_image, rasterize};
-use samples::{node_folder, written};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,4 @@
+//! Whole runs of the engine.
+
+mod same_bytes;
+mod sprites;
