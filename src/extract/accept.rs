@@ -182,16 +182,14 @@ mod tests {
 
     #[test]
     fn programs_that_ask_for_json_are_told_from_browsers() {
-        let prefers = |accept: &str| {
+        let wants_json = |accept: &str| {
             let mut headers = HeaderMap::new();
             headers.insert(ACCEPT, accept.parse().unwrap());
-            super::prefers(&headers, "application/json", "text/html")
+            prefers(&headers, "application/json", "text/html")
         };
-        assert!(prefers("application/json") && prefers("text/html;q=0.5, application/*"));
-        assert!(!prefers("*/*") && !prefers("text/html,application/xhtml+xml,*/*;q=0.8"));
-        assert!(
-            !prefers("") && !super::prefers(&HeaderMap::new(), "application/json", "text/html")
-        );
+        assert!(wants_json("application/json") && wants_json("text/html;q=0.5, application/*"));
+        assert!(!wants_json("*/*") && !wants_json("text/html,application/xhtml+xml,*/*;q=0.8"));
+        assert!(!wants_json("") && !prefers(&HeaderMap::new(), "application/json", "text/html"));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::client::send;
 use crate::in_process::Service;
 use crate::pictures::disc;
-use crate::server::program;
+use crate::server::{Server, program};
 
 #[test]
 fn the_checked_in_document_is_the_one_that_the_program_prints_and_serves() {
@@ -103,7 +103,7 @@ fn the_index_links_to_what_there_is_and_head_has_no_body() {
 
 #[test]
 fn the_metrics_count_what_was_answered_and_name_no_client_text() {
-    let server = Service::start(&["--workers", "2"]);
+    let server = Server::start(&["--workers", "2"]);
     server.mesh("", &[], &disc(30, 30, 3));
     server.get("/secret-path?token=abc");
     send(server.public, "BREW", "/secret-path", &[], &[]);
