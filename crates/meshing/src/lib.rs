@@ -30,7 +30,7 @@
 //! ```text
 //! image ─▶ density ─▶ points ─▶ triangulation ─▶ removal ─▶ refinement ─▶ model ─▶ quality
 //!
-//! points (greedy insertion), removal (largest error), refinement and model (progression)
+//! points (greedy insertion), refinement and model (progression)
 //!     ─▶ dynamic_mesh ─▶ face_error ─▶ triangulation (holes, predicates) ─▶ image
 //! ```
 //!
@@ -42,10 +42,11 @@
 //!   shared among threads.
 //! - [`parameters`]: what a caller chooses, its bounds, and the named [`Method`]s.
 //! - `density`: second derivatives, significance, and the sampling [`Density`].
-//! - `points`: initial points by error diffusion, on a grid, at random, by insertion or by error
-//!   diffusion in a reduced picture.
+//! - `points`: initial points by error diffusion, on a grid, at random, by insertion of a number of
+//!   points or until a bound holds, or by error diffusion in a reduced picture.
 //! - `triangulation`: preferred-directions Delaunay triangulation and exact predicates.
-//! - `face_error`: the error of a triangle's interpolant against the image, by each metric.
+//! - `face_error`: the error of a triangle's interpolant against the image, by each metric and
+//!   within a bound.
 //! - `dynamic_mesh`: a triangulation with the errors of its faces, for vertices that move.
 //! - `removal`: greedy point removal; `refinement`: vertices moved and exchanged, edges flipped.
 //! - `model`: the [`Mesh`], its picture, flat colours and what is seen of it, [`Buffers`] and

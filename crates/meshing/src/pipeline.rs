@@ -4,6 +4,7 @@ use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::half_edges::SortedMesh;
 use crate::error::MeshingError;
+use crate::face_error::bound::{Bound, Tolerance};
 use crate::face_error::metrics::mean_error;
 use crate::face_error::{ErrorEvaluator, FaceErrors};
 use crate::guide::Guided;
@@ -12,20 +13,21 @@ use crate::model::flat_color::RowSums;
 use crate::model::mesh::Mesh;
 use crate::model::rasterize::rasterize;
 use crate::parameters::{Connectivity, ErrorMetric, Parallel, Parameters, Plan, Target, Values};
+use crate::points::bounded_insertion::points_within;
 use crate::points::initial_points;
 use crate::progress::Run;
 use crate::quality::fidelity::{Fidelity, largest_squared_error};
 use crate::refinement::batch_removal::remove_in_batches;
 use crate::refinement::refine;
+use crate::refinement::unconstrained::bounded::refine_within;
 use crate::refinement::unconstrained::moves::Freedom;
 use crate::refinement::unconstrained::refine_unconstrained;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
 use crate::removal::featureless::remove_featureless;
-use crate::removal::max_error::removals_within;
 use crate::removal::{Removal, Simplified, StopRule, simplify_by};
 use crate::search::{bisect_size, count_meshes};
 use crate::triangulation::{Face, Triangulation};
-use std::collections::HashSet;
+use std::borrow::Cow;
 
 /// The search for a refined mesh of a quality ends when its two sizes differ by less than one part
 /// in this many: a closer search costs more than it gains.
@@ -77,7 +79,8 @@ pub fn mesh_image(
 ) -> Result<Approximation, MeshingError> {
     let plan = parameters.plan(image.shape())?;
     let is_bounded = parameters.target.is_quality();
-    let by_search = is_bounded && (parameters.searches() || parameters.weights.is_some());
+    let is_weighted = parameters.weights.is_some() && parameters.largest_difference().is_none();
+    let by_search = is_bounded && (parameters.searches() || is_weighted);
     let made = if by_search {
         smallest_within(image, parameters, &Run::of(control, Stage::Search))?
     } else {
@@ -99,21 +102,36 @@ pub fn mesh_image(
 fn mesh_by_plan(
     image: &Image,
     parameters: &Parameters,
-    plan: Plan,
+    mut plan: Plan,
     control: &dyn Control,
-) -> Result<Approximation, Cancelled> {
+) -> Result<Approximation, MeshingError> {
     let guided = Guided::new(image, parameters, control)?;
-    let points = initial_points(&guided.image, &guided.parameters, plan.initial_size, control)?;
+    let tolerance = parameters.largest_difference().map(Tolerance::of_rounded);
+    let bound = tolerance.map(|tolerance| Bound { image, tolerance });
+    let points = match bound {
+        Some(bound) if parameters.inserts_within() => points_within(bound, control)?,
+        _ => initial_points(&guided.image, &guided.parameters, plan.initial_size, control)?,
+    };
+    if bound.is_some() {
+        plan.initial_size = points.len();
+    }
     let triangulation = Triangulation::new(points, control)?;
+    if let Some(bound) = bound
+        && !is_kept(bound, &triangulation, control)?
+    {
+        let (parameter, points) = (parameters.target.parameter(), triangulation.points.len());
+        return Err(MeshingError::TargetMissed { parameter, points });
+    }
     let reduced = if parameters.is_flat() {
         reduce_for_flat_faces(&guided, triangulation, plan, control)?
     } else {
-        reduce(&guided, triangulation, plan, control)?
+        reduce(&guided, bound, triangulation, plan, control)?
     };
     let Reduced { points, faces, removals, squared_error } = reduced;
     let removals = if parameters.lists_removals { removals } else { Vec::new() };
-    let (mesh, squared_error) = if parameters.is_unconstrained() {
-        let (mesh, squared_error) = unconstrain(image, &guided, points, control)?;
+    let is_refined_within = bound.is_some() && parameters.refines();
+    let (mesh, squared_error) = if parameters.is_unconstrained() || is_refined_within {
+        let (mesh, squared_error) = unconstrain(image, &guided, bound, points, control)?;
         (mesh, Some(squared_error))
     } else {
         (Mesh::of_samples(image, points, faces, control)?, squared_error)
@@ -125,6 +143,27 @@ fn mesh_by_plan(
         (mesh, fidelity) = measured(covering, None, image, &guided, control)?;
     }
     Ok(Approximation { mesh, fidelity, plan, removals })
+}
+
+/// Whether every face of the triangulation keeps a bound; that of all points does.
+fn is_kept(
+    bound: Bound<'_>,
+    triangulation: &Triangulation,
+    control: &dyn Control,
+) -> Result<bool, Cancelled> {
+    if triangulation.points.len() == bound.image.pixel_count() {
+        return Ok(true);
+    }
+    let (faces, _) = triangulation.origins.as_chunks::<3>();
+    let poller = &mut Poller::new(control, Stage::Triangulate, faces.len(), faces.len());
+    for face in faces {
+        poller.poll()?;
+        let corners = face.map(|v| triangulation.points[v as usize]);
+        if !bound.is_kept_by_samples(corners, poller)? {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// The mesh, with colours of its faces where these are flat, and how close it is to the image.
@@ -165,6 +204,7 @@ impl Reduced {
 /// Removes the least useful points, then moves and exchanges the others.
 fn reduce(
     guided: &Guided<'_>,
+    bound: Option<Bound<'_>>,
     triangulation: Triangulation,
     plan: Plan,
     control: &dyn Control,
@@ -176,9 +216,10 @@ fn reduce(
     let count = triangulation.points.len();
     let poller = &mut Poller::new(control, Stage::Triangulate, count, count);
     let evaluator = ErrorEvaluator::new(&guided.image, error_metric, guided.weights(), poller)?;
-    let evaluator = if effort == 0 { evaluator } else { evaluator.with_model(poller)? };
+    let moves = effort > 0 && bound.is_none();
+    let evaluator = if moves { evaluator.with_model(poller)? } else { evaluator.within(bound) };
     let reduced = remove(guided, &evaluator, triangulation, plan, control)?;
-    if effort == 0 {
+    if !moves {
         return Ok(reduced);
     }
     let (errors, sides) = (FaceErrors::new(&evaluator), guided.image.sides());
@@ -206,42 +247,24 @@ fn remove(
     let image = &guided.image;
     let surplus = triangulation.points.len().saturating_sub(size);
     let lists_removals = guided.parameters.lists_removals;
-    let (triangulation, featureless) =
-        remove_featureless(image, triangulation, surplus, lists_removals, control)?;
+    let is_within = guided.parameters.largest_difference().is_some();
+    // A gray picture has such areas where the picture itself has features.
+    let (triangulation, featureless) = match guided.image {
+        Cow::Owned(_) if is_within => (triangulation, Vec::new()),
+        _ => remove_featureless(image, triangulation, surplus, lists_removals, control)?,
+    };
     let bound = match target {
         Target::Psnr(least) => Some(largest_squared_error(least, image.shape())),
         Target::MeanError(most) => Some(metric.largest_sum(most, image)),
         Target::MaxError(_) | Target::Percent(_) | Target::Size(_) => None,
     };
     let rule = StopRule { size, bound, bad_point_removal, lists_removals };
-    let mut reduced = if let Target::MaxError(most) = target {
-        let (points, exact) = (triangulation.points.clone(), Parallel::Exact);
-        let rule = StopRule { lists_removals: true, ..rule };
-        let made = simplify_by(image, evaluator, triangulation, rule, exact, control)?;
-        keep_within(image, points, made.removals, most, control)?
-    } else {
-        let Simplified { points, faces, removals, error } =
-            simplify_by(image, evaluator, triangulation, rule, parallel, control)?;
-        let squared_error = guided.has_squared_errors().then_some(error);
-        Reduced { points, faces, removals, squared_error }
-    };
-    reduced.removals.splice(0..0, featureless);
-    Ok(reduced)
-}
-
-/// Keeps the removals before the first that takes a sample's error beyond a bound.
-fn keep_within(
-    image: &Image,
-    initial: Vec<Point>,
-    mut removals: Vec<Removal>,
-    most: u16,
-    control: &dyn Control,
-) -> Result<Reduced, Cancelled> {
-    let count = removals_within(image, initial.clone(), &removals, most, control)?;
-    removals.truncate(count);
-    let removed: HashSet<Point> = removals.iter().map(|removal| removal.point).collect();
-    let kept = initial.into_iter().filter(|point| !removed.contains(point)).collect();
-    Reduced::of_triangulation(Triangulation::new(kept, control)?, removals, control)
+    let parallel = if is_within { Parallel::Exact } else { parallel };
+    let Simplified { points, faces, mut removals, error } =
+        simplify_by(image, evaluator, triangulation, rule, parallel, control)?;
+    let squared_error = guided.has_squared_errors().then_some(error);
+    removals.splice(0..0, featureless);
+    Ok(Reduced { points, faces, removals, squared_error })
 }
 
 /// Removes and refines by the errors of faces of one colour each.
@@ -266,6 +289,7 @@ fn reduce_for_flat_faces(
 fn unconstrain(
     image: &Image,
     guided: &Guided<'_>,
+    bound: Option<Bound<'_>>,
     points: Vec<Point>,
     control: &dyn Control,
 ) -> Result<(Mesh, u64), Cancelled> {
@@ -275,13 +299,17 @@ fn unconstrain(
         values: parameters.values == Values::Fitted,
     };
     let poller = &mut Poller::new(control, Stage::Refine, 0, 1);
-    let mut evaluator = |w| ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, w, poller);
+    let mut evaluator = |w| {
+        let evaluator = ErrorEvaluator::new(image, ErrorMetric::MeanCompSe, w, poller)?;
+        Ok(evaluator.within(bound))
+    };
     let (unweighted, weights) = (evaluator(None)?, guided.weights());
     let weighted = weights.map(|weights| evaluator(Some(weights))).transpose()?;
     let guide = weighted.as_ref().unwrap_or(&unweighted);
     let mut mesh = ValuedMesh::new(image, weights, guide, points, control)?;
+    let refine = if bound.is_some() { refine_within } else { refine_unconstrained };
     let SortedMesh { points, faces, order } =
-        refine_unconstrained(&mut mesh, freedom, parameters.effort, control)?;
+        refine(&mut mesh, freedom, parameters.effort, control)?;
     if weighted.is_some() {
         mesh.errors = FaceErrors::new(&unweighted);
         mesh.measure(Stage::Measure, control)?;
@@ -372,6 +400,7 @@ mod tests {
     use crate::face_error::FaceMeasure;
     use crate::face_error::tests::evaluator_of;
     use crate::parameters::{Method, Weights};
+    use std::collections::HashSet;
 
     /// A square of slopes, 24 points a side.
     fn slopes() -> Image {

@@ -234,7 +234,7 @@ pub static TABLE: [Parameter; 50] = [
     ),
     whole!(
         max_error,
-        "No sample of the picture that the mesh models may differ from the image's by more than this; instead of density.",
+        "No sample of the picture that the mesh models may differ from the image's by more than this: vertices go until none more may, and connectivity, values and effort make room for fewer; method preview inserts until it holds; instead of density.",
         0,
         MOST_ERROR,
         |options| match options.parameters.target {

@@ -130,7 +130,9 @@ impl<'a> Footprint<'a> {
             Generator::Insertion => FIELD,
             Generator::All | Generator::Random | Generator::Uniform => 0,
         };
-        let inserted = if self.inserts() { self.initial * INSERTED } else { 0 };
+        // Points within a largest error take less than the triangulation after them.
+        let is_charged = self.inserts() && !self.parameters.inserts_within();
+        let inserted = if is_charged { self.initial * INSERTED } else { 0 };
         self.image() + self.meshed_luma() + self.pixels * (MARK + chosen_from) + inserted
     }
 

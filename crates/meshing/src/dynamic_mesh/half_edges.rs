@@ -209,7 +209,7 @@ impl DynamicTriangulation {
 
     /// Removes a vertex; `star` is its [`star`](Self::star) and `fill` triangulates the link, with
     /// these errors. The triangles of the fill take the first slots of the star, in order.
-    pub(super) fn remove(
+    pub(crate) fn remove(
         &mut self,
         vertex: u32,
         star: &mut Link,

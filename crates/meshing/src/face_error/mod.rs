@@ -3,13 +3,16 @@
 //! An [`ErrorEvaluator`] holds what all threads share, a [`FaceErrors`] the memory of one thread.
 //! The specification of an error is the [`scan_conversion`] of a face by one of the [`metrics`].
 //! The squared error, which every method of the thesis uses, has two faster forms: a walk in
-//! floating point here, and vectors for small faces. Tests tie both to sums pixel by pixel.
+//! floating point here, and vectors for small faces. Tests tie both to sums pixel by pixel. Within a
+//! [`bound`] on the error of every sample a face that breaks it counts as more than all others.
 
+pub(crate) mod bound;
 pub(crate) mod metrics;
 pub(crate) mod quadratic_model;
 pub(crate) mod scan_conversion;
 
 use crate::control::{Cancelled, Control, Poller, Stage};
+use crate::face_error::bound::{BROKEN, Bound};
 use crate::face_error::metrics::Run;
 use crate::face_error::quadratic_model::ModelPixels;
 use crate::face_error::scan_conversion::{Interpolant, Pixels, try_for_each_row};
@@ -25,6 +28,7 @@ pub(crate) struct ErrorEvaluator<'a> {
     image: &'a Image,
     kind: Kind<'a>,
     level: Level,
+    bound: Option<Bound<'a>>,
 }
 
 enum Kind<'a> {
@@ -54,7 +58,12 @@ impl<'a> ErrorEvaluator<'a> {
         } else {
             Pixels::new(image, poller)?.map_or(Kind::SquaredWide { model: None }, Kind::Squared)
         };
-        Ok(Self { image, kind, level: Level::new() })
+        Ok(Self { image, kind, level: Level::new(), bound: None })
+    }
+
+    /// The same errors, but [`BROKEN`] for every face that breaks a bound.
+    pub(crate) fn within(self, bound: Option<Bound<'a>>) -> Self {
+        Self { bound, ..self }
     }
 
     /// The same with pixels for the quadratic model where the errors have no such pixels: for
@@ -125,7 +134,7 @@ pub(crate) trait FaceMeasure: Clone + Send + Sync {
         for &face in faces {
             let error = self.error(face, poller)?;
             errors.push(error);
-            sum += error;
+            sum = error.saturating_add(sum);
             if sum >= limit {
                 break;
             }
@@ -174,7 +183,13 @@ impl<'e> FaceErrors<'e> {
         values: [&[u16]; 3],
         poller: &mut Poller<'_>,
     ) -> Result<u64, Cancelled> {
-        self.interpolate(corners, |c| values.map(|values| values[c]));
+        let values = |c: usize| values.map(|values| values[c]);
+        if let Some(bound) = &self.evaluator.bound
+            && !bound.is_kept(corners, values, poller)?
+        {
+            return Ok(BROKEN);
+        }
+        self.interpolate(corners, values);
         self.error_of_interpolants(corners, u64::MAX, poller)
     }
 
@@ -263,6 +278,33 @@ impl<'e> FaceErrors<'e> {
         let shift = weights.map_or(0, |_| metric.weighted_shift(image.precision()));
         Ok((sum >> shift) as u64)
     }
+
+    /// Appends the errors of faces, whatever the bound, until their sum reaches `limit`; returns it.
+    fn append_errors(
+        &mut self,
+        faces: &[[Point; 3]],
+        limit: u64,
+        errors: &mut Vec<u64>,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
+        let (evaluator, mut sum, before) = (self.evaluator, 0, errors.len());
+        while sum < limit
+            && let Some(&face) = faces.get(errors.len() - before)
+        {
+            if let Kind::Squared(pixels) = &evaluator.kind {
+                let count = errors.len();
+                sum += pixels.errors(&faces[count - before..], limit - sum, errors);
+                if errors.len() > count {
+                    continue;
+                }
+            }
+            self.interpolate_image(face);
+            let error = self.error_of_interpolants(face, limit - sum, poller)?;
+            errors.push(error);
+            sum += error;
+        }
+        Ok(sum)
+    }
 }
 
 impl FaceMeasure for FaceErrors<'_> {
@@ -273,22 +315,22 @@ impl FaceMeasure for FaceErrors<'_> {
         errors: &mut Vec<u64>,
         poller: &mut Poller<'_>,
     ) -> Result<u64, Cancelled> {
-        let (evaluator, mut sum) = (self.evaluator, 0);
         errors.clear();
-        while sum < limit
-            && let Some(&face) = faces.get(errors.len())
-        {
-            if let Kind::Squared(pixels) = &evaluator.kind {
-                let count = errors.len();
-                sum += pixels.errors(&faces[count..], limit - sum, errors);
-                if errors.len() > count {
-                    continue;
-                }
+        let Some(bound) = self.evaluator.bound else {
+            return self.append_errors(faces, limit, errors, poller);
+        };
+        let mut sum = 0;
+        for &face in faces {
+            sum += if bound.is_kept_by_samples(face, poller)? {
+                self.append_errors(&[face], limit - sum, errors, poller)?
+            } else {
+                errors.push(BROKEN);
+                BROKEN
+            };
+            sum = sum.min(BROKEN);
+            if sum >= limit {
+                break;
             }
-            self.interpolate_image(face);
-            let error = self.error_of_interpolants(face, limit - sum, poller)?;
-            errors.push(error);
-            sum += error;
         }
         Ok(sum)
     }

@@ -291,6 +291,21 @@ impl Interpolant {
         Self { double_area, quarter_reciprocal, at_origin, per_column, per_row }
     }
 
+    /// Twice the area of the face.
+    pub(crate) fn double_area(&self) -> i64 {
+        self.double_area
+    }
+
+    /// Its differences, not rounded, from the `samples` of row `y` from column `x` on, times twice
+    /// the face's area.
+    #[inline(always)]
+    pub(crate) fn differences(&self, x: i32, y: i32, samples: &[u16]) -> impl Iterator<Item = i64> {
+        let start = self.at_origin + self.per_column * i64::from(x) + self.per_row * i64::from(y);
+        (0i64..).zip(samples).map(move |(i, &sample)| {
+            start + self.per_column * i - self.double_area * i64::from(sample)
+        })
+    }
+
     /// Sum of its squared differences from the `samples` of row `y` from column `x` on.
     #[inline(always)]
     pub(crate) fn squared_error(&self, x: i32, y: i32, samples: &[u16]) -> u64 {

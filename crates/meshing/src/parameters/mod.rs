@@ -109,7 +109,7 @@ pub enum Target {
     /// before the first vertex whose removal would raise it further.
     MeanError(f64),
     /// The largest difference of a sample of the approximation from the image's: greedy removal
-    /// stops before the first vertex whose removal would exceed it.
+    /// passes over the vertices whose removal would exceed it, until none is left.
     MaxError(u16),
 }
 
@@ -375,16 +375,30 @@ impl Parameters {
     /// Whether greedy insertion chooses the initial points of an image of this shape.
     #[must_use]
     pub fn inserts(&self, shape: Shape) -> bool {
-        self.generator == Generator::Insertion && shape.width * shape.height <= MOST_INSERTED_INTO
+        self.inserts_within()
+            || self.generator == Generator::Insertion
+                && shape.width * shape.height <= MOST_INSERTED_INTO
+    }
+
+    /// Whether greedy insertion chooses initial points that keep the target's largest error: unless
+    /// their number is given, or all points are asked for.
+    #[must_use]
+    pub fn inserts_within(&self) -> bool {
+        let is_free = matches!(self.initial_size, InitialSize::Gamma(_) | InitialSize::Target);
+        self.largest_difference().is_some() && is_free && self.generator != Generator::All
     }
 
     /// Whether greedy removal, or refinement after it, makes the mesh.
     #[must_use]
     pub fn simplifies(&self, plan: &Plan) -> bool {
-        plan.initial_size > plan.size
-            || self.target.is_quality()
+        (plan.initial_size > plan.size || self.target.is_quality()) && !self.only_inserts()
             || self.bad_point_removal
             || self.effort > 0
+    }
+
+    /// Whether insertion until the largest error is kept is all.
+    fn only_inserts(&self) -> bool {
+        self.inserts_within() && self.initial_size == InitialSize::Target
     }
 
     /// Whether the points of the mesh alone determine its faces and its picture, so that the mesh
@@ -395,11 +409,25 @@ impl Parameters {
     }
 
     /// Whether a quality takes meshes of several sizes, because the method does not simplify, or
-    /// refines after simplification.
+    /// refines after simplification. A largest error needs simplification or insertion alone.
     #[must_use]
     pub fn searches(&self) -> bool {
-        self.target.is_quality()
-            && (self.refines() || self.is_flat() || self.initial_size == InitialSize::Target)
+        let takes_all_points = self.initial_size == InitialSize::Target;
+        match self.target {
+            Target::Percent(_) | Target::Size(_) => false,
+            Target::MaxError(_) => {
+                self.is_flat() || takes_all_points && self.generator != Generator::Insertion
+            }
+            _ => self.refines() || self.is_flat() || takes_all_points,
+        }
+    }
+
+    /// How far the mesh may be from each sample, where removal and insertion themselves see to that.
+    pub(crate) fn largest_difference(&self) -> Option<u16> {
+        match self.target {
+            Target::MaxError(most) if !self.searches() => Some(most),
+            _ => None,
+        }
     }
 
     /// The metric for the components that guide.

@@ -1,5 +1,6 @@
 //! The initial points of a mesh, by each of the generators.
 
+pub(crate) mod bounded_insertion;
 pub(crate) mod error_diffusion;
 pub(crate) mod floyd_steinberg;
 pub(crate) mod greedy_insertion;

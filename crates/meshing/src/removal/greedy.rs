@@ -12,6 +12,7 @@
 //! errors of most triangles. The other new faces around a vertex are measured together.
 
 use crate::control::{Cancelled, Control, Poller, Stage};
+use crate::face_error::bound::BROKEN;
 use crate::face_error::{ErrorEvaluator, FaceErrors, FaceMeasure};
 use crate::image::Point;
 use crate::removal::queue::{Entry, RemovalQueue};
@@ -20,7 +21,8 @@ use crate::removal::star::{
 };
 use crate::triangulation::hole::{CAPACITY, HoleFiller, fill_small};
 
-/// Stands for the change of a vertex that waits for a larger group.
+/// Stands for the change of a vertex that waits: for a larger group, or for the removal of a neighbour,
+/// because its own would break a bound.
 const WAITS: i64 = i64::MAX;
 
 /// The most neighbours of a vertex whose whole fill is cached, a power of two.
@@ -85,6 +87,9 @@ impl Progress {
 
     pub(crate) fn must_stop(&self, change: i64) -> bool {
         let rule = self.rule;
+        if change == WAITS {
+            return true;
+        }
         if self.remaining <= rule.size {
             return !(rule.bad_point_removal && change < 0);
         }
@@ -511,15 +516,17 @@ impl Batch {
         Ok(())
     }
 
-    /// Caches the errors of a star's hole; returns by how much filling it changes the error.
+    /// Caches the errors of a star's hole; returns by how much filling it changes the error, or that
+    /// the vertex waits.
     #[inline]
     fn finish<'e>(star: &mut Packed, errors: &mut impl Iterator<Item = &'e u64>) -> i64 {
         let mut sum = 0;
         for (i, &error) in errors.take(star.degree() - 2).enumerate() {
             star.record.fill.set_error(i, error);
-            sum += error;
+            sum = (sum + error).min(BROKEN);
         }
-        sum as i64 - star.error() as i64
+        let change = sum as i64 - star.error() as i64;
+        if sum == BROKEN { WAITS } else { change }
     }
 }
 
@@ -538,7 +545,8 @@ mod tests {
     fn stops_at_the_size_unless_a_point_raises_the_error() {
         for bad_point_removal in [false, true] {
             let above = progress(None, bad_point_removal);
-            assert!([-1, 0, 1, i64::MAX].iter().all(|&change| !above.must_stop(change)));
+            assert!([-1, 0, 1, i64::MAX - 1].iter().all(|&change| !above.must_stop(change)));
+            assert!(above.must_stop(WAITS));
             let at_size = Progress { remaining: 6, ..above };
             assert!(at_size.must_stop(0) && at_size.must_stop(1));
             assert_eq!(at_size.must_stop(-1), !bad_point_removal);

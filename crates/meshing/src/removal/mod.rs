@@ -15,7 +15,6 @@
 pub(crate) mod conversion;
 pub(crate) mod featureless;
 mod greedy;
-pub(crate) mod max_error;
 mod partition;
 pub(crate) mod queue;
 mod star;

@@ -5,7 +5,7 @@ use crate::twin::interpolation::rasterise;
 use crate::twin::triangulation::{triangles_of, triangulate};
 use pixmesh_meshing::parameters::{Connectivity, ErrorMetric, Values, Weights};
 use pixmesh_meshing::{
-    Approximation, Fidelity, Image, Mesh, Method, Parameters, Target, mesh_image, rasterize,
+    Fidelity, Image, Mesh, Method, Parameters, Point, Target, mesh_image, rasterize,
 };
 use proptest::prelude::*;
 
@@ -14,6 +14,13 @@ fn squared_error(image: &Image, mesh: &Mesh) -> u64 {
     let pairs = image.components().iter().zip(rasterise(mesh));
     let square = |(a, b): (&u16, &u16)| u64::from(a.abs_diff(*b)).pow(2);
     pairs.map(|(a, b)| a.iter().zip(&b).map(square).sum::<u64>()).sum()
+}
+
+/// The largest difference of a sample of the picture that a mesh models, by the same.
+fn largest_difference(image: &Image, mesh: &Mesh) -> u16 {
+    let pairs = image.components().iter().zip(rasterise(mesh));
+    let largest = |(a, b): (&Vec<u16>, Vec<u16>)| a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max();
+    pairs.filter_map(largest).max().unwrap()
 }
 
 /// Checks what holds for every mesh, and returns its squared error.
@@ -74,26 +81,48 @@ proptest! {
     }
 
     #[test]
-    fn psnr_target_is_met_by_smallest_size(
+    fn largest_error_is_kept_and_no_vertex_more_may_go(
         image in pictures(3..=8, 1..=2),
         bound in 0u16..300,
+        method in prop::sample::select(&[Method::Mgpr, Method::Mgprfs][..]),
     ) {
-        let own = Method::Mgpr.parameters(Target::MaxError(bound));
-        let made = model(&image, &own);
-        let largest = |made: &Approximation| {
-            let pairs = image.components().iter().zip(rasterise(&made.mesh));
-            let largest_of = |(a, b): (&Vec<u16>, Vec<u16>)| {
-                a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap()
+        let made = model(&image, &method.parameters(Target::MaxError(bound)).lists_removals(true));
+        prop_assert!(largest_difference(&image, &made.mesh) <= bound);
+        let (points, size) = (made.mesh.points(), made.mesh.points().len());
+        prop_assert_eq!(size + made.removals.len(), made.plan.initial_size);
+        let corners = [0, image.width() as i32 - 1].map(|x| [0, image.height() as i32 - 1].map(|y| (x, y)));
+        for removed in points.iter().filter(|p| !corners.as_flattened().contains(&(p.x, p.y))) {
+            let left: Vec<_> = points.iter().copied().filter(|point| point != removed).collect();
+            let samples = |p: &Point| {
+                image.components().iter().map(|c| c[p.y as usize * image.width() + p.x as usize])
+                    .collect::<Vec<_>>()
             };
-            pairs.map(largest_of).max().unwrap()
-        };
-        prop_assert!(largest(&made) <= bound);
-        let size = made.mesh.points().len();
-        prop_assert_eq!(size + made.removals.len(), image.pixel_count());
-        if size > 4 {
-            let smaller = model(&image, &Method::Mgpr.parameters(Target::Size(size - 1)));
-            prop_assert!(largest(&smaller) > bound);
-            prop_assert_eq!(&smaller.removals[..made.removals.len()], &made.removals[..]);
+            let samples = left.iter().flat_map(samples).collect();
+            let faces = pixmesh_meshing::triangulate(&left);
+            let smaller = Mesh::new(image.shape(), left, samples, faces, &()).unwrap();
+            prop_assert!(largest_difference(&image, &smaller) > bound, "{removed:?}");
+        }
+    }
+
+    #[test]
+    fn largest_error_is_kept_by_every_method(
+        image in pictures(2..=12, 1..=3),
+        bound in 0u16..300,
+        effort in 0u8..3,
+        connectivity in prop::sample::select(Connectivity::ALL),
+        values in prop::sample::select(Values::ALL),
+        weighted in any::<bool>(),
+    ) {
+        for method in [Method::Mgprfs, Method::Preview, Method::Med, Method::Optimal] {
+            let target = Target::MaxError(bound);
+            let own = method.parameters(target);
+            let own = own.connectivity(connectivity).values(values).effort(effort);
+            let weights = (0..image.pixel_count()).map(|i| (i * 37 % 256) as u8).collect();
+            let weights = Weights::from_bottom_up(image.width(), image.height(), weights).ok();
+            let own = own.weights(weights.filter(|_| weighted));
+            check(&image, &own);
+            let made = model(&image, &own);
+            prop_assert!(largest_difference(&image, &made.mesh) <= bound, "{method}");
         }
     }
 

@@ -4,6 +4,7 @@
 //! Edge flips by the error of the approximation: Nira Dyn, David Levin and Samuel Rippa, "Data
 //! dependent triangulations for piecewise linear interpolation", 1990.
 
+pub(crate) mod bounded;
 pub(crate) mod least_squares;
 pub(crate) mod moves;
 pub(crate) mod valued_mesh;

@@ -12,6 +12,7 @@ use crate::face_error::scan_conversion::try_for_each_row;
 use crate::image::Point;
 use crate::refinement::relocation::window;
 use crate::refinement::unconstrained::valued_mesh::ValuedMesh;
+use crate::triangulation::NONE;
 use crate::triangulation::predicates::orientation;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,7 +77,8 @@ impl VertexMoves {
         let count = self.is_outdated.len();
         let poller = &mut Poller::new(control, Stage::Refine, 0, count);
         for vertex in 0..count {
-            if std::mem::take(&mut self.is_outdated[vertex]) {
+            let is_left = mesh.triangulation.outgoing[vertex] != NONE;
+            if std::mem::take(&mut self.is_outdated[vertex]) && is_left {
                 poller.done = vertex;
                 poller.poll()?;
                 self.visit(mesh, vertex as u32, poller)?;

@@ -64,7 +64,17 @@ impl<'a> ValuedMesh<'a> {
         values_of(&self.values, self.image, vertex)
     }
 
-    fn error_of(&mut self, face: Face, poller: &mut Poller<'_>) -> Result<u64, Cancelled> {
+    /// Whether three vertices turn counter-clockwise.
+    pub(crate) fn is_face(&self, face: Face) -> bool {
+        let [a, b, c] = face.map(|v| self.triangulation.points[v as usize]);
+        orientation(a, b, c) > 0
+    }
+
+    pub(crate) fn error_of(
+        &mut self,
+        face: Face,
+        poller: &mut Poller<'_>,
+    ) -> Result<u64, Cancelled> {
         let corners = face.map(|v| self.triangulation.points[v as usize]);
         let values = face.map(|v| values_of(&self.values, self.image, v));
         self.errors.error_of_values(corners, values, poller)
@@ -89,7 +99,10 @@ impl<'a> ValuedMesh<'a> {
         while let Some(h) = untried.pop() {
             poller.poll()?;
             let twin = self.triangulation.twins[h as usize];
-            if twin != NONE && self.flip_if_better(h, twin, poller)? {
+            if twin != NONE
+                && self.triangulation.is_used(h / 3)
+                && self.flip_if_better(h, twin, poller)?
+            {
                 untried.extend([h, next(h), twin, next(twin)]);
             }
         }
@@ -106,10 +119,8 @@ impl<'a> ValuedMesh<'a> {
         let triangulation = &self.triangulation;
         let [a, b, c, d] =
             [h, next(h), previous(h), previous(twin)].map(|h| triangulation.origins[h as usize]);
-        let point = |v: u32| triangulation.points[v as usize];
-        let is_face = |[a, b, c]: Face| orientation(point(a), point(b), point(c)) > 0;
         let (first, second) = ([d, b, c], [c, a, d]);
-        if !is_face(first) || !is_face(second) {
+        if !self.is_face(first) || !self.is_face(second) {
             return Ok(false);
         }
         let slots = [h / 3, twin / 3];
