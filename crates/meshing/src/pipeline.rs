@@ -1,5 +1,6 @@
 //! From an image to its mesh: the stages of every method, in order.
 
+use crate::alpha::has_alpha;
 use crate::control::{Cancelled, Control, Poller, Stage};
 use crate::dynamic_mesh::MeasuredMesh;
 use crate::dynamic_mesh::half_edges::SortedMesh;
@@ -79,7 +80,7 @@ pub fn mesh_image(
 ) -> Result<Approximation, MeshingError> {
     let plan = parameters.plan(image.shape())?;
     let is_bounded = parameters.target.is_quality();
-    let is_weighted = parameters.weights.is_some() && parameters.largest_difference().is_none();
+    let is_weighted = parameters.weights.is_some() && !parameters.is_within();
     let by_search = is_bounded && (parameters.searches() || is_weighted);
     let made = if by_search {
         smallest_within(image, parameters, &Run::of(control, Stage::Search))?
@@ -106,8 +107,7 @@ fn mesh_by_plan(
     control: &dyn Control,
 ) -> Result<Approximation, MeshingError> {
     let guided = Guided::new(image, parameters, control)?;
-    let tolerance = parameters.largest_difference().map(Tolerance::of_rounded);
-    let bound = tolerance.map(|tolerance| Bound { image, tolerance });
+    let bound = bound_of(image, parameters).filter(|_| parameters.is_within());
     let points = match bound {
         Some(bound) if parameters.inserts_within() => points_within(bound, control)?,
         _ => initial_points(&guided.image, &guided.parameters, plan.initial_size, control)?,
@@ -143,6 +143,17 @@ fn mesh_by_plan(
         (mesh, fidelity) = measured(covering, None, image, &guided, control)?;
     }
     Ok(Approximation { mesh, fidelity, plan, removals })
+}
+
+/// The largest error that the target allows.
+fn bound_of<'a>(image: &'a Image, parameters: &Parameters) -> Option<Bound<'a>> {
+    let tolerance = match parameters.target {
+        Target::MaxError(most) => Tolerance::of_rounded(most),
+        Target::MaxDistance(most) => Tolerance::of_surface(most),
+        _ => return None,
+    };
+    let has_holes = parameters.holes && has_alpha(image.component_count());
+    Some(Bound { image, tolerance, has_holes })
 }
 
 /// Whether every face of the triangulation keeps a bound; that of all points does.
@@ -247,16 +258,17 @@ fn remove(
     let image = &guided.image;
     let surplus = triangulation.points.len().saturating_sub(size);
     let lists_removals = guided.parameters.lists_removals;
-    let is_within = guided.parameters.largest_difference().is_some();
-    // A gray picture has such areas where the picture itself has features.
+    let is_within = guided.parameters.is_within();
+    // A gray picture has such areas where the picture itself has features, and so have holes.
     let (triangulation, featureless) = match guided.image {
         Cow::Owned(_) if is_within => (triangulation, Vec::new()),
+        _ if guided.parameters.holes => (triangulation, Vec::new()),
         _ => remove_featureless(image, triangulation, surplus, lists_removals, control)?,
     };
     let bound = match target {
         Target::Psnr(least) => Some(largest_squared_error(least, image.shape())),
         Target::MeanError(most) => Some(metric.largest_sum(most, image)),
-        Target::MaxError(_) | Target::Percent(_) | Target::Size(_) => None,
+        _ => None,
     };
     let rule = StopRule { size, bound, bad_point_removal, lists_removals };
     let parallel = if is_within { Parallel::Exact } else { parallel };
@@ -366,7 +378,27 @@ pub(crate) fn is_within(
             let rebuilt = rasterize(&made.mesh, control)?;
             mean_error(image, &rebuilt, parameters.metric_of_guide(), control)? <= most
         }
-        Target::MaxError(most) => {
+        Target::MaxDistance(_) if made.mesh.face_samples().is_none() => {
+            let mesh = &made.mesh;
+            let poller = &mut Poller::new(control, Stage::Measure, 0, mesh.faces().len());
+            for &face in mesh.faces() {
+                poller.poll()?;
+                let values = |c| face.map(|v| mesh.vertex_samples(v as usize)[c]);
+                if let Some(bound) = bound_of(image, parameters)
+                    && !bound.is_kept(mesh.corners(face), values, poller)?
+                {
+                    return Ok(false);
+                }
+            }
+            true
+        }
+        Target::MaxError(_) | Target::MaxDistance(_) => {
+            let most = match parameters.target {
+                Target::MaxError(most) => most,
+                // Colours of faces are whole samples.
+                Target::MaxDistance(most) => most.floor() as u16,
+                _ => u16::MAX,
+            };
             let rebuilt = rasterize(&made.mesh, control)?;
             for y in 0..image.height() {
                 control.poll(Stage::Measure, y, image.height())?;

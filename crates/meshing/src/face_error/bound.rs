@@ -1,4 +1,5 @@
-//! A bound on the error of every sample, checked exactly, pixel by pixel.
+//! A bound on the error of every sample, checked exactly, pixel by pixel, and holes whose borders no
+//! face crosses.
 //!
 //! Let `den` be twice a face's area and `num / den` its interpolant at a pixel of sample `s`. The
 //! bound is kept where `num - s den` lies between two whole numbers, which the face determines.
@@ -6,6 +7,7 @@
 use crate::control::{Cancelled, Poller};
 use crate::face_error::scan_conversion::{Interpolant, try_for_each_row};
 use crate::image::{Image, Point};
+use crate::triangulation::predicates::orientation;
 use std::ops::RangeInclusive;
 
 /// Stands for the error of a face that breaks the bound: more than any mesh has, and twice as much
@@ -14,6 +16,9 @@ pub(crate) const BROKEN: u64 = 1 << 61;
 
 /// The parts of a sample's step in which a [`Tolerance`] counts.
 const PARTS: i64 = 1 << 16;
+
+/// Farther than any sample, in parts of a step.
+const FARTHEST: u64 = 1 << 32;
 
 /// How far an approximation may be from each sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +33,11 @@ impl Tolerance {
     /// That of an approximation rounded to whole numbers, halves up.
     pub(crate) fn of_rounded(most: u16) -> Self {
         Self { parts: i64::from(most) * PARTS + PARTS / 2, excludes_end: true }
+    }
+
+    /// That of an approximation which is not rounded.
+    pub(crate) fn of_surface(most: f64) -> Self {
+        Self { parts: (most * PARTS as f64).floor() as i64, excludes_end: false }
     }
 
     /// The differences of numerators that keep the bound, of a face of this area.
@@ -45,6 +55,8 @@ impl Tolerance {
 pub(crate) struct Bound<'a> {
     pub(crate) image: &'a Image,
     pub(crate) tolerance: Tolerance,
+    /// Whether pixels of alpha 0 are holes, whose borders faces must not cross.
+    pub(crate) has_holes: bool,
 }
 
 impl Bound<'_> {
@@ -68,6 +80,9 @@ impl Bound<'_> {
         values: impl Fn(usize) -> [u16; 3],
         poller: &mut Poller<'_>,
     ) -> Result<bool, Cancelled> {
+        if self.is_hole(corners) {
+            return Ok(self.stray(corners, values, poller)?.is_none());
+        }
         for c in 0..self.image.component_count() {
             let interpolant = Interpolant::new(corners, values(c));
             let kept = self.tolerance.kept(interpolant.double_area());
@@ -94,6 +109,10 @@ impl Bound<'_> {
         corners: [Point; 3],
         poller: &mut Poller<'_>,
     ) -> Result<Option<(u64, Point)>, Cancelled> {
+        if self.is_hole(corners) {
+            let stray = self.stray(corners, |c| self.samples(corners, c), poller)?;
+            return Ok(stray.map(|at| (FARTHEST, at)));
+        }
         let (mut worst, mut breaks) = (None::<(u64, Point)>, false);
         for c in 0..self.image.component_count() {
             let interpolant = Interpolant::new(corners, self.samples(corners, c));
@@ -121,6 +140,68 @@ impl Bound<'_> {
         }
         Ok(worst.filter(|_| breaks))
     }
+
+    /// Whether a face belongs to a hole.
+    pub(crate) fn is_hole(&self, corners: [Point; 3]) -> bool {
+        self.has_holes && corners.iter().any(|&corner| self.is_hole_at(corner))
+    }
+
+    fn is_hole_at(&self, Point { x, y }: Point) -> bool {
+        let alpha = self.image.component_count() - 1;
+        self.image.sample(alpha, x as usize, y as usize) == 0
+    }
+
+    /// Whether a pixel of a hole is beside one of the surface: such pixels stay vertices, so that no
+    /// edge of the surface crosses the hole.
+    fn is_beside_surface(&self, Point { x, y }: Point) -> bool {
+        let (right, top) = (self.image.width() as i32 - 1, self.image.height() as i32 - 1);
+        let rows = (y - 1).max(0)..=(y + 1).min(top);
+        rows.into_iter().any(|y| {
+            ((x - 1).max(0)..=(x + 1).min(right)).any(|x| !self.is_hole_at(Point::new(x, y)))
+        })
+    }
+
+    /// The first pixel that a face of a hole must not have: one beside the surface, or one of the
+    /// surface, unless it lies on an edge of the surface that keeps the bound.
+    fn stray(
+        &self,
+        corners: [Point; 3],
+        values: impl Fn(usize) -> [u16; 3],
+        poller: &mut Poller<'_>,
+    ) -> Result<Option<Point>, Cancelled> {
+        let colors = 0..self.image.component_count() - 1;
+        let interpolants: Vec<Interpolant> =
+            colors.map(|c| Interpolant::new(corners, values(c))).collect();
+        let kept = self.tolerance.kept(orientation(corners[0], corners[1], corners[2]));
+        let is_on_border = |at: Point| {
+            let [a, b, c] = corners;
+            let on_edge = [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| {
+                orientation(from, to, at) == 0 && !self.is_hole_at(from) && !self.is_hole_at(to)
+            });
+            on_edge
+                && (0..).zip(&interpolants).all(|(c, interpolant)| {
+                    let sample = self.image.sample(c, at.x as usize, at.y as usize);
+                    interpolant.differences(at.x, at.y, &[sample]).all(|d| kept.contains(&d))
+                })
+        };
+        let mut stray = None;
+        try_for_each_row(corners, |y, first, end| {
+            poller.step((end - first) as usize)?;
+            let pixels = (first..end).map(|x| Point::new(x, y));
+            let is_stray = |&at: &Point| {
+                let is_allowed = corners.contains(&at)
+                    || if self.is_hole_at(at) {
+                        !self.is_beside_surface(at)
+                    } else {
+                        is_on_border(at)
+                    };
+                !is_allowed
+            };
+            stray = stray.or_else(|| pixels.into_iter().find(is_stray));
+            Ok::<(), Cancelled>(())
+        })?;
+        Ok(stray)
+    }
 }
 
 #[cfg(test)]
@@ -128,7 +209,6 @@ mod tests {
     use super::*;
     use crate::control::tests::poller;
     use crate::face_error::scan_conversion::for_each_row;
-    use crate::triangulation::predicates::orientation;
     use proptest::prelude::*;
 
     const SIDE: usize = 12;
@@ -165,7 +245,7 @@ mod tests {
                     }
                 });
             }
-            let bound = Bound { image: &image, tolerance: Tolerance::of_rounded(most) };
+            let bound = Bound { image: &image, tolerance: Tolerance::of_rounded(most), has_holes: false };
             let keeps = largest <= u64::from(most);
             prop_assert_eq!(bound.is_kept_by_samples(corners, &mut poller()), Ok(keeps));
             match bound.farthest(corners, &mut poller()).unwrap() {

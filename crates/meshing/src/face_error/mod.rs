@@ -176,6 +176,11 @@ impl<'e> FaceErrors<'e> {
         }
     }
 
+    /// Whether the bound keeps the borders of holes.
+    pub(crate) fn has_holes(&self) -> bool {
+        self.evaluator.bound.is_some_and(|bound| bound.has_holes)
+    }
+
     /// The error of a face with any values at its corners, one for each component.
     pub(crate) fn error_of_values(
         &mut self,
@@ -188,6 +193,9 @@ impl<'e> FaceErrors<'e> {
             && !bound.is_kept(corners, values, poller)?
         {
             return Ok(BROKEN);
+        }
+        if self.evaluator.bound.is_some_and(|bound| bound.is_hole(corners)) {
+            return Ok(0);
         }
         self.interpolate(corners, values);
         self.error_of_interpolants(corners, u64::MAX, poller)
@@ -321,7 +329,11 @@ impl FaceMeasure for FaceErrors<'_> {
         };
         let mut sum = 0;
         for &face in faces {
-            sum += if bound.is_kept_by_samples(face, poller)? {
+            let is_kept = bound.is_kept_by_samples(face, poller)?;
+            sum += if is_kept && bound.is_hole(face) {
+                errors.push(0);
+                0
+            } else if is_kept {
                 self.append_errors(&[face], limit - sum, errors, poller)?
             } else {
                 errors.push(BROKEN);

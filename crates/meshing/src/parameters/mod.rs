@@ -26,6 +26,8 @@ pub const MAX_PERCENT: f64 = 100.0;
 pub const MAX_PSNR_DB: f64 = 200.0;
 /// The largest target mean error: more than any metric of 16 bits gives.
 pub const MAX_MEAN_ERROR: f64 = 1e12;
+/// The largest distance of a mesh's surface from a sample, in steps.
+pub const MAX_DISTANCE: f64 = 65535.0;
 /// The largest ratio of initial to final points.
 pub const MAX_GAMMA: f64 = 1000.0;
 /// The most pixels of an image into which points are inserted; above, that takes seconds.
@@ -81,6 +83,12 @@ pub enum ParameterError {
         actual.0, actual.1, expected.0, expected.1
     )]
     WeightsSize { actual: (usize, usize), expected: (usize, usize) },
+    /// Holes without a bound that keeps their borders, or with vertices that move.
+    #[error(
+        "holes need max_error, and method, effort, values and meshed that move no vertices: give max_error \
+        without effort and fitted values, or fill the holes"
+    )]
+    HolesNeedBound,
     /// The image itself cannot be meshed.
     #[error(transparent)]
     Shape(#[from] ImageError),
@@ -111,6 +119,9 @@ pub enum Target {
     /// The largest difference of a sample of the approximation from the image's: greedy removal
     /// passes over the vertices whose removal would exceed it, until none is left.
     MaxError(u16),
+    /// The same of the mesh's surface, which is not rounded to whole samples, in steps of the
+    /// samples from 0 to 65535.
+    MaxDistance(f64),
 }
 
 impl Target {
@@ -128,7 +139,7 @@ impl Target {
             Self::Size(_) => "size",
             Self::Psnr(_) => "target_psnr",
             Self::MeanError(_) => "target_error",
-            Self::MaxError(_) => "max_error",
+            Self::MaxError(_) | Self::MaxDistance(_) => "max_error",
         }
     }
 }
@@ -249,6 +260,10 @@ parameters! {
     /// Whether each pixel of an alpha over 0 belongs to a face that
     /// [is seen](crate::Mesh::is_seen), for which some transparent vertices get the least alpha.
     covers_alpha: bool = false;
+    /// Whether pixels of alpha 0 are holes: the surface ends at their borders, exactly. Each face has
+    /// corners of an alpha over 0 and no other pixels, or it belongs to a hole and has a corner of
+    /// alpha 0. Needs a largest error as the target.
+    holes: bool = false;
     /// Whether [`Approximation::removals`](crate::Approximation::removals) lists the removed
     /// vertices: 16 bytes each.
     lists_removals: bool = false;
@@ -279,6 +294,7 @@ impl Parameters {
     /// # Errors
     /// The first value that is out of its bounds.
     pub fn check(&self) -> Result<(), ParameterError> {
+        self.check_holes()?;
         self.check_numbers(MAX_POINTS)
     }
 
@@ -295,6 +311,7 @@ impl Parameters {
             }
             Target::MeanError(error) => check_range("target_error", error, 0.0, MAX_MEAN_ERROR)?,
             Target::MaxError(_) => {}
+            Target::MaxDistance(most) => check_range("max_error", most, 0.0, MAX_DISTANCE)?,
         }
         match self.initial_size {
             InitialSize::Target => {}
@@ -319,6 +336,7 @@ impl Parameters {
     /// The first parameter that is out of its bounds or not defined for such an image.
     pub fn plan(&self, shape: Shape) -> Result<Plan, ParameterError> {
         check_shape(shape.width, shape.height, shape.precision)?;
+        self.check_holes()?;
         let all = shape.width * shape.height;
         self.check_numbers(all)?;
         self.check_components(shape.component_count)?;
@@ -326,7 +344,7 @@ impl Parameters {
         let size = match self.target {
             Target::Percent(percent) => points_of(percent, all),
             Target::Size(size) => size,
-            Target::Psnr(_) | Target::MeanError(_) | Target::MaxError(_) => MIN_SIZE,
+            _ => MIN_SIZE,
         };
         let initial_size = self.initial_points(size, all);
         let (parameter, factor, divisor) = match self.initial_size {
@@ -385,7 +403,7 @@ impl Parameters {
     #[must_use]
     pub fn inserts_within(&self) -> bool {
         let is_free = matches!(self.initial_size, InitialSize::Gamma(_) | InitialSize::Target);
-        self.largest_difference().is_some() && is_free && self.generator != Generator::All
+        self.is_within() && is_free && self.generator != Generator::All
     }
 
     /// Whether greedy removal, or refinement after it, makes the mesh.
@@ -415,19 +433,24 @@ impl Parameters {
         let takes_all_points = self.initial_size == InitialSize::Target;
         match self.target {
             Target::Percent(_) | Target::Size(_) => false,
-            Target::MaxError(_) => {
+            Target::MaxError(_) | Target::MaxDistance(_) => {
                 self.is_flat() || takes_all_points && self.generator != Generator::Insertion
             }
             _ => self.refines() || self.is_flat() || takes_all_points,
         }
     }
 
-    /// How far the mesh may be from each sample, where removal and insertion themselves see to that.
-    pub(crate) fn largest_difference(&self) -> Option<u16> {
-        match self.target {
-            Target::MaxError(most) if !self.searches() => Some(most),
-            _ => None,
-        }
+    /// Whether removal and insertion themselves see to a largest error of every sample.
+    pub(crate) fn is_within(&self) -> bool {
+        let is_largest = matches!(self.target, Target::MaxError(_) | Target::MaxDistance(_));
+        is_largest && !self.searches()
+    }
+
+    /// Holes are made where a bound keeps their borders, by vertices that stay where they are.
+    fn check_holes(&self) -> Result<(), ParameterError> {
+        let moves = self.effort > 0 || self.values == Values::Fitted;
+        let is_made = self.is_within() && !moves && self.guide == Guide::Components;
+        if !self.holes || is_made { Ok(()) } else { Err(ParameterError::HolesNeedBound) }
     }
 
     /// The metric for the components that guide.

@@ -105,7 +105,7 @@ mod tests {
         ) {
             let planes = samples.chunks(14 * 14).map(|plane| plane[..width * height].to_vec());
             let image = Image::from_bottom_up(width, height, 8, planes.collect()).unwrap();
-            let bound = Bound { image: &image, tolerance: Tolerance::of_rounded(most) };
+            let bound = Bound { image: &image, tolerance: Tolerance::of_rounded(most), has_holes: false };
             let points = points_within(bound, &()).unwrap();
             prop_assert!(points.is_sorted_by(|a, b| a < b));
             let mesh = Mesh::of_samples(&image, points.clone(), triangulate(&points), &()).unwrap();
@@ -125,7 +125,8 @@ mod tests {
         let image = Image::from_bottom_up(9, 9, 8, vec![samples]).unwrap();
         let inner = |most| {
             let tolerance = Tolerance::of_rounded(most);
-            let points = points_within(Bound { image: &image, tolerance }, &()).unwrap();
+            let points =
+                points_within(Bound { image: &image, tolerance, has_holes: false }, &()).unwrap();
             let corners = corner_points(9, 9);
             points.into_iter().filter(|point| !corners.contains(point)).collect::<Vec<_>>()
         };

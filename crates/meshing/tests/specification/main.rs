@@ -12,6 +12,7 @@ mod density_and_points;
 mod equivalences;
 mod few_features;
 mod greedy_removal;
+mod holes;
 mod mesh_invariants;
 mod pictures;
 mod preferred_directions;

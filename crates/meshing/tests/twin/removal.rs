@@ -23,7 +23,9 @@ pub(crate) fn simplify(
         let good = match parameters.target {
             Target::Percent(_) | Target::Size(_) => true,
             Target::Psnr(least) => psnr_db(image, after) >= least,
-            Target::MaxError(_) => unreachable!("tried with other targets only"),
+            Target::MaxError(_) | Target::MaxDistance(_) => {
+                unreachable!("tried with other targets only")
+            }
             Target::MeanError(most) => metric::mean(metric, after, image) <= most,
         };
         let wanted = points.len() > plan.size && good;

@@ -45,7 +45,10 @@ pub(crate) fn refine_within(
             if freedom.connectivity {
                 mesh.flip_edges(&progress)?;
             }
-            moves.pass(mesh, &progress)?;
+            // Vertices at the borders of holes must not move.
+            if !mesh.errors.has_holes() {
+                moves.pass(mesh, &progress)?;
+            }
         }
         let count = mesh.triangulation.vertex_count();
         let removed = removal.remove_all(mesh, &progress)?;

@@ -44,8 +44,10 @@ impl<'a> ValuedMesh<'a> {
         let poller = &mut Poller::new(control, stage, 0, 1);
         for slot in 0..self.triangulation.slot_count() as u32 {
             poller.poll()?;
-            let error = self.error_of(self.triangulation.vertices_of(slot), poller)?;
-            self.triangulation.set_face_error(slot, error);
+            if self.triangulation.is_used(slot) {
+                let error = self.error_of(self.triangulation.vertices_of(slot), poller)?;
+                self.triangulation.set_face_error(slot, error);
+            }
         }
         Ok(())
     }
