@@ -72,6 +72,9 @@ impl From<QueueError> for Problem {
             )
             .setting("--min-free-space")
             .limit(*least, *free),
+            QueueError::Paused => {
+                Self::new(Kind::JobsPaused, "an operator has paused the intake of jobs")
+            }
             QueueError::Storage(_) => {
                 Self::new(Kind::StorageUnavailable, "the data folder can be neither written nor read: try again")
                     .setting("--data-dir")

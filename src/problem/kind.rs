@@ -101,6 +101,9 @@ problems! {
          allow."
         "Open the service's own page, or ask the operator to name the page's origin with \
          --cors-origin.";
+    OperatorOnly = FORBIDDEN "operator-only" "The request needs an operator's key"
+        "The call is for operators of the service, and the request has no key of one."
+        "Send the key of an operator, which `pixmesh key new NAME --operator` makes.";
     NotFound = NOT_FOUND "not-found" "Not found"
         "Nothing is at this path, or the job belongs to another key."
         "Compare the path with GET /openapi.json, and send the key that submitted the job.";
@@ -234,6 +237,9 @@ problems! {
     ShuttingDown = SERVICE_UNAVAILABLE "shutting-down" "The service is stopping"
         "The service is stopping and takes no more work."
         "Try again in some seconds; another instance of the service may answer.";
+    JobsPaused = SERVICE_UNAVAILABLE "jobs-paused" "New jobs are paused"
+        "An operator has paused the intake of jobs."
+        "Try again after the seconds in Retry-After. Requests to /v1/meshes are answered.";
     StorageUnavailable = SERVICE_UNAVAILABLE "storage-unavailable" "The storage of jobs is unavailable"
         "The disk or the database of the jobs does not answer."
         "Try again after some seconds. Requests to /v1/meshes need no storage.";

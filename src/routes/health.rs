@@ -24,7 +24,7 @@ pub async fn ready(State(operations): State<Operations>) -> Result<String, Probl
         Stage::Ready if !operations.jobs.is_healthy() => {
             Err(Problem::new(Kind::StorageUnavailable, "jobs cannot be stored"))
         }
-        Stage::Ready => Ok(match operations.jobs.queue.check_room() {
+        Stage::Ready => Ok(match operations.jobs.check_intake() {
             Ok(()) => "ready\n".into(),
             Err(error) => format!("ready, but no jobs are accepted: {error}\n"),
         }),

@@ -334,7 +334,7 @@ fn of_heads() -> Vec<Row> {
         }),
         Row::new(
             "T10b",
-            "Transfer-Encoding that is obfuscated, unknown or twice; two Content-Lengths",
+            "Transfer-Encoding that is obfuscated, unknown or twice; two Content-Lengths that differ",
             Expected::Unparsed(400),
             || {
                 [
@@ -362,6 +362,17 @@ fn of_heads() -> Vec<Row> {
             },
         )
         .and(|answer| assert_eq!(answer.header("connection"), "close")),
+        Row::new(
+            "T10e",
+            "two equal Content-Lengths, which RFC 9110, 8.6, lets a server take for one",
+            Expected::Served,
+            || {
+                let image = disc(20, 20, 1);
+                let length = format!("Content-Length: {}\r\n", image.len());
+                let head = format!("{HEAD}Connection: close\r\n{length}{length}\r\n");
+                vec![Request::Raw([head.as_bytes(), &image].concat())]
+            },
+        ),
         Row::steps(
             "T11",
             "HTTP/2: its preface alone and byte by byte, rapid resets, a flood of CONTINUATION",

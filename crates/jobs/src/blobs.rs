@@ -34,7 +34,7 @@ use object_store::{
 };
 use pixmesh_engine::digest::Digest;
 use std::error::Error;
-use std::fs;
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -79,6 +79,7 @@ pub struct Pin(#[allow(dead_code, reason = "a guard")] OwnedRwLockReadGuard<()>)
 pub struct Collector<'a> {
     blobs: &'a Blobs,
     _no_pins: tokio::sync::RwLockWriteGuard<'a, ()>,
+    _no_backup: Option<File>,
 }
 
 impl Blobs {
@@ -150,9 +151,17 @@ impl Blobs {
     async fn sync_name(&self, digest: Digest) -> Result<(), QueueError> {
         let Some(root) = &self.root else { return Ok(()) };
         let shelf = root.join(&path_of(digest).as_ref()[..2]);
-        let synced = spawn_blocking(move || fs::File::open(shelf)?.sync_all()).await;
+        let synced = spawn_blocking(move || File::open(shelf)?.sync_all()).await;
         let synced = synced.map_err(io::Error::other).flatten();
         synced.map_err(|error| self.classify(QueueError::Storage(error.to_string())))
+    }
+
+    /// Whether a blob is stored.
+    ///
+    /// # Errors
+    /// When the storage fails.
+    pub async fn has(&self, digest: Digest) -> Result<bool, QueueError> {
+        Ok(self.meta(digest).await?.is_some())
     }
 
     /// The metadata of a blob; `None` if it does not exist.
@@ -235,9 +244,28 @@ impl Blobs {
         Ok(pieces.map(move |piece| piece.map_err(|error| blobs.classify(error))).boxed())
     }
 
-    /// Waits until there are no pins.
-    pub async fn collector(&self) -> Collector<'_> {
-        Collector { blobs: self, _no_pins: self.pins.write().await }
+    /// Waits until there are no pins. `None` while another process makes a backup of the folder.
+    pub async fn collector(&self) -> Option<Collector<'_>> {
+        let _no_pins = self.pins.write().await;
+        // Without such a file, as on a full disk, there is no backup.
+        let _no_backup = self.lock_file().ok().flatten();
+        let lock = _no_backup.as_ref().map(File::try_lock_shared);
+        let is_backup = matches!(lock, Some(Err(TryLockError::WouldBlock)));
+        (!is_backup).then_some(Collector { blobs: self, _no_pins, _no_backup })
+    }
+
+    /// Waits until no process deletes blobs of the folder; none does while the file is open.
+    pub(crate) fn hold(&self) -> io::Result<Option<File>> {
+        let file = self.lock_file()?;
+        file.as_ref().map_or(Ok(()), File::lock)?;
+        Ok(file)
+    }
+
+    /// The file that is locked by deletions, shared, and by a backup.
+    fn lock_file(&self) -> io::Result<Option<File>> {
+        let path = self.folder.as_ref().map(|folder| folder.join("lock"));
+        path.map(|path| OpenOptions::new().create(true).truncate(false).write(true).open(path))
+            .transpose()
     }
 
     /// All blobs in the folder of one process. Deletes the temporary files of interrupted writes:
@@ -431,7 +459,7 @@ mod tests {
         let part: Vec<_> = blobs.read(blob, 4..9).await.unwrap().collect().await;
         assert_eq!(part.into_iter().collect::<io::Result<Vec<_>>>().unwrap().concat(), b"bytes");
         assert_eq!(blobs.all().unwrap(), [digest]);
-        let collector = blobs.collector().await;
+        let collector = blobs.collector().await.unwrap();
         collector.delete(digest).await.unwrap();
         collector.delete(digest).await.unwrap();
         assert!(blobs.get(digest).await.is_err() && blobs.all().unwrap().is_empty());

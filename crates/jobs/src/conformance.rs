@@ -20,9 +20,11 @@ use std::time::{Duration, Instant};
 use tokio::time::{sleep, timeout};
 
 mod notifications;
+mod operating;
 mod retention;
 
 pub(super) use notifications::*;
+pub(super) use operating::*;
 pub(super) use retention::*;
 
 /// Opens the queue of an engine.
@@ -75,6 +77,10 @@ macro_rules! conforms {
             stored_bytes_are_those_of_pictures_then_of_meshes
             stats_count_queued_and_running_jobs
             concurrent_workers_run_each_job_once
+            search_finds_jobs_of_all_owners
+            failed_job_is_retried_with_its_picture
+            operator_cancels_and_deletes
+            what_is_paused_is_kept
         }
     };
     ($engine:expr, $of:ty; $($case:ident)+) => {

@@ -8,11 +8,13 @@
 //! | [`writer`] | the thread that writes, in transactions that commands share |
 //! | [`readers`] | connections that read |
 //! | [`submit`], [`claim`], [`finish`], [`sweep`], [`read`] | the operations on jobs |
+//! | [`backup`] | copies a folder that is in use, and checks one |
 //!
 //! Every commit is synced (`synchronous=FULL`). The folder belongs to one process: a new process
 //! requeues the jobs that it finds running, because their worker is gone. Leases are measured by
 //! the process's own clock, which does not follow changes of the system's time.
 
+mod backup;
 mod claim;
 mod finish;
 mod log_damage;
@@ -24,12 +26,14 @@ mod submit;
 mod sweep;
 mod writer;
 
+pub use backup::{Findings, back_up, check};
+
 use crate::folder::DataFolder;
 use crate::queue::{
-    Cancellation, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue, QueueError,
-    Renewal, Stats, Submitted, Swept, Terms,
+    Cancellation, Change, Claim, Finish, Lease, Lookup, Outcome, Page, PageRequest, Paused, Queue,
+    QueueError, Renewal, Search, Stats, Submitted, Swept, Terms,
 };
-use crate::record::{Event, JobId, Moment, NewJob, Progress};
+use crate::record::{Event, JobId, Moment, NewJob, Progress, State};
 use crate::telemetry;
 use crate::transition::Status;
 use crate::watchers::Watchers;
@@ -176,6 +180,23 @@ impl Queue for Embedded {
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError> {
         let (owner, terms) = (owner.clone(), self.terms);
         self.write(move |write| finish::cancel(write, &owner, id, &terms)).await
+    }
+
+    async fn search(&self, search: Search, limit: usize) -> Result<Page, QueueError> {
+        self.readers.read(move |connection| read::search(connection, &search, limit)).await
+    }
+
+    async fn change(&self, jobs: Vec<JobId>, change: Change) -> Result<Vec<State>, QueueError> {
+        let terms = self.terms;
+        self.write(move |write| finish::change(write, &jobs, change, &terms)).await
+    }
+
+    async fn paused(&self) -> Result<Paused, QueueError> {
+        self.readers.read(read::paused).await
+    }
+
+    async fn pause(&self, paused: Paused) -> Result<(), QueueError> {
+        self.write(move |write| finish::pause(write, paused)).await
     }
 
     async fn events_now(

@@ -21,6 +21,7 @@
 //! |---|---|
 //! | [`worker`] | claims jobs and runs them |
 //! | [`retention`] | periodic maintenance |
+//! | [`operating`] | what operators do to jobs of all owners |
 //! | [`settings`] | the settings of the queue's engine |
 //! | [`embedded`] | the queue in an SQLite database of one process |
 //! | [`postgres`] | the queue in a PostgreSQL database that nodes share |
@@ -41,6 +42,7 @@ mod conformance;
 pub mod durations;
 pub mod embedded;
 pub mod folder;
+pub mod operating;
 pub mod postgres;
 pub mod queue;
 pub mod record;
@@ -64,12 +66,12 @@ use durations::Durations;
 use embedded::Embedded;
 use folder::DataFolder;
 use postgres::Postgres;
-pub use queue::{Caps, Queue, QueueError, Submitted, Terms};
+pub use queue::{Caps, Paused, Queue, QueueError, Submitted, Terms};
 use record::NewJob;
 use settings::{QueueEngine, QueueSettings};
 use std::error::Error;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use stored::StoredBytes;
 
 /// The settings of the jobs.
@@ -98,6 +100,7 @@ pub struct Jobs {
     pub durations: Arc<Durations>,
     /// The bytes that jobs keep.
     pub stored: Arc<StoredBytes>,
+    paused: Arc<Mutex<Paused>>,
 }
 
 impl Jobs {
@@ -109,13 +112,19 @@ impl Jobs {
     /// of blobs cannot be used.
     pub async fn open(settings: &Settings<'_>) -> Result<Self, Box<dyn Error + Send + Sync>> {
         let Settings { queue, terms, .. } = *settings;
-        let QueueEngine::Postgres(url) = &queue.queue else {
-            return Self::in_folder(settings).map_err(|error| error.to_string().into());
+        let jobs = match &queue.queue {
+            QueueEngine::Embedded => {
+                Self::in_folder(settings).map_err(|error| error.to_string())?
+            }
+            QueueEngine::Postgres(url) => {
+                let blobs = Blobs::shared(&settings.blobs).await?;
+                let opened = Postgres::open(url, &queue.postgres, terms).await;
+                let queue = Arc::new(opened.map_err(|error| format!("--queue {}: {error}", queue.queue))?);
+                Self::new(queue, blobs, terms)
+            }
         };
-        let blobs = Blobs::shared(&settings.blobs).await?;
-        let opened = Postgres::open(url, &queue.postgres, terms).await;
-        let queue = Arc::new(opened.map_err(|error| format!("--queue {}: {error}", queue.queue))?);
-        Ok(Self::new(queue, blobs, terms))
+        jobs.learn_paused().await?;
+        Ok(jobs)
     }
 
     /// The embedded queue and its blobs.
@@ -128,7 +137,7 @@ impl Jobs {
 
     fn new(queue: Arc<dyn Queue>, blobs: Blobs, terms: Terms) -> Self {
         let stored = Arc::new(StoredBytes::new(terms.caps));
-        Self { queue, blobs, durations: Arc::default(), stored }
+        Self { queue, blobs, durations: Arc::default(), stored, paused: Arc::default() }
     }
 
     /// Whether the last writes succeeded.
@@ -137,13 +146,21 @@ impl Jobs {
         self.queue.is_healthy() && self.blobs.is_healthy()
     }
 
+    /// Fails if no new jobs are accepted now.
+    ///
+    /// # Errors
+    /// [`QueueError::Paused`], or that there is no room.
+    pub fn check_intake(&self) -> Result<(), QueueError> {
+        if self.paused().intake { Err(QueueError::Paused) } else { self.queue.check_room() }
+    }
+
     /// Puts a picture and then its job on stable storage. A submission that has started goes on
     /// when its future is dropped.
     ///
     /// # Errors
     /// When the blob or the job cannot be stored.
     pub async fn submit(&self, job: NewJob, image: Bytes) -> Result<Submitted, QueueError> {
-        self.queue.check_room()?;
+        self.check_intake()?;
         let (owner, bytes) = (job.owner.clone(), job.picture.stored_bytes());
         if let Some(refused) = self.stored.add(&owner, bytes) {
             return Ok(refused);

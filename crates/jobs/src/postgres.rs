@@ -37,10 +37,10 @@ mod sweep;
 pub use settings::PostgresSettings;
 
 use crate::queue::{
-    Cancellation, Claim, DELETION_TIME, Finish, Lease, Lookup, Outcome, Page, PageRequest, Queue,
-    QueueError, Renewal, Stats, Submitted, Swept, Terms,
+    Cancellation, Change, Claim, DELETION_TIME, Finish, Lease, Lookup, Outcome, Page, PageRequest,
+    Paused, Queue, QueueError, Renewal, Search, Stats, Submitted, Swept, Terms,
 };
-use crate::record::{Event, JobId, NewJob, Progress};
+use crate::record::{Event, JobId, NewJob, Progress, State};
 use crate::secret::Secret;
 use crate::watchers::Watchers;
 use async_trait::async_trait;
@@ -198,6 +198,22 @@ impl Queue for Postgres {
 
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError> {
         self.node.cancel(owner, id).await
+    }
+
+    async fn search(&self, search: Search, limit: usize) -> Result<Page, QueueError> {
+        self.node.search(&search, limit).await
+    }
+
+    async fn change(&self, jobs: Vec<JobId>, change: Change) -> Result<Vec<State>, QueueError> {
+        self.node.change(jobs, change).await
+    }
+
+    async fn paused(&self) -> Result<Paused, QueueError> {
+        self.node.paused().await
+    }
+
+    async fn pause(&self, paused: Paused) -> Result<(), QueueError> {
+        self.node.pause(paused).await
     }
 
     async fn events_now(

@@ -4,7 +4,7 @@
 //! stable storage; one worker at a time has a job, and a worker that lost it changes nothing; an
 //! attempt is counted before it starts.
 
-use crate::record::{Event, JobId, MeshFigures, NewJob, Picture, Progress, Record, State};
+use crate::record::{Event, JobId, MeshFigures, Moment, NewJob, Picture, Progress, Record, State};
 use crate::watchers::Watchers;
 use async_trait::async_trait;
 use pixmesh_engine::Owner;
@@ -124,6 +124,9 @@ pub enum QueueError {
         /// The bytes that must be.
         least: u64,
     },
+    /// An operator has paused the intake of jobs.
+    #[error("an operator has paused the intake of jobs")]
+    Paused,
     /// The storage fails.
     #[error("the storage fails: {0}")]
     Storage(String),
@@ -217,11 +220,75 @@ pub struct PageRequest {
     pub limit: usize,
 }
 
-/// A page of an owner's jobs, newest first.
-#[derive(Clone, Debug, PartialEq)]
+/// Which jobs of all owners to find, newest first. Indexes serve a type of problem, an owner, a state
+/// or both of these, and the ids; what else is asked for is compared after reading.
+#[derive(Clone, Debug, Default)]
+pub struct Search {
+    /// Only jobs of this owner.
+    pub owner: Option<Owner>,
+    /// Only jobs in this state.
+    pub state: Option<State>,
+    /// Only jobs that failed with a problem of this type, such as `/problems/attempts-exhausted`.
+    pub problem: Option<String>,
+    /// Only jobs whose picture's file has as many bytes.
+    pub least_bytes: u64,
+    /// Only this job and later ones; [`JobId::first_at`] is that of a time.
+    pub from: Option<JobId>,
+    /// Only jobs older than this one.
+    pub before: Option<JobId>,
+}
+
+impl Search {
+    /// The owner, the state and the problem that the engine looks for in one index.
+    pub(crate) fn indexed(&self) -> (Option<&str>, Option<State>, Option<&str>) {
+        match &self.problem {
+            Some(problem) => (None, None, Some(problem)),
+            None => (self.owner.as_ref().map(Owner::as_str), self.state, None),
+        }
+    }
+
+    /// The ids, with the first and without the last.
+    pub(crate) fn ids(&self) -> [JobId; 2] {
+        let last = JobId::from_bytes([u8::MAX; 16]);
+        [self.from.unwrap_or(JobId::from_bytes([0; 16])), self.before.unwrap_or(last)]
+    }
+
+    /// Whether a job is one that is asked for. One that has expired is not.
+    pub(crate) fn accepts(&self, job: &Record, now: Moment) -> bool {
+        self.owner.as_ref().is_none_or(|owner| *owner == job.owner)
+            && self.state.is_none_or(|state| state == job.state)
+            && job.picture.bytes >= self.least_bytes
+            && job.expires.is_none_or(|expires| expires > now)
+    }
+}
+
+/// What an operator does to jobs. Jobs in other states are left alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Queues failed jobs again, with all their attempts.
+    Retry,
+    /// Cancels queued and running jobs.
+    Cancel,
+    /// Lets jobs that have ended expire.
+    Delete,
+}
+
+/// What an operator has paused, on all nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Paused {
+    /// No new jobs are accepted.
+    pub intake: bool,
+    /// No queued job is started. Running ones go on.
+    pub work: bool,
+}
+
+/// A page of jobs, newest first.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Page {
     /// The jobs.
     pub jobs: Vec<Record>,
+    /// Jobs whose records cannot be read.
+    pub damaged: Vec<JobId>,
     /// The job before which the next page starts; `None` on the last page.
     pub next: Option<JobId>,
 }
@@ -231,14 +298,17 @@ impl Page {
     /// page. Damaged records are logged and left out.
     pub(crate) fn of<E: fmt::Display>(rows: Vec<(JobId, Result<Record, E>)>, limit: usize) -> Self {
         let next = (rows.len() > limit).then(|| rows[limit - 1].0);
-        let mut jobs = Vec::new();
+        let mut page = Self { next, ..Self::default() };
         for (job, record) in rows.into_iter().take(limit) {
             match record {
-                Ok(record) => jobs.push(record),
-                Err(error) => tracing::error!(%job, %error, "job record damaged"),
+                Ok(record) => page.jobs.push(record),
+                Err(error) => {
+                    tracing::error!(%job, %error, "job record damaged");
+                    page.damaged.push(job);
+                }
             }
         }
-        Self { jobs, next }
+        page
     }
 }
 
@@ -367,6 +437,19 @@ pub trait Queue: fmt::Debug + Send + Sync {
 
     /// Cancels an owner's job, or deletes it if it has ended.
     async fn cancel(&self, owner: &Owner, id: JobId) -> Result<Cancellation, QueueError>;
+
+    /// The newest jobs of all owners that one index finds, read at most `limit`; the caller compares
+    /// them with the rest of the search.
+    async fn search(&self, search: Search, limit: usize) -> Result<Page, QueueError>;
+
+    /// Changes jobs of any owners in one transaction, and returns the states of those that it changed.
+    async fn change(&self, jobs: Vec<JobId>, change: Change) -> Result<Vec<State>, QueueError>;
+
+    /// What is paused.
+    async fn paused(&self) -> Result<Paused, QueueError>;
+
+    /// Stores what is paused from now on.
+    async fn pause(&self, paused: Paused) -> Result<(), QueueError>;
 
     /// The changes of an owner's job after a revision, and whether more may come: not if the job
     /// has ended or does not exist.

@@ -35,6 +35,20 @@ impl JobId {
         self.0.as_bytes()
     }
 
+    /// An id that is less than all ids made at this time or later, and greater than all before.
+    #[must_use]
+    pub fn first_at(moment: Moment) -> Self {
+        let mut bytes = [0; 16];
+        bytes[..6].copy_from_slice(&moment.0.max(0).to_be_bytes()[2..]);
+        Self::from_bytes(bytes)
+    }
+
+    /// The least id that is greater.
+    #[must_use]
+    pub fn following(self) -> Self {
+        Self(Uuid::from_u128(self.0.as_u128().saturating_add(1)))
+    }
+
     /// The id with these bytes.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 16]) -> Self {
@@ -108,11 +122,19 @@ impl Moment {
         Self(jiff::Timestamp::now().as_millisecond())
     }
 
+    /// The time that a text in the format of RFC 3339 names.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        text.parse::<jiff::Timestamp>().ok().map(|moment| Self(moment.as_millisecond()))
+    }
+
     pub(crate) fn after(self, duration: Duration) -> Self {
         Self(self.0.saturating_add(i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)))
     }
 
-    pub(crate) fn before(self, duration: Duration) -> Self {
+    /// The time so much earlier.
+    #[must_use]
+    pub fn before(self, duration: Duration) -> Self {
         Self(self.0.saturating_sub(i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)))
     }
 }
@@ -427,6 +449,13 @@ mod tests {
     fn later_ids_and_their_bytes_compare_greater() {
         let ids: Vec<JobId> = (0..1000).map(|_| JobId::new()).collect();
         assert!(ids.is_sorted() && ids.is_sorted_by_key(|id| *id.as_bytes()));
+    }
+
+    #[test]
+    fn ids_are_found_by_the_time_they_were_made() {
+        let (before, id) = (Moment::now(), JobId::new());
+        assert!(JobId::first_at(before) < id && id < JobId::first_at(Moment(before.0 + 60_000)));
+        assert_eq!(Moment::parse(&before.to_string()), Some(before));
     }
 
     #[test]

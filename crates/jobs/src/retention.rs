@@ -18,8 +18,8 @@ const PERIOD: Duration = Duration::from_secs(3);
 /// Blobs that are deleted at the same time.
 const DELETIONS: usize = 8;
 
-/// Deletes the blobs of the last process that no job uses, or sets them aside if jobs were lost. In a store that nodes share, the queue
-/// knows these blobs.
+/// Deletes the blobs of the last process that no job uses, or sets them aside if jobs were lost. In a
+/// store that nodes share, the queue knows these blobs.
 ///
 /// # Errors
 /// When the blobs or the queue cannot be read.
@@ -27,7 +27,7 @@ pub async fn clean_up(jobs: &Jobs) -> Result<(), Box<dyn Error + Send + Sync>> {
     if jobs.blobs.is_shared() {
         return Ok(());
     }
-    let collector = jobs.blobs.collector().await;
+    let Some(collector) = jobs.blobs.collector().await else { return Ok(()) };
     let blobs = jobs.blobs.clone();
     let stored = spawn_blocking(move || blobs.all()).await??;
     let used = jobs.queue.referenced(stored.clone()).await?;
@@ -62,6 +62,7 @@ pub async fn run(jobs: Jobs, stop: CancellationToken) {
 /// Sweeps in batches until there is nothing left to do: jobs may expire as fast as they came, and
 /// each batch is short, because submissions wait for it.
 async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
+    jobs.learn_paused().await?;
     loop {
         let Swept { requeued, exhausted, expired, orphans } = jobs.queue.sweep().await?;
         if requeued + exhausted + expired > 0 {
@@ -81,10 +82,10 @@ async fn sweep(jobs: &Jobs) -> Result<(), QueueError> {
     Ok(())
 }
 
-/// Deletes those of the blobs that no job uses, and returns their number.
+/// Deletes those of the blobs that no job uses, and returns their number: none during a backup.
 async fn delete(jobs: &Jobs, blobs: Vec<Digest>) -> Result<usize, QueueError> {
     let began = Instant::now();
-    let collector = jobs.blobs.collector().await;
+    let Some(collector) = jobs.blobs.collector().await else { return Ok(0) };
     let used = jobs.queue.referenced(blobs.clone()).await?;
     let unused = blobs.into_iter().filter(|blob| !used.contains(blob));
     // Later, another node may store a blob again.

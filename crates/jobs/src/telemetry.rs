@@ -1,6 +1,6 @@
 //! The metrics of jobs.
 
-use crate::queue::Stats;
+use crate::queue::{Paused, Stats};
 use crate::record::State;
 use metrics::{counter, gauge, histogram};
 use pixmesh_engine::declare_metrics;
@@ -23,6 +23,8 @@ declare_metrics! {
     DISK_FREE_BYTES: Gauge "pixmesh_disk_free_bytes" ["state"]
         "Bytes of the disk with the data folder: those that are free, and those that new jobs leave \
          free";
+    PAUSED: Gauge "pixmesh_jobs_paused" ["what"]
+        "1 while an operator has paused the 'intake' of durable jobs, or 'work' on them";
     TRANSACTIONS_LOST: Gauge "pixmesh_transactions_lost" []
         "Transactions of jobs that the last start found damaged in the write-ahead log";
     DATABASE_CONNECTIONS: Gauge "pixmesh_database_connections" ["state"]
@@ -63,6 +65,13 @@ pub(crate) fn stored_bytes(used: u64, limit: u64) {
     gauge!(STORED_BYTES, "state" => "used").set(used as f64);
     if limit < u64::MAX {
         gauge!(STORED_BYTES, "state" => "limit").set(limit as f64);
+    }
+}
+
+/// Sets the gauges of what is paused.
+pub(crate) fn paused(paused: Paused) {
+    for (what, is_paused) in [("intake", paused.intake), ("work", paused.work)] {
+        gauge!(PAUSED, "what" => what).set(f64::from(u8::from(is_paused)));
     }
 }
 

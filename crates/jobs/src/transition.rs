@@ -8,9 +8,10 @@
 //! | running | an attempt fails for good, or the last one fails | failed |
 //! | running | an attempt before the last one fails, or its lease expires | queued |
 //! | running | the worker hands the job back | queued, and the attempt does not count |
+//! | failed | an operator retries the job | queued, with no attempt made |
 //! | running | an attempt ends in any way after the owner cancelled the job | cancelled |
 
-use crate::queue::{Cancellation, Finish, Lease, MAX_ATTEMPTS, Outcome, Renewal};
+use crate::queue::{Cancellation, Change, Finish, Lease, MAX_ATTEMPTS, Outcome, Renewal};
 use crate::record::{self, JobId, MeshFigures, State};
 use pixmesh_engine::digest::Digest;
 use serde_json::Value;
@@ -31,7 +32,7 @@ pub(crate) struct Transition<'a> {
     pub(crate) job: JobId,
     pub(crate) from: State,
     pub(crate) to: State,
-    /// Attempts that do not count: 1 for a job that was handed back, else 0.
+    /// Attempts that do not count: 1 for a job that was handed back, all of one that is retried.
     pub(crate) returned_attempts: u32,
     pub(crate) mesh: Option<&'a MeshFigures>,
     pub(crate) problem: Option<Cow<'a, Value>>,
@@ -128,6 +129,29 @@ pub(crate) fn orphaned_mesh(outcome: &Outcome, finish: Finish) -> Option<Digest>
         Outcome::Completed(mesh) if finish != Finish::Committed(State::Completed) => {
             mesh.digest.parse().ok()
         }
+        _ => None,
+    }
+}
+
+/// What an operator's change does to one job.
+#[derive(Debug)]
+pub(crate) enum Step {
+    Transition(Transition<'static>),
+    RequestCancellation,
+    /// The job expires now, and the next sweep deletes it.
+    Expire,
+}
+
+/// What an operator's change does to a job; `None` in a state that the change is not for.
+pub(crate) fn step(change: Change, job: JobId, status: Status) -> Option<Step> {
+    match (change, status.state) {
+        (Change::Cancel, State::Queued) => Some(Step::Transition(Transition::cancelled(job))),
+        (Change::Cancel, State::Running) => Some(Step::RequestCancellation),
+        (Change::Retry, State::Failed) => {
+            let queued = Transition::new(job, State::Failed, State::Queued);
+            Some(Step::Transition(Transition { returned_attempts: status.attempt, ..queued }))
+        }
+        (Change::Delete, state) if state.is_final() => Some(Step::Expire),
         _ => None,
     }
 }

@@ -57,6 +57,11 @@ impl Watchers {
     /// Wakes every waiting task.
     pub(crate) fn notify_all(&self) {
         self.jobs().values().for_each(|sender| sender.send_replace(()));
+        self.notify_work();
+    }
+
+    /// Wakes a task that waits for a job to claim.
+    pub(crate) fn notify_work(&self) {
         self.work.notify_one();
     }
 

@@ -95,7 +95,9 @@ impl Worker {
             let Some(slot) = slot else { break };
             // A claim is not cancelled, because a claimed job that nobody runs would lose an
             // attempt.
-            match self.jobs.queue.claim().await {
+            let is_paused = self.jobs.paused().work;
+            let claim = if is_paused { Ok(None) } else { self.jobs.queue.claim().await };
+            match claim {
                 Ok(Some(claim)) => {
                     let (worker, hand_back) = (self.clone(), hand_back.clone());
                     let span = tracing::info_span!("job", id = %claim.lease.job);

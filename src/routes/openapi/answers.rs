@@ -118,7 +118,9 @@ fn with_files(
 
 /// The status and the response for its problems, with an example of each.
 fn problems(status: u16) -> (String, RefOr<Response>) {
-    let kinds = Kind::ALL.iter().filter(|kind| kind.status().as_u16() == status);
+    // The listener for operations is not described.
+    let public = Kind::ALL.iter().filter(|kind| **kind != Kind::OperatorOnly);
+    let kinds = public.filter(|kind| kind.status().as_u16() == status);
     let slugs: Vec<_> = kinds.clone().map(|kind| kind.slug()).collect();
     let examples = kinds.map(|&kind| {
         let example = ExampleBuilder::new().summary(kind.title());

@@ -3,21 +3,23 @@
 use super::read::{is_gone, status};
 use super::rows::first;
 use super::writer::Write;
-use crate::queue::{Cancellation, Finish, Lease, Outcome, Terms};
+use crate::queue::{Cancellation, Change, Finish, Lease, Outcome, Paused, Terms};
 use crate::record::{JobId, Moment, State};
 use crate::row::{self, Row as _};
-use crate::transition::{Status, Transition, cancellation, orphaned_mesh};
+use crate::transition::{Status, Step, Transition, cancellation, orphaned_mesh, step};
 use pixmesh_engine::Owner;
 use rusqlite::{Result, params};
 use std::time::Duration;
 
-/// Stores a transition, and marks the picture of a job that ends as an orphan candidate.
+/// Stores a transition, and marks the picture of a job that ends as an orphan candidate, unless the job
+/// failed and may be retried.
 pub(super) fn apply(
     write: &mut Write<'_>,
     transition: &Transition<'_>,
     result_ttl: Duration,
 ) -> Result<()> {
     let (now, is_final) = (Moment::now(), transition.to.is_final());
+    let keeps_picture = transition.to == State::Failed;
     let (mesh, mesh_digest) = transition.mesh_columns();
     let sql = "UPDATE jobs SET state = ?2, attempt = attempt - ?3, lease_end = NULL,
                    progress = NULL, progress_at = NULL, mesh = ?4, mesh_digest = ?5, problem = ?6,
@@ -38,7 +40,7 @@ pub(super) fn apply(
     ];
     let picture =
         first(write.connection, sql, parameters, |row| Ok(row.digest("image_digest").ok()));
-    if let Some(picture) = picture?.flatten().flatten().filter(|_| is_final) {
+    if let Some(picture) = picture?.flatten().flatten().filter(|_| is_final && !keeps_picture) {
         write.mark_orphan_candidate(picture)?;
     }
     write.changes.jobs.push(transition.job);
@@ -62,6 +64,43 @@ pub(super) fn finish(
         write.changes.work = true;
     }
     Ok(finish)
+}
+
+/// Changes jobs for an operator, and returns the states of those that it changed.
+pub(super) fn change(
+    write: &mut Write<'_>,
+    jobs: &[JobId],
+    change: Change,
+    terms: &Terms,
+) -> Result<Vec<State>> {
+    let mut changed = Vec::new();
+    for &job in jobs {
+        let Some(status) = status(write.connection, job)? else { continue };
+        let Some(step) = step(change, job, status) else { continue };
+        let (id, mut state) = (job.as_bytes(), status.state);
+        match step {
+            Step::Transition(transition) => {
+                apply(write, &transition, terms.result_ttl)?;
+                state = transition.to;
+            }
+            Step::RequestCancellation => {
+                write.execute("UPDATE jobs SET cancel_requested = 1 WHERE id = ?1", [id])?;
+            }
+            Step::Expire => {
+                let sql = "UPDATE jobs SET expires_at = ?2 WHERE id = ?1";
+                write.execute(sql, params![id, Moment::now().0])?;
+            }
+        }
+        write.changes.jobs.push(job);
+        changed.push(state);
+    }
+    write.changes.work |= change == Change::Retry;
+    Ok(changed)
+}
+
+pub(super) fn pause(write: &Write<'_>, paused: Paused) -> Result<()> {
+    let sql = "INSERT OR REPLACE INTO paused VALUES (0, ?1, ?2)";
+    write.execute(sql, [paused.intake, paused.work]).map(|_| ())
 }
 
 /// Cancels an owner's job, or deletes it if it has ended.

@@ -1,7 +1,7 @@
 //! Queries that change nothing.
 
 use super::rows::{all, first};
-use crate::queue::{Lookup, Page, PageRequest, Stats};
+use crate::queue::{Lookup, Page, PageRequest, Paused, Search, Stats};
 use crate::record::{Event, JobId, Moment};
 use crate::row::{self, Row as _, select_record};
 use crate::transition::Status;
@@ -49,6 +49,36 @@ pub(super) fn list(connection: &Connection, owner: &Owner, request: PageRequest)
     Ok(Page::of(rows, limit))
 }
 
+pub(super) fn search(connection: &Connection, search: &Search, limit: usize) -> Result<Page> {
+    let (owner, state, problem) = search.indexed();
+    // A condition on a parameter that may be null would hide the index.
+    let equals = |column, number, is_given| match is_given {
+        true => format!("{column} = ?{number}"),
+        false => format!("?{number} IS NULL"),
+    };
+    let sql = format!(
+        select_record!(
+            "FROM jobs WHERE length(id) = 16 AND {} AND {} AND {} AND id >= ?4 AND id < ?5
+             ORDER BY id DESC LIMIT ?6"
+        ),
+        equals("owner", 1, owner.is_some()),
+        equals("state", 2, state.is_some()),
+        equals("problem_type", 3, problem.is_some())
+    );
+    let [from, before] = search.ids().map(|id| *id.as_bytes());
+    let state = state.map(|state| state as usize);
+    let parameters = params![owner, state, problem, from, before, limit + 1];
+    let rows = all(connection, &sql, parameters, |row| Ok((row.id()?, row::record(row))))?;
+    Ok(Page::of(rows, limit))
+}
+
+pub(super) fn paused(connection: &Connection) -> Result<Paused> {
+    let paused = first(connection, "SELECT intake, work FROM paused", [], |row| {
+        Ok(Paused { intake: row.flag("intake")?, work: row.flag("work")? })
+    });
+    paused.map(Option::unwrap_or_default)
+}
+
 pub(super) fn status(connection: &Connection, id: JobId) -> Result<Option<Status>> {
     let sql = "SELECT state, fence, attempt, cancel_requested FROM jobs WHERE id = ?1";
     first(connection, sql, [id.as_bytes()], |row| row::status(row))
@@ -85,7 +115,7 @@ pub(super) fn stats(connection: &Connection) -> Result<Stats> {
 pub(super) fn stored_bytes(connection: &Connection) -> Result<Vec<(Owner, u64)>> {
     let sql = "
         SELECT owner, CAST(sum(CASE
-            WHEN state < 2 THEN image_bytes
+            WHEN state IN (0, 1, 3) THEN image_bytes
                 + iif(json_valid(image_shape), coalesce(image_shape -> 'weights' ->> 'bytes', 0), 0)
             WHEN json_valid(mesh) THEN coalesce(mesh ->> 'bytes', 0)
                 + coalesce(mesh -> 'progression' ->> 'bytes', 0)
@@ -94,9 +124,10 @@ pub(super) fn stored_bytes(connection: &Connection) -> Result<Vec<(Owner, u64)>>
     all(connection, sql, [], |row| Ok((row::owner(row)?, row::number(row, "bytes")?)))
 }
 
-/// Which of the blobs a job uses: its picture until it ends, and its mesh.
+/// Which of the blobs a job uses: its picture until it is completed or cancelled, and its mesh.
 pub(super) fn referenced(connection: &Connection, blobs: Vec<Digest>) -> Result<HashSet<Digest>> {
-    let sql = "SELECT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = ?1)
+    let sql = "SELECT EXISTS (SELECT 1 FROM jobs WHERE state IN (0, 1, 3)
+                                     AND image_digest = ?1)
                    OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = ?1)";
     let mut found = HashSet::new();
     for blob in blobs {

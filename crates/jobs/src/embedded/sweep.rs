@@ -18,7 +18,7 @@ const MAX_ROWS: i64 = 256;
 pub(super) fn recover(connection: &Connection, terms: &Terms) -> Result<()> {
     connection.execute_batch("BEGIN IMMEDIATE")?;
     let mut write = Write { connection, changes: Changes::default() };
-    let sql = "UPDATE jobs SET state = 3, expires_at = NULL WHERE length(id) <> 16";
+    let sql = "UPDATE jobs SET state = 4, expires_at = NULL WHERE length(id) <> 16";
     let unnamed = write.execute(sql, [])?;
     if unnamed > 0 {
         tracing::error!(records = unnamed, "job records with damaged ids ignored");
@@ -90,7 +90,7 @@ fn expire(write: &mut Write<'_>, terms: &Terms) -> Result<usize> {
 fn orphans(write: &Write<'_>) -> Result<Vec<Digest>> {
     write.execute(
         "DELETE FROM orphan_candidates WHERE
-             EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+             EXISTS (SELECT 1 FROM jobs WHERE state IN (0, 1, 3) AND image_digest = blob)
              OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)",
         [],
     )?;

@@ -113,16 +113,17 @@ impl Write<'_> {
         self.execute(sql, [blob.to_string()]).map(|_| ())
     }
 
-    /// Deletes a job, marks its mesh as an orphan candidate, and keeps its idempotency key.
+    /// Deletes a job, marks its blob as an orphan candidate, and keeps its idempotency key.
     pub(super) fn delete(&mut self, id: JobId, terms: &Terms) -> rusqlite::Result<()> {
         let sql = "INSERT OR REPLACE INTO kept_keys SELECT owner, idempotency_key, created_at + ?2
                    FROM jobs WHERE id = ?1 AND idempotency_key IS NOT NULL";
         self.execute(sql, params![id.as_bytes(), terms.idempotency_ttl.as_millis() as i64])?;
-        let sql = "DELETE FROM jobs WHERE id = ?1 RETURNING mesh_digest";
-        let mesh =
-            first(self.connection, sql, [id.as_bytes()], |row| Ok(row.digest("mesh_digest")))?;
-        if let Some(Ok(Some(mesh))) = mesh {
-            self.mark_orphan_candidate(mesh)?;
+        // A failed job has its picture, a completed one its mesh.
+        let sql = "DELETE FROM jobs WHERE id = ?1
+                   RETURNING CASE state WHEN 3 THEN image_digest ELSE mesh_digest END AS blob";
+        let blob = first(self.connection, sql, [id.as_bytes()], |row| Ok(row.digest("blob")))?;
+        if let Some(Ok(Some(blob))) = blob {
+            self.mark_orphan_candidate(blob)?;
         }
         self.changes.jobs.push(id);
         Ok(())

@@ -4,10 +4,10 @@ use super::database::Transaction;
 use super::node::Node;
 use super::read::is_gone;
 use super::rows::{bytes, ms, uuid};
-use crate::queue::{Cancellation, Finish, Lease, Outcome, QueueError, Terms};
+use crate::queue::{Cancellation, Change, Finish, Lease, Outcome, Paused, QueueError, Terms};
 use crate::record::{JobId, State};
 use crate::row::{self, Row as _};
-use crate::transition::{Status, Transition, cancellation, orphaned_mesh};
+use crate::transition::{Status, Step, Transition, cancellation, orphaned_mesh, step};
 use crate::watchers::Changes;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const COUNT_SLOTS: u32 = 64;
 
 /// Stores transitions of jobs whose rows the transaction has locked, and marks the pictures of jobs
-/// that end as orphan candidates.
+/// that end as orphan candidates, unless they failed and may be retried.
 pub(super) async fn apply(
     transaction: &mut Transaction,
     transitions: &[Transition<'_>],
@@ -52,7 +52,7 @@ pub(super) async fn apply(
                  RETURNING jobs.state, image_digest)
              INSERT INTO orphan_candidates (blob, eligible_at)
              SELECT DISTINCT image_digest, now() + $9 * interval '1 millisecond'
-             FROM changed WHERE state >= 2
+             FROM changed WHERE state IN (2, 4)
              ORDER BY image_digest ON CONFLICT DO NOTHING",
         )
         .bind(transitions.iter().map(|new| uuid(new.job)).collect::<Vec<_>>())
@@ -163,6 +163,61 @@ impl Node {
         Ok(finished)
     }
 
+    /// Changes jobs for an operator, and returns the states of those that it changed.
+    pub(super) async fn change(
+        &self,
+        jobs: Vec<JobId>,
+        change: Change,
+    ) -> Result<Vec<State>, QueueError> {
+        let changed = self.database.retry(|| self.try_change(&jobs, change)).await?;
+        self.notifications.send(Changes { jobs, work: change == Change::Retry });
+        Ok(changed)
+    }
+
+    async fn try_change(&self, jobs: &[JobId], change: Change) -> sqlx::Result<Vec<State>> {
+        let mut transaction = self.database.begin().await?;
+        let sql = "SELECT id, state, fence, attempt, cancel_requested FROM jobs WHERE id = ANY ($1)
+                   ORDER BY id FOR UPDATE";
+        let ids: Vec<_> = jobs.iter().map(|job| uuid(*job)).collect();
+        let rows = transaction.query(sql).bind(ids).fetch_all(&mut *transaction).await?;
+        let (mut transitions, mut requested, mut expired) = (Vec::new(), Vec::new(), Vec::new());
+        let mut changed = Vec::new();
+        for row in &rows {
+            let (job, status) = (row.id()?, row::status(row)?);
+            let Some(step) = step(change, job, status) else { continue };
+            changed.push(match &step {
+                Step::Transition(transition) => transition.to,
+                _ => status.state,
+            });
+            match step {
+                Step::Transition(transition) => transitions.push(transition),
+                Step::RequestCancellation => requested.push(uuid(job)),
+                Step::Expire => expired.push(uuid(job)),
+            }
+        }
+        for (sql, jobs) in [
+            ("UPDATE jobs SET cancel_requested = true WHERE id = ANY ($1)", requested),
+            ("UPDATE jobs SET expires_at = now() WHERE id = ANY ($1)", expired),
+        ] {
+            transaction.query(sql).bind(jobs).execute(&mut *transaction).await?;
+        }
+        apply(&mut transaction, &transitions, &self.terms).await?;
+        transaction.commit().await?;
+        Ok(changed)
+    }
+
+    pub(super) async fn pause(&self, paused: Paused) -> Result<(), QueueError> {
+        let statement = || {
+            sqlx::query(
+                "INSERT INTO paused VALUES (0, $1, $2)
+                 ON CONFLICT (id) DO UPDATE SET intake = excluded.intake, work = excluded.work",
+            )
+            .bind(paused.intake)
+            .bind(paused.work)
+        };
+        self.database.execute(statement).await.map(|_| ())
+    }
+
     /// Cancels an owner's job, or deletes it if it has ended.
     pub(super) async fn cancel(
         &self,
@@ -223,12 +278,13 @@ impl Node {
                                WHERE idempotency_key IS NOT NULL
                                ON CONFLICT (owner, idempotency_key)
                                DO UPDATE SET until = excluded.until)
-                           SELECT mesh_digest FROM deleted";
+                           SELECT CASE state WHEN 3 THEN image_digest ELSE mesh_digest END AS blob
+                           FROM deleted";
                 let deleting = transaction.query(sql).bind(uuid(id));
                 let deleting = deleting.bind(ms(self.terms.idempotency_ttl));
                 let row = deleting.fetch_one(&mut *transaction).await?;
-                let mesh = row.digest("mesh_digest")?.into_iter().collect();
-                mark_orphan_candidates(&mut transaction, mesh, &self.terms).await?;
+                let blob = row.digest("blob")?.into_iter().collect();
+                mark_orphan_candidates(&mut transaction, blob, &self.terms).await?;
             }
             Cancellation::Unknown | Cancellation::Gone => {}
         }

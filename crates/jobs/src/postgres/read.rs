@@ -3,14 +3,14 @@
 use super::database::{Transaction, failure};
 use super::node::Node;
 use super::rows::{bytes, uuid};
-use crate::queue::{Lease, Lookup, Page, PageRequest, QueueError, Renewal, Stats};
+use crate::queue::{Lease, Lookup, Page, PageRequest, Paused, QueueError, Renewal, Search, Stats};
 use crate::record::{Event, JobId, State};
 use crate::row::{self, Row as _, select_record};
 use crate::transition::Status;
 use pixmesh_engine::Owner;
 use pixmesh_engine::digest::Digest;
-use sqlx::Row;
 use sqlx::postgres::PgRow;
+use sqlx::{AssertSqlSafe, Row};
 use std::collections::HashSet;
 use uuid::Uuid;
 
@@ -62,10 +62,47 @@ impl Node {
             .bind(before.map_or(Uuid::max(), uuid))
             .bind(limit as i64 + 1)
         };
-        let rows = self.database.execute(statement).await?;
-        let jobs = rows.iter().map(|row| Ok((row.id()?, row::record(row))));
-        let jobs = jobs.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))?;
-        Ok(Page::of(jobs, limit))
+        page(&self.database.execute(statement).await?, limit)
+    }
+
+    pub(super) async fn search(&self, search: &Search, limit: usize) -> Result<Page, QueueError> {
+        let (owner, state, problem) = search.indexed();
+        // As in a list. Only failed jobs have problems.
+        let state = problem.map(|_| State::Failed).or(state);
+        let states = state.as_ref().map_or(&State::ALL[..], std::slice::from_ref);
+        let states: Vec<i16> = states.iter().map(|state| *state as i16).collect();
+        let equals = |column, number, is_given| match is_given {
+            true => format!("{column} = ${number}"),
+            false => format!("${number}::text IS NULL"),
+        };
+        let sql = format!(
+            "SELECT job.* FROM unnest($1::smallint[]) AS asked (state), LATERAL (
+                 SELECT * FROM jobs WHERE state = asked.state AND {} AND {}
+                   AND id >= $4 AND id < $5 ORDER BY id DESC LIMIT $6) AS job
+             ORDER BY id DESC LIMIT $6",
+            equals("owner", 2, owner.is_some()),
+            equals("problem_type", 3, problem.is_some())
+        );
+        let [from, before] = search.ids().map(uuid);
+        let statement = || {
+            sqlx::query(AssertSqlSafe(sql.as_str()))
+                .bind(&states)
+                .bind(owner)
+                .bind(problem)
+                .bind(from)
+                .bind(before)
+                .bind(limit as i64 + 1)
+        };
+        page(&self.database.execute(statement).await?, limit)
+    }
+
+    pub(super) async fn paused(&self) -> Result<Paused, QueueError> {
+        let rows = self.database.execute(|| sqlx::query("SELECT intake, work FROM paused")).await?;
+        let paused = |row: &PgRow| {
+            sqlx::Result::Ok(Paused { intake: row.flag("intake")?, work: row.flag("work")? })
+        };
+        let paused = rows.first().map(paused).transpose().map_err(|error| failure(&error))?;
+        Ok(paused.unwrap_or_default())
     }
 
     pub(super) async fn events(
@@ -127,7 +164,7 @@ impl Node {
         let statement = || {
             sqlx::query(
                 "SELECT owner, sum(CASE
-                     WHEN state < 2 THEN image_bytes
+                     WHEN state IN (0, 1, 3) THEN image_bytes
                          + coalesce((image_shape::json -> 'weights' ->> 'bytes')::bigint, 0)
                      ELSE coalesce((mesh::json ->> 'bytes')::bigint, 0)
                          + coalesce((mesh::json -> 'progression' ->> 'bytes')::bigint, 0)
@@ -140,12 +177,12 @@ impl Node {
         bytes.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))
     }
 
-    /// Which of the blobs a job uses: its picture until it ends, and its mesh.
+    /// Which of the blobs a job uses: its picture until it is completed or cancelled, and its mesh.
     pub(super) async fn referenced(&self, blobs: &[Digest]) -> Result<HashSet<Digest>, QueueError> {
         let statement = || {
             sqlx::query(
                 "SELECT blob FROM unnest($1::bytea[]) AS asked (blob)
-                 WHERE EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+                 WHERE EXISTS (SELECT 1 FROM jobs WHERE state IN (0, 1, 3) AND image_digest = blob)
                     OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)",
             )
             .bind(bytes(blobs))
@@ -154,6 +191,13 @@ impl Node {
         let blobs = rows.iter().filter_map(|row| row.digest("blob").transpose());
         blobs.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))
     }
+}
+
+/// The page of the first `limit` rows.
+fn page(rows: &[PgRow], limit: usize) -> Result<Page, QueueError> {
+    let jobs = rows.iter().map(|row| Ok((row.id()?, row::record(row))));
+    let jobs = jobs.collect::<sqlx::Result<_>>().map_err(|error| failure(&error))?;
+    Ok(Page::of(jobs, limit))
 }
 
 /// Whether a job of an owner has expired and is deleted.

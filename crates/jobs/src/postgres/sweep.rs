@@ -24,13 +24,14 @@ const MAX_ORPHANS: i64 = 256;
 /// How long a sweep may take. The next sweep does the rest.
 const SWEEP_TIME: Duration = Duration::from_secs(4);
 
-/// Deletes expired jobs and remembers their ids.
+/// Deletes expired jobs and remembers their ids. A failed job has its picture, a completed one its mesh.
 const EXPIRE: &str = "
     WITH expired AS (
         DELETE FROM jobs WHERE id = ANY (ARRAY(
             SELECT id FROM jobs WHERE expires_at <= now() ORDER BY expires_at LIMIT $1
             FOR UPDATE SKIP LOCKED))
-        RETURNING id, owner, mesh_digest, expires_at, created_at, idempotency_key),
+        RETURNING id, owner, CASE state WHEN 3 THEN image_digest ELSE mesh_digest END AS blob,
+                  expires_at, created_at, idempotency_key),
     kept AS (
         INSERT INTO kept_keys
         SELECT owner, idempotency_key, created_at + $4 * interval '1 millisecond' FROM expired
@@ -41,8 +42,8 @@ const EXPIRE: &str = "
         FROM expired ON CONFLICT DO NOTHING),
     released AS (
         INSERT INTO orphan_candidates (blob, eligible_at)
-        SELECT DISTINCT mesh_digest, now() + $3 * interval '1 millisecond' FROM expired
-        WHERE mesh_digest IS NOT NULL ORDER BY mesh_digest ON CONFLICT DO NOTHING)
+        SELECT DISTINCT blob, now() + $3 * interval '1 millisecond' FROM expired
+        WHERE blob IS NOT NULL ORDER BY blob ON CONFLICT DO NOTHING)
     SELECT count(*) FROM expired";
 /// Deletes the ids of jobs that expired long ago.
 const FORGET_GONE: &str = "
@@ -65,7 +66,7 @@ const UNMARK_REFERENCED: &str = "
         DELETE FROM orphan_candidates WHERE blob = ANY (ARRAY(
             SELECT blob FROM (SELECT blob FROM orphan_candidates ORDER BY eligible_at LIMIT $1
                               FOR UPDATE SKIP LOCKED) AS oldest
-            WHERE EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+            WHERE EXISTS (SELECT 1 FROM jobs WHERE state IN (0, 1, 3) AND image_digest = blob)
                OR EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)))
         RETURNING 1)
     SELECT count(*) FROM unmarked";
@@ -178,7 +179,8 @@ impl Node {
                  WHERE blob = ANY (ARRAY(
                      SELECT blob FROM orphan_candidates
                      WHERE eligible_at <= now()
-                       AND NOT EXISTS (SELECT 1 FROM jobs WHERE state < 2 AND image_digest = blob)
+                       AND NOT EXISTS (SELECT 1 FROM jobs
+                                       WHERE state IN (0, 1, 3) AND image_digest = blob)
                        AND NOT EXISTS (SELECT 1 FROM jobs WHERE mesh_digest = blob)
                      ORDER BY eligible_at LIMIT $1 FOR UPDATE SKIP LOCKED))
                  RETURNING blob",

@@ -23,7 +23,7 @@ async fn later_version_is_refused() {
         engine.schema
     ));
     let error = engine.try_open(terms()).await.unwrap_err().to_string();
-    assert!(error.contains("version 99") && error.contains("supports version 2"), "{error}");
+    assert!(error.contains("version 99") && error.contains("supports version 3"), "{error}");
     // A node that runs already keeps running.
     submit(&running, &Owner::Anonymous, "image").await;
     assert!(running.claim().await.unwrap().is_some());
@@ -50,7 +50,9 @@ async fn frequent_queries_use_indexes() {
         "state = 3 AND owner = 'o5' AND id < gen_random_uuid() ORDER BY id DESC LIMIT 100",
         "state = 0 ORDER BY created_at LIMIT 1",
         "expires_at <= now() - interval '1 second' ORDER BY expires_at LIMIT 2000",
-        "state < 2 AND image_digest = '\\x00'",
+        "state IN (0, 1, 3) AND image_digest = '\\x00'",
+        "state = 3 AND id >= gen_random_uuid() AND id < gen_random_uuid() ORDER BY id DESC LIMIT 9",
+        "state = 3 AND problem_type = '/problems/rare' ORDER BY id DESC LIMIT 9",
         "mesh_digest = '\\x00'",
     ] {
         let sql = format!("EXPLAIN SELECT id FROM {} WHERE {condition}", table("jobs"));
