@@ -88,6 +88,7 @@ fn documented() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(jobs::show, jobs::cancel))
         .routes(routes!(jobs::events::follow))
         .routes(routes!(jobs::mesh::show))
+        .routes(routes!(jobs::source::show))
         .routes(routes!(conversions::create))
         .routes(routes!(conversions::rebuild))
         .routes(routes!(comparisons::create))

@@ -162,8 +162,11 @@ impl Intake {
         Ok((first, found.next().flatten()))
     }
 
-    /// Receives the files required, and the others if they come.
-    async fn receive_some<const N: usize>(
+    /// Receives the files that come.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    pub async fn receive_some<const N: usize>(
         &self,
         owner: &Owner,
         wanted: &Wanted<N>,
@@ -192,6 +195,16 @@ impl Intake {
         }
     }
 
+    /// Takes a stored file in the place of one that is sent, with the memory for its bytes.
+    ///
+    /// # Errors
+    /// `overloaded` when bodies take all of their memory.
+    pub fn hold(&self, owner: &Owner, bytes: Bytes) -> Result<Upload, Problem> {
+        let charge = Arc::new(self.memory.charge(owner));
+        charge.grow_or_refuse(bytes.len() as u64)?;
+        Ok(Upload { bytes, charge })
+    }
+
     fn too_slow(&self) -> Problem {
         let detail = format!(
             "the body did not arrive within {} s: use a faster connection or send a smaller file",
@@ -201,7 +214,8 @@ impl Intake {
     }
 }
 
-fn missing(name: &str) -> Problem {
+/// The problem of a file that did not come.
+pub fn missing(name: &str) -> Problem {
     let kind = if name == "image" { Kind::ImageMissing } else { Kind::PartMissing };
     Problem::new(kind, format!("the request has no part '{name}': send the file under this name"))
         .param(name)

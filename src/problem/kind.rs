@@ -128,6 +128,9 @@ problems! {
         "The service does not keep the picture of a job that did not ask for its texture."
         "Submit the job with texture=embed, or send its mesh and the picture to \
          /v1/conversions.";
+    JobWithoutImage = CONFLICT "job-without-image" "The job keeps no image"
+        "The service does not keep the image of a job that did not ask for that."
+        "Submit the job with keep_image=true, or send the image again.";
     Gone = GONE "gone" "The resource has expired"
         "The job expired or its client deleted it, or that of an Idempotency-Key."
         "Submit the picture again. The operator sets the time with --result-ttl.";

@@ -7,12 +7,14 @@
 //! | `GET`, `DELETE /v1/jobs/{id}` | [`show`], [`cancel`] |
 //! | `GET /v1/jobs/{id}/events` | [`events`] |
 //! | `GET /v1/jobs/{id}/mesh` | [`mesh`] |
+//! | `GET /v1/jobs/{id}/image` | [`source`] |
 
 pub(super) mod document;
 pub mod events;
 mod found;
 pub mod list;
 pub mod mesh;
+pub(super) mod source;
 pub(super) mod submit;
 
 pub(super) use submit::prefer;

@@ -2,10 +2,11 @@
 
 use super::answer::{self, Figures, MeshError};
 use super::jobs;
+use super::jobs::source;
 use super::openapi::answers::{Accepted, Mesh, Problems, ProblemsOf, UploadProblems};
 use super::openapi::bodies::{Binary, MeshForm};
 use super::openapi::examples::PICTURE;
-use super::openapi::parameters::{IdempotencyKey, MeshParameters, Prefer};
+use super::openapi::parameters::{IdempotencyKey, ImageOf, MeshParameters, Prefer};
 use crate::extract::accept::{self, Representation};
 use crate::extract::prefer::Preference;
 use crate::extract::upload::{IMAGE, Upload};
@@ -19,7 +20,7 @@ use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
 use pixmesh_engine::Owner;
 use pixmesh_engine::Weighed;
-use pixmesh_engine::params::{MeshOptions, ParameterSet};
+use pixmesh_engine::params::MeshOptions;
 use pixmesh_engine::pipeline::{self, Answer};
 use pixmesh_engine::{MeshTask, scheduler::Memory};
 use std::sync::Arc;
@@ -41,7 +42,7 @@ const LONG_BODY: u64 = 256 << 10;
                    second picture `weights` if some pixels matter more. A parameter may be given once \
                    in all. The service recognises the image's format by its content. With the header \
                    Prefer the answer may be a job.",
-    params(MeshParameters, Prefer, IdempotencyKey),
+    params(MeshParameters, ImageOf, Prefer, IdempotencyKey),
     request_body(
         description = "A PNG, JPEG, WebP, GIF, TIFF, BMP or PNM image, or a form with one.",
         content(
@@ -66,16 +67,11 @@ pub async fn create(
 
 async fn make(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
-    let mut parameters = ParameterSet::of_query(head.uri.query())?;
     let preference = Preference::of(&head.headers);
     if is_long(&head.headers) && !preference.is_for_job() {
         service.scheduler.refuse_crowd(&owner)?;
     }
-    let receiving =
-        service.intake.receive_first(&owner, &IMAGE, &head.headers, body, &mut parameters);
-    let (image, weights) = receiving.await?;
-    let upload = Weighed { image, weights };
-    let order = parameters.finish()?;
+    let (upload, order) = source::receive(service, &owner, &IMAGE, &head, body).await?;
     let representation = accept::choose(order.format, &head.headers)?;
     if preference.is_for_job() {
         return jobs::prefer(service, owner, &head.headers, upload, &order, preference).await;

@@ -81,6 +81,7 @@ fn content_type(name: &str) -> Option<&'static str> {
         "css" => Some("text/css; charset=utf-8"),
         "js" => Some("text/javascript; charset=utf-8"),
         "svg" => Some("image/svg+xml"),
+        "pmesh" => Some("application/vnd.pixmesh.pmesh"),
         _ => None,
     }
 }

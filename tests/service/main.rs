@@ -12,6 +12,7 @@ mod events;
 mod formats;
 mod in_process;
 mod jobs;
+mod kept_images;
 mod keys;
 mod lifecycle;
 mod load;

@@ -82,6 +82,7 @@ struct Choices {
     seed: Option<u64>,
     alpha: Option<Alpha>,
     lenient: Option<bool>,
+    keep_image: Option<bool>,
     relief: Option<ReliefSource>,
     height: Option<f64>,
     z_scale: Option<f64>,

@@ -89,6 +89,9 @@ impl MeshTask {
         if options.output.texture == Texturing::Embed {
             cost = cost.showing(&header);
         }
+        if options.output.keep_image {
+            cost = cost.with_file(source.image.len() as u64);
+        }
         Self { header, format, cost }.with_weights(source.weights, limits)
     }
 

@@ -323,6 +323,7 @@ fn figures(n: usize) -> MeshFigures {
         timings_ms: vec![("decode".into(), 1.5)],
         progression: None,
         texture: None,
+        image: None,
         chunks: Vec::new(),
     }
 }

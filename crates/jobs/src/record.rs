@@ -241,10 +241,13 @@ pub struct MeshFigures {
     /// The picture that glTF shows, if it is stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture: Option<StoredPart>,
+    /// The image as it was sent, if it is kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<StoredPart>,
 }
 
 /// A part of the blob behind the MODEL text: first the order of importance of the vertices as pmesh,
-/// then the picture that glTF shows.
+/// then the picture that glTF shows, then the image as it was sent.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StoredPart {
     /// The length of the part in bytes.
@@ -259,7 +262,7 @@ impl MeshFigures {
     pub fn blob(&self) -> Option<ChunkedBlob> {
         Some(ChunkedBlob {
             digest: self.digest.parse().ok()?,
-            bytes: self.place_of_texture().end,
+            bytes: self.place_of_image().end,
             chunks: self.chunks.clone(),
         })
     }
@@ -267,7 +270,8 @@ impl MeshFigures {
     /// SHA-256 of the MODEL text, in hexadecimal digits.
     #[must_use]
     pub fn model_digest(&self) -> &str {
-        let part = self.progression.as_ref().or(self.texture.as_ref());
+        let part =
+            self.progression.as_ref().or(self.texture.as_ref()).or(self.image.as_ref());
         part.map_or(&self.digest, |part| &part.model_digest)
     }
 
@@ -282,6 +286,13 @@ impl MeshFigures {
     pub fn place_of_texture(&self) -> Range<u64> {
         let start = self.place_of_progression().end;
         start..start + self.texture.as_ref().map_or(0, |part| part.bytes)
+    }
+
+    /// Where the image lies in the blob; empty if it is not kept.
+    #[must_use]
+    pub fn place_of_image(&self) -> Range<u64> {
+        let start = self.place_of_texture().end;
+        start..start + self.image.as_ref().map_or(0, |part| part.bytes)
     }
 }
 

@@ -66,6 +66,7 @@ pub(crate) fn figures(blob: &str) -> MeshFigures {
         chunks: vec![Digest::of(b"a chunk")],
         progression: None,
         texture: None,
+        image: None,
     }
 }
 

@@ -235,13 +235,14 @@ impl Worker {
         let source = split(&file, &claim.picture)?;
         let task = MeshTask::for_job(source.as_bytes(), &options, &self.pictures)?;
         let keeps_progression = task.format == Format::Progression;
+        let kept = options.output.keep_image.then(|| source.image.clone());
         drop(file);
         let ticket = self.scheduler.admit_to(slot, task.cost, deadline).await?;
         let (limits, make) = (self.pictures, self.make);
         let answer =
             self.workers.run_watched(ticket, Arc::clone(context), deadline, move |context, _| {
                 let made = make(source, &options, keeps_progression, &limits, context)?;
-                Ok(MeshBlob::new(made, context)?)
+                Ok(MeshBlob::new(made, kept.as_deref(), context)?)
             });
         let mesh = answer.await?;
         self.store(mesh, deadline).await
@@ -312,19 +313,22 @@ struct MeshBlob {
 }
 
 impl MeshBlob {
-    /// The blob is the MODEL text, followed by the progression and by the texture if there are any.
-    fn new(made: JobMesh, context: &Context) -> Result<Self, Cancelled> {
+    /// The blob is the MODEL text, followed by the progression, the texture and the image if there
+    /// are any.
+    fn new(made: JobMesh, image: Option<&[u8]>, context: &Context) -> Result<Self, Cancelled> {
         let JobMesh { mut answer, progression, texture } = made;
         let mut figures = figures_of(&answer);
         let mut digest = answer.digest;
         let model_digest = digest.to_string();
-        let part = |bytes: &Vec<u8>| StoredPart {
+        let part = |bytes: &[u8]| StoredPart {
             bytes: bytes.len() as u64,
             model_digest: model_digest.clone(),
         };
-        figures.progression = progression.as_ref().map(part);
-        figures.texture = texture.as_ref().map(part);
-        let parts = [progression, texture].into_iter().flatten().collect::<Vec<_>>();
+        figures.progression = progression.as_deref().map(part);
+        figures.texture = texture.as_deref().map(part);
+        figures.image = image.map(part);
+        let parts = [progression.as_deref(), texture.as_deref(), image];
+        let parts = parts.into_iter().flatten().collect::<Vec<_>>();
         if !parts.is_empty() {
             parts.iter().for_each(|part| answer.bytes.extend_from_slice(part));
             digest = Digest::of_while(&answer.bytes, || context.check())?;
@@ -348,6 +352,7 @@ fn figures_of(answer: &Answer) -> MeshFigures {
         chunks: Vec::new(),
         progression: None,
         texture: None,
+        image: None,
     }
 }
 

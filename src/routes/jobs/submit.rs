@@ -1,7 +1,7 @@
 //! `POST /v1/jobs`: an image in, a job out; and the jobs that `POST /v1/meshes` makes of requests
 //! whose clients prefer one.
 
-use super::{document, found, mesh};
+use super::{document, found, mesh, source};
 use crate::extract::fields::{CONVERSION, Few, Fields};
 use crate::extract::idempotency;
 use crate::extract::prefer::Preference;
@@ -9,7 +9,7 @@ use crate::extract::upload::{IMAGE_OF_JOB, Upload};
 use crate::problem::{Kind, Problem, internal};
 use crate::routes::openapi::answers::{Accepted, Problems, ProblemsOf, UploadProblems};
 use crate::routes::openapi::bodies::{Binary, MeshForm, MeshObject};
-use crate::routes::openapi::parameters::{IdempotencyKey, MeshParameters};
+use crate::routes::openapi::parameters::{IdempotencyKey, ImageOf, MeshParameters};
 use crate::service::Service;
 use axum::Extension;
 use axum::extract::{Request, State};
@@ -22,7 +22,7 @@ use pixmesh_engine::MeshTask;
 use pixmesh_engine::Owner;
 use pixmesh_engine::Weighed;
 use pixmesh_engine::digest::Digest;
-use pixmesh_engine::params::{MeshOptions, ParameterSet};
+use pixmesh_engine::params::MeshOptions;
 use pixmesh_engine::telemetry::{Shed, shed};
 use pixmesh_jobs::queue::{Lookup, Submitted};
 use pixmesh_jobs::record::{
@@ -50,7 +50,7 @@ static PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-appl
                    stable storage. The job becomes completed, failed or cancelled even if the \
                    service restarts. The body may also be a JSON object with the image in base64 and \
                    the parameters as `params`.",
-    params(MeshParameters, IdempotencyKey),
+    params(MeshParameters, ImageOf, IdempotencyKey),
     request_body(
         description = "An image, a form with one, or a JSON object with one in base64.",
         content(
@@ -73,12 +73,7 @@ pub(in crate::routes) async fn create(
 
 async fn accept(service: &Service, owner: Owner, request: Request) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
-    let mut parameters = ParameterSet::of_query(head.uri.query())?;
-    let receiving =
-        service.intake.receive_first(&owner, &IMAGE_OF_JOB, &head.headers, body, &mut parameters);
-    let (image, weights) = receiving.await?;
-    let upload = Weighed { image, weights };
-    let options = parameters.finish()?;
+    let (upload, options) = source::receive(service, &owner, &IMAGE_OF_JOB, &head, body).await?;
     let submission = submit(service, owner, &head.headers, upload, &options).await?;
     Ok(submission.accepted())
 }

@@ -32,6 +32,14 @@ macro_rules! parameters {
 parameters! {
     /// The parameters of meshes, from the table that the parser works by.
     MeshParameters => TABLE.iter().map(mesh_parameter).collect::<Vec<_>>();
+    /// The parameter that names an image which the service keeps.
+    ImageOf => [query(
+        "image_of",
+        "The id of a job whose image is taken, so that it need not be sent again: the body is empty, \
+         or a form without the part image. The job must still wait or run, or keep its image \
+         (keep_image).",
+        uuid(),
+    )];
     /// The header that asks for a job.
     Prefer => [header(
         "Prefer",

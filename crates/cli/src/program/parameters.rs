@@ -22,10 +22,14 @@ pub type WritingParameters = Given<false>;
 /// What a mesh file's own parameters are beside [`WRITING`].
 const OF_MESH_FILES: [&str; 3] = ["size", "format", "reconstruction"];
 
+/// What only the service's jobs take.
+const OF_JOBS: &str = "keep_image";
+
 impl<const ALL: bool> Given<ALL> {
     fn rows() -> impl Iterator<Item = &'static Parameter> {
         let is_of_files = |name| WRITING.contains(&name) || OF_MESH_FILES.contains(&name);
-        TABLE.iter().filter(move |row| ALL || is_of_files(row.name))
+        let rows = TABLE.iter().filter(|row| row.name != OF_JOBS);
+        rows.filter(move |row| ALL || is_of_files(row.name))
     }
 
     /// The text given for a parameter.

@@ -110,7 +110,8 @@ fn run(pairs: &[(&str, &str)]) -> Output {
 #[test]
 fn every_parameter_of_the_service_is_an_option_of_the_same_meaning() {
     let mut ineffective = Vec::new();
-    for row in &TABLE {
+    // Only jobs keep images.
+    for row in TABLE.iter().filter(|row| row.name != "keep_image") {
         let (_, pairs) = VALUES.iter().find(|(name, _)| *name == row.name).expect(row.name);
         let made = by_query(pairs);
         assert!(made == by_command_line(pairs), "{pairs:?}");

@@ -42,6 +42,8 @@ pub struct Output {
     pub alpha: Alpha,
     /// Whether an image that ends early is taken as far as it goes.
     pub lenient: bool,
+    /// Whether a job keeps the image as it was sent.
+    pub keep_image: bool,
     /// How the mesh lies in space.
     pub geometry: Geometry,
     /// How glTF stores vertices and indices.
@@ -96,6 +98,7 @@ impl Choices {
         Output {
             alpha: self.alpha.unwrap_or_default(),
             lenient: self.lenient.unwrap_or_default(),
+            keep_image: self.keep_image.unwrap_or_default(),
             geometry: Geometry {
                 pixel_size: self.pixel_size.unwrap_or(unlike.pixel_size),
                 relief,

@@ -184,7 +184,7 @@ const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 const MAX_LENGTH: f64 = 1e9;
 const MIN_PIXEL_SIZE: f64 = 1e-9;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 50] = [
+pub static TABLE: [Parameter; 51] = [
     Parameter {
         name: "method",
         about: "The method, which sets every other parameter; one given explicitly wins. The plus of med+ may be written as it is, as %2B, or as the blank that forms make of it. Default: mgprfs.",
@@ -352,6 +352,11 @@ pub static TABLE: [Parameter; 50] = [
         lenient,
         "Whether a JPEG, PNG, GIF or PNM that ends early is taken as far as it goes instead of refused. Default: false.",
         |options| options.output.lenient.then(|| "true".to_owned())
+    ),
+    flag!(
+        keep_image,
+        "Whether a job keeps the image as it was sent, so that another job can be made of it (image_of) and GET /v1/jobs/{id}/image returns it. Default: false.",
+        |options| options.output.keep_image.then(|| "true".to_owned())
     ),
     word!(relief: ReliefSource, "Formats with three dimensions: the luma or the component whose samples become z. Without it the mesh is flat, and an STL follows the luma.",
         |options| options.output.geometry.relief.map(|relief| relief.source.to_string())),

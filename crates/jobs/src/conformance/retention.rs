@@ -90,10 +90,15 @@ pub(crate) async fn stored_bytes_are_those_of_pictures_then_of_meshes<E: Engine>
     for Claim { lease, owner, .. } in claims {
         let part = StoredPart { bytes: 100, model_digest: String::new() };
         let parts = owner.is_key().then_some(part);
-        let mesh = MeshFigures { texture: parts.clone(), progression: parts, ..figures("mesh!") };
+        let mesh = MeshFigures {
+            texture: parts.clone(),
+            image: parts.clone(),
+            progression: parts,
+            ..figures("mesh!")
+        };
         queue.finish(lease, Outcome::Completed(mesh)).await.unwrap();
     }
-    assert_eq!(stored().await, [(Owner::Anonymous, 5), (owner.clone(), 205)]);
+    assert_eq!(stored().await, [(Owner::Anonymous, 5), (owner.clone(), 305)]);
     for job in list(&queue, &owner, request(9)).await.jobs {
         queue.cancel(&owner, job.id).await.unwrap();
     }

@@ -120,6 +120,7 @@ pub(super) fn stored_bytes(connection: &Connection) -> Result<Vec<(Owner, u64)>>
             WHEN json_valid(mesh) THEN coalesce(mesh ->> 'bytes', 0)
                 + coalesce(mesh -> 'progression' ->> 'bytes', 0)
                 + coalesce(mesh -> 'texture' ->> 'bytes', 0)
+                + coalesce(mesh -> 'image' ->> 'bytes', 0)
             ELSE 0 END) AS INTEGER) AS bytes FROM jobs GROUP BY owner";
     all(connection, sql, [], |row| Ok((row::owner(row)?, row::number(row, "bytes")?)))
 }

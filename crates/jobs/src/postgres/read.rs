@@ -169,6 +169,7 @@ impl Node {
                      ELSE coalesce((mesh::json ->> 'bytes')::bigint, 0)
                          + coalesce((mesh::json -> 'progression' ->> 'bytes')::bigint, 0)
                          + coalesce((mesh::json -> 'texture' ->> 'bytes')::bigint, 0)
+                         + coalesce((mesh::json -> 'image' ->> 'bytes')::bigint, 0)
                  END)::bigint AS bytes FROM jobs GROUP BY owner",
             )
         };
