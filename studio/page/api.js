@@ -47,25 +47,65 @@ export function query(parameters) {
   return new URLSearchParams(parameters).toString();
 }
 
-/**
- * A mesh in a moment, to be seen while the real one is made.
- * @param {Blob} picture @param {Parameters} parameters @param {AbortSignal} signal
- */
-export async function preview(picture, parameters, signal) {
-  const path = `/v1/meshes?${query({ ...parameters, method: "preview", format: "pmesh" })}`;
-  const response = await request(path, { method: "POST", body: picture, signal });
-  const psnr = Number(response.headers.get("mesh-psnr"));
-  return { points: await readPmesh(await response.arrayBuffer()), psnr };
+/** A number of a header, where a perfect copy has the word "inf". @param {Response} response @param {string} name */
+export function figureOf(response, name) {
+  const text = response.headers.get(name);
+  return text === "inf" ? Infinity : Number(text);
 }
 
 /**
- * Submits a job.
- * @param {Blob} picture @param {Parameters} parameters @param {AbortSignal} signal
+ * A mesh in a moment of the picture of a job, to be seen while the real one is made.
+ * @param {string} job @param {Parameters} parameters @param {AbortSignal} signal
+ */
+export async function preview(job, parameters, signal) {
+  const path = `/v1/meshes?${query({ ...parameters, image_of: job, method: "preview", format: "pmesh" })}`;
+  const response = await request(path, { method: "POST", signal });
+  return { points: await readPmesh(await response.arrayBuffer()), psnr: figureOf(response, "mesh-psnr") };
+}
+
+/**
+ * Submits a job. The picture is sent, unless the service has it with another job.
+ * @param {{ file: Blob | null, job: string | null, weights: Blob | null }} picture @param {Parameters} parameters
+ * @param {AbortSignal} signal @param {(sent: number) => void} onSent  How much is sent, 0 to 1.
  * @returns {Promise<Job>}
  */
-export async function submit(picture, parameters, signal) {
-  const path = `/v1/jobs?${query(parameters)}`;
-  return (await request(path, { method: "POST", body: picture, signal })).json();
+export async function submit({ file, job, weights }, parameters, signal, onSent) {
+  const asked = { ...parameters, keep_image: "true" };
+  const path = `/v1/jobs?${query(job ? { ...asked, image_of: job } : asked)}`;
+  if (!weights) return sent(path, job ? null : file, signal, onSent);
+  const form = new FormData();
+  if (!job && file) form.append("image", file);
+  form.append("weights", weights, "weights.png");
+  return sent(path, form, signal, onSent);
+}
+
+/**
+ * Posts a body and tells how much of it is sent, which `fetch` does not.
+ * @param {string} path @param {Blob | FormData | null} body @param {AbortSignal} signal @param {(sent: number) => void} onSent
+ * @returns {Promise<any>}
+ */
+function sent(path, body, signal, onSent) {
+  return new Promise((resolve, reject) => {
+    const posting = new XMLHttpRequest();
+    posting.open("POST", path);
+    if (key.get()) posting.setRequestHeader("authorization", `Bearer ${key.get()}`);
+    if (body instanceof Blob) posting.setRequestHeader("content-type", "application/octet-stream");
+    posting.responseType = "json";
+    posting.upload.onprogress = ({ loaded, total }) => total && onSent(loaded / total);
+    posting.onerror = () => reject(unreachable());
+    posting.onabort = () => reject(signal.reason);
+    posting.onload = () => {
+      if (posting.status < 300) resolve(posting.response);
+      else reject(errorOf(posting.response ?? { title: `The service answered ${posting.status}` }));
+    };
+    signal.addEventListener("abort", () => posting.abort());
+    posting.send(body);
+  });
+}
+
+/** The picture of a job, where the service keeps it. @param {string} id @param {AbortSignal} signal */
+export async function image(id, signal) {
+  return (await request(`/v1/jobs/${id}/image`, { signal })).blob();
 }
 
 /** @param {string} id @param {AbortSignal} [signal] @returns {Promise<Job>} */
@@ -87,19 +127,16 @@ export function meshPath(id, parameters) {
 }
 
 /**
- * The mesh of a job: with every smaller size where removal has left an order.
- * @param {string} id @param {AbortSignal} [signal]
+ * The mesh of a job: with every smaller size where the service keeps the order of its vertices.
+ * @param {Job} job @param {AbortSignal} [signal]
  */
-export async function mesh(id, signal) {
-  try {
+export async function mesh({ id, links }, signal) {
+  if (links.progression) {
     const response = await request(meshPath(id, { format: "progression" }), { signal });
-    return await readPmesh(await response.arrayBuffer());
-  } catch (error) {
-    // A mesh whose faces or values do not follow from its points has no order.
-    if (!(error instanceof ServiceError) || isPassing(error)) throw error;
-    const response = await request(meshPath(id, { format: "model" }), { signal });
-    return readModel(await response.text());
+    return readPmesh(await response.arrayBuffer());
   }
+  const response = await request(meshPath(id, { format: "model" }), { signal });
+  return readModel(await response.text());
 }
 
 /**

@@ -1,56 +1,80 @@
 // The studio: a picture goes to the service, and its mesh is seen in every size.
 //
-// A track has a job of the service and computes what is seen of its mesh in a worker; the stage
-// draws; the form says what is asked for. The second track is the method compared with.
+// What happens changes the state (`state.js`), the source (`source.js`) and the tracks (`track.js`),
+// and `render.js` shows all of it. The second track is the method compared with.
 
 import { addressOf, showAsked } from "./address.js";
 import * as api from "./api.js";
 import { Curve } from "./curve.js";
-import { byId, counted, decibels, sized } from "./dom.js";
+import { showDemo } from "./demo.js";
+import { byId, counted, decibels } from "./dom.js";
 import { Form } from "./form.js";
-import { readGlb } from "./glb.js";
+import { Growth } from "./growth.js";
 import * as history from "./history.js";
+import { listJobs, rememberJob } from "./jobs.js";
+import { PLAIN } from "./looks.js";
 import { TARGETS } from "./methods.js";
 import * as panels from "./panels.js";
-import { bitmapOf, decoded, fromService, samplesOf } from "./picture.js";
-import { SAMPLES } from "./samples.js";
-import { bindSettings } from "./settings.js";
+import { findSamples, orderDensity } from "./original.js";
+import { bindPictures } from "./pictures.js";
+import { PRESETS, suited } from "./presets.js";
+import { ServiceError } from "./problems.js";
+import { render, settled } from "./render.js";
+import { askForKey, bindSettings } from "./settings.js";
+import { showSolid } from "./solid.js";
+import { Helpers, Source } from "./source.js";
 import { Stage } from "./stage.js";
+import { Machine } from "./state.js";
 import { Track } from "./track.js";
 
-/** @typedef {import("./picture.js").Picture} Picture */
-/** @typedef {import("./renderer.js").Bitmap} Bitmap */
-/** The picture that is meshed. @typedef {{ name: string, file: Blob, sample: string | null, bitmap: Bitmap | null, picture: Picture | null, isFinding: boolean }} Source */
+/** @typedef {import("./state.js").Token} Token */
+/** @typedef {import("./track.js").Change} Change */
 
 const SAMPLE_SIDES = { width: 640, height: 480 };
-const GROWTH_MS = 2600;
 const SETTLED_MS = 160;
 
 export class Studio {
   constructor() {
+    this.machine = new Machine(() => this.update());
+    this.token = this.machine.begin("ready");
+    this.machine.phase = "empty";
+    this.helpers = new Helpers();
     /** @type {Source | null} */
     this.source = null;
+    /** What is wanted; empty where something else is asked for. */
+    this.preset = "";
+    /** Whether the preset is chosen by hand: then it stays for the next picture. */
+    this.isChosen = false;
     /** Whether the sizes have been touched: then nothing moves by itself. */
     this.isTouched = false;
-    this.settling = 0;
-    this.growing = 0;
-    this.wantedSize = 0;
+    [this.settling, this.wantedSize, this.painting] = [0, 0, 0];
+    this.isUpdating = false;
     /** What an address asked to be in the middle, and how large. @type {number[]} */
     this.askedView = [];
     this.asksRelief = false;
+    /** The mesh that is shown in three dimensions. */
+    this.reliefPath = "";
+    /** What the form asked for last. */
+    this.lastAsked = "";
+    /** What goes on once there is a key. @type {(() => void) | null} */
+    this.retry = null;
+    /** The picture that the address is of. @type {Source | null} */
+    this.addressed = null;
     this.stage = new Stage({
-      onDensity: () => this.orderDensity(),
-      onRelief: () => this.showRelief(),
+      onChange: () => this.update(),
+      onDensity: () => orderDensity(this),
       onRestored: () => this.restore(),
-      onSeen: () => this.settle(),
-      onSize: (factor) => this.setSize(Math.max(this.tracks[0].size * factor, this.tracks[0].size + Math.sign(factor - 1))),
+      onSize: (factor) => this.step(factor),
+      onSolid: () => showSolid(this),
+      onPainted: () => this.onPainted(),
     });
-    this.tracks = [0, 1].map((side) => new Track(side, (track, word) => this.hear(track, word)));
-    this.curve = new Curve((size) => this.setSize(size));
+    this.tracks = [0, 1].map((side) => new Track(side, (track, change) => this.onTrack(track, change)));
+    this.curve = new Curve((size) => this.setSize(size), (size) => this.remake(size));
+    /** The dialog of what can be taken, loaded when it is opened first. @type {Promise<import("./export.js").Exporter> | null} */
+    this.exporter = null;
+    this.growth = new Growth(this);
     /** @type {Form | null} */
     this.form = null;
-    /** @type {string[]} */
-    this.formats = [];
   }
 
   /** The tracks that are seen. */
@@ -62,413 +86,339 @@ export class Studio {
     const asked = new URLSearchParams(location.search);
     if (asked.get("dir") === "rtl") document.documentElement.dir = "rtl";
     this.bindPage();
-    this.bindPictures();
-    this.showAll();
+    bindPictures(this);
+    await listJobs(this);
+    await this.openFirst(asked);
+  }
+
+  /** Has what the service offers, once. */
+  async connect() {
+    if (this.form) return this.form;
     const methods = await api.methods();
-    this.formats = [...new Set(methods.formats.map(({ format }) => format))];
-    this.form = new Form(byId("form", HTMLFormElement), methods, () => this.run());
-    this.form.fill(asked);
+    this.form ??= new Form(byId("form", HTMLFormElement), methods, (isAsked) => this.onForm(isAsked));
+    return this.form;
+  }
+
+  /** Opens what an address asks for; without anything the picture of the first visit. @param {URLSearchParams} asked */
+  async openFirst(asked) {
     showAsked(asked, this.stage);
+    this.setLook(this.stage.scene.look);
     this.askedView = (asked.get("view") ?? "").split(" ").map(Number);
     this.asksRelief = asked.get("relief") === "1";
     this.wantedSize = Number(asked.get("n")) || 0;
     this.isTouched = this.wantedSize > 0;
-    await this.listHistory();
-    await this.openFirst(asked);
-  }
-
-  /** @param {URLSearchParams} asked */
-  async openFirst(asked) {
-    const id = asked.get("job");
+    const preset = asked.get("preset") ?? "";
+    const id = asked.get("job"), name = asked.get("sample");
     if (id) {
-      const known = await history.entry(id).catch(() => undefined);
-      await this.openJob(id, known);
-      return;
+      await this.openJob(id, await history.entry(id).catch(() => undefined), preset);
+    } else if (name !== null || preset in PRESETS || asked.has("method")) {
+      await this.attempt(this.machine.begin("uploading"), async () => {
+        const form = await this.connect();
+        if (preset in PRESETS) this.setPreset(preset, true);
+        form.fill(asked);
+        this.isChosen ||= asked.has("method");
+        await this.chooseSample(document.querySelector(`#samples [data-sample="${CSS.escape(name ?? "")}"]`) && name ? name : "lake");
+      }, () => this.openFirst(asked));
+    } else {
+      await showDemo(this);
+      await this.attempt(this.token, async () => void (await this.connect()), () => this.connect().then(() => this.update()));
     }
-    const name = asked.get("sample") ?? "lake";
-    await this.chooseSample(name in SAMPLES ? name : "lake");
   }
 
   // Pictures.
 
-  bindPictures() {
-    const input = byId("file", HTMLInputElement);
-    input.addEventListener("change", () => {
-      const file = input.files?.[0];
-      if (file) this.choose(file, file.name);
-      input.value = "";
-    });
-    const box = byId("stage-box", HTMLDivElement), hint = byId("drop-hint", HTMLParagraphElement);
-    /** @param {boolean} isOver */
-    const mark = (isOver) => {
-      hint.hidden = !isOver;
-      box.classList.toggle("dropping", isOver);
-    };
-    document.addEventListener("dragover", (event) => {
-      event.preventDefault();
-      mark(true);
-    });
-    document.addEventListener("dragleave", (event) => event.relatedTarget === null && mark(false));
-    document.addEventListener("drop", (event) => {
-      event.preventDefault();
-      mark(false);
-      const file = event.dataTransfer?.files[0];
-      if (file) this.choose(file, file.name);
-    });
-    document.addEventListener("paste", (event) => {
-      const file = event.clipboardData?.files[0];
-      if (file) this.choose(file, file.name || "pasted.png");
-    });
-    this.painter = new Worker(new URL("sample-worker.js", import.meta.url), { type: "module" });
-    /** @type {Map<string, (blob: Blob) => void>} */
-    this.painting = new Map();
-    this.painter.onmessage = ({ data: { name, width, blob } }) => this.painting?.get(`${name} ${width}`)?.(blob);
-    for (const button of document.querySelectorAll("#samples button")) {
-      const name = /** @type {HTMLElement} */ (button).dataset.sample ?? "";
-      button.addEventListener("click", () => this.chooseSample(name));
-    }
-  }
-
-  /** Paints one of our pictures. @param {string} name @param {number} width @param {number} height @returns {Promise<Blob>} */
-  painted(name, width, height) {
-    this.painter?.postMessage({ name, width, height });
-    return new Promise((resolve) => this.painting?.set(`${name} ${width}`, resolve));
-  }
-
-  async paintThumbnails() {
-    for (const image of document.querySelectorAll("#samples img")) {
-      const name = image.parentElement?.dataset.sample ?? "";
-      /** @type {HTMLImageElement} */ (image).src = URL.createObjectURL(await this.painted(name, 120, 90));
-    }
-  }
-
   /** @param {string} name */
   async chooseSample(name) {
-    const file = await this.painted(name, SAMPLE_SIDES.width, SAMPLE_SIDES.height);
+    const file = await this.helpers.painted(name, SAMPLE_SIDES.width, SAMPLE_SIDES.height);
     await this.choose(file, `${name}.png`, name);
   }
 
   /** Begins with a picture. @param {Blob} file @param {string} name @param {string | null} [sample] */
   async choose(file, name, sample = null) {
-    this.endGrowth();
-    await this.setSource(file, name, sample);
-    await this.run();
+    const token = this.machine.begin("uploading");
+    if (!this.wantedSize) this.isTouched = false;
+    const source = new Source(name, file, sample);
+    this.setSource(source, token);
+    document.getElementById("stage-box")?.scrollIntoView({ block: "nearest" });
+    await this.attempt(token, async () => {
+      const looking = this.helpers.look(source, this.stage.renderer.maxSide).then(() => this.machine.isCurrent(token) && this.showSource(source));
+      // A JPEG is a photo; of others the pixels tell.
+      if (!this.isChosen && file.type !== "image/jpeg") await looking;
+      await this.connect();
+      if (!this.machine.isCurrent(token)) return;
+      if (!this.isChosen) this.setPreset(suited(source.nature));
+      await this.mesh(source, token);
+      await looking;
+    }, () => this.choose(file, name, sample));
   }
 
-  /** @param {Blob} file @param {string} name @param {string | null} sample */
-  async setSource(file, name, sample) {
-    this.fail(null);
-    this.tracks.forEach((track) => {
-      track.cancel().catch(() => {});
+  /** Forgets the picture before. @param {Source} source @param {Token} token */
+  setSource(source, token) {
+    this.growth.end();
+    this.token = token;
+    for (const track of this.tracks) {
+      track.cancel();
       track.clear();
-    });
-    const bitmap = await decoded(file);
-    this.source = { name, file, sample, bitmap, picture: null, isFinding: false };
-    for (const button of document.querySelectorAll("#samples button")) {
-      button.setAttribute("aria-pressed", String(/** @type {HTMLElement} */ (button).dataset.sample === sample));
     }
-    byId("picture-note", HTMLParagraphElement).textContent = bitmap
-      ? `${name}, ${counted(bitmap.width)} × ${counted(bitmap.height)} pixels.`
-      : `${name}: this browser cannot show it; the service may know the format.`;
-    if (bitmap) this.showBitmap(bitmap);
+    const { stage } = this;
+    if (this.source && !this.askedView[2]) Object.assign(stage.scene, { layer: "mesh", wireframe: false, split: null });
+    stage.scene.relief = false;
+    stage.forgetWeights();
+    stage.renderer.relief?.clear();
+    stage.renderer.levels = [0, 1];
+    stage.renderer.setSize(1, 1);
+    this.reliefPath = "";
+    this.source = source;
+    const first = byId("first-sight", HTMLImageElement);
+    if (first.src) URL.revokeObjectURL(first.src);
+    first.removeAttribute("src");
+    if (source.file) first.src = URL.createObjectURL(source.file);
+    stage.redraw();
+    this.update();
   }
 
-  /** @param {Bitmap} bitmap */
-  showBitmap(bitmap) {
-    const { renderer, view, scene } = this.stage;
-    if (Math.max(bitmap.width, bitmap.height) > renderer.maxSide) {
-      throw new Error(`This browser's graphics draw pictures of up to ${renderer.maxSide} pixels a side. Make the picture smaller and try again.`);
-    }
-    const isOther = bitmap.width !== renderer.width || bitmap.height !== renderer.height;
-    renderer.setOriginal(bitmap);
+  /** Shows what the browser, or the service, sees of a picture. @param {Source} source */
+  showSource(source) {
+    const { bitmap } = source;
+    byId("first-sight", HTMLImageElement).removeAttribute("src");
+    if (!bitmap) return;
+    this.stage.renderer.setOriginal(bitmap);
+    this.center();
+    this.helpers.thumbnails(bitmap).then((images) => source === this.source && panels.showThumbnails(images));
+    this.stage.redraw();
+    this.update();
+  }
+
+  /** Shows the whole picture, or what an address has asked for. */
+  center() {
+    const { view, scene } = this.stage;
     const [x, y, zoom] = this.askedView;
     if (zoom > 0) {
       Object.assign(scene, { x, y });
       view.zoomTo(zoom);
       this.askedView = [];
-    } else if (isOther) view.fit();
-    this.stage.redraw();
-  }
-
-  /** Has the original's samples as the service reads them, so that figures are the service's. @param {import("./api.js").Job} job */
-  async findPicture(job) {
-    const { source } = this;
-    if (!source || source.picture || source.isFinding || !job.image) return;
-    source.isFinding = true;
-    const shape = /** @type {Required<NonNullable<typeof job.image>>} */ (job.image);
-    let picture = source.bitmap && samplesOf(source.bitmap, shape);
-    if (!picture) {
-      picture = await fromService(source.file, this.tracks[0].reading(), this.tracks[0].aborter.signal).catch(() => null);
-      if (!picture || source !== this.source) return;
-      source.bitmap = bitmapOf(picture);
-      this.showBitmap(source.bitmap);
-      this.restoreMeshes();
-    }
-    source.picture = picture;
-    if (this.stage.scene.layer === "density") this.orderDensity();
-  }
-
-  orderDensity() {
-    const picture = this.source?.picture;
-    if (picture) this.tracks[0].order({ kind: "density", picture });
+    } else if (view.isFitted) view.fit();
   }
 
   // Jobs.
 
+  /** Runs what is asked for. */
   async run() {
-    const { source, form } = this;
-    if (!source || !form) return;
-    this.fail(null);
-    [source.picture, source.isFinding] = [null, false];
-    const parameters = form.parameters();
-    const isCompared = form.comparedMethod !== "";
-    this.stage.setPanes(isCompared ? 2 : 1);
-    if (!isCompared) this.tracks[1].cancel().catch(() => {}).finally(() => this.tracks[1].clear());
-    const other = isCompared ? this.tracks[1].run(source.file, { ...parameters, method: form.comparedMethod }, false) : null;
-    await Promise.all([this.tracks[0].run(source.file, parameters, true), other]);
-  }
-
-  /** Shows a job of before. @param {string} id @param {history.Entry} [known] */
-  async openJob(id, known) {
-    this.endGrowth();
-    this.isTouched = true;
-    if (known) await this.setSource(known.file, known.name, null);
-    else this.source = { name: "picture", file: new Blob(), sample: null, bitmap: null, picture: null, isFinding: true };
-    await this.tracks[0].open(id);
-    const asked = Object.entries(this.tracks[0].parameters).filter(([name]) => name === "method" || name in TARGETS);
-    this.form?.fill(new URLSearchParams(asked));
-  }
-
-  /** @param {Track} track @param {import("./track.js").Word} word */
-  hear(track, word) {
-    const { renderer } = this.stage;
-    switch (word.kind) {
-      case "job":
-        this.onJob(track);
-        break;
-      case "points":
-        this.onPoints(track);
-        break;
-      case "mesh":
-        if (track.points) renderer.setMesh(track.side, word.geometry, track.points.precision);
-        this.stage.redraw();
-        break;
-      case "density":
-        renderer.setDensity(word.map);
-        this.stage.redraw();
-        return;
-      case "failure":
-        this.fail(word.error);
+    const { source } = this;
+    if (!source?.isThere) {
+      this.machine.tell(new Error("The original picture is not here. Choose its file to make another mesh of it."));
+      return;
     }
-    this.showAll();
+    this.growth.end();
+    this.isTouched = true;
+    const token = (this.token = this.machine.begin("uploading"));
+    for (const side of [0, 1]) this.stage.renderer.clearMesh(side);
+    this.stage.redraw();
+    await this.attempt(token, () => this.mesh(source, token), () => this.run());
   }
 
-  /** @param {Track} track */
-  onJob(track) {
-    const { job } = track;
-    if (!job) return;
-    if (track.side === 0) this.findPicture(job);
+  /** Does work of a generation; what goes wrong ends it. @param {Token} token @param {() => Promise<void>} work @param {() => void} retry  With another key. */
+  async attempt(token, work, retry) {
+    try {
+      await work();
+    } catch (reason) {
+      if (token.signal.aborted || !this.machine.isCurrent(token)) return;
+      const error = /** @type {Error} */ (reason);
+      if (error instanceof ServiceError && error.slug === "unauthorized") {
+        this.retry = retry;
+        askForKey();
+      }
+      this.tracks.forEach((track) => track.stage !== "final" && track.clear());
+      byId("first-sight", HTMLImageElement).removeAttribute("src");
+      this.machine.become(token, "failed", error);
+    }
+  }
+
+  /** Makes the meshes that are asked for: jobs first, and a preview while they run. @param {Source} source @param {Token} token */
+  async mesh(source, token) {
+    const form = await this.connect();
+    const parameters = form.parameters(), other = form.comparedMethod;
+    const [first, second] = this.tracks;
+    this.stage.setPanes(other ? 2 : 1);
+    if (!other) second.cancel().then(() => second.clear());
+    source.weights = (await this.stage.weights?.picture()) ?? null;
+    if (!this.machine.isCurrent(token)) return;
+    await first.submit(source, form.ordered(parameters), token, (sent) => this.machine.send(token, sent));
+    if (other) await second.submit(source, form.ordered({ ...parameters, method: other }), token, () => {});
+    this.machine.become(token, "working");
+    findSamples(this, token);
+    first.preview(token).catch(() => {});
+    await Promise.all([first.follow(token), other ? second.follow(token) : null]);
+    await this.finish(token);
+  }
+
+  /** Ends a generation as its job has ended. @param {Token} token */
+  async finish(token) {
+    const [{ job, most }] = this.tracks, { source } = this;
+    if (!job || !source || !this.machine.isCurrent(token)) return;
     if (job.state === "failed") {
       const reason = /** @type {{ detail?: string } | null} */ (job.error);
-      this.fail(new Error(`The job failed: ${reason?.detail ?? "the service gives no reason"}. Change what is asked for and run it again.`));
+      throw new Error(`This did not work: ${reason?.detail ?? "the server gives no reason"}. Change what is asked for and try again.`);
     }
-    if (job.state === "cancelled") this.say("Cancelled.");
-    if (job.state === "completed" && track.stage === "final") this.onCompleted(track);
+    if (job.state === "cancelled") {
+      this.machine.become(token, "cancelled");
+      return;
+    }
+    this.machine.become(token, source.bitmap || source.file ? "ready" : "missing");
+    this.say(`The mesh is ready: ${counted(most)} vertices, ${decibels(job.mesh?.psnr_db)}.`);
+    const solid = PRESETS[this.preset]?.solid;
+    if (this.asksRelief || (solid && !this.stage.scene.relief)) this.stage.setRelief(true);
+    this.asksRelief = false;
+    if (source.file) await rememberJob(this, source).catch((error) => this.machine.tell(new Error(`History could not keep this picture: ${error.message}`)));
   }
 
-  /** @param {Track} track */
-  onCompleted(track) {
-    this.say(`The mesh is there: ${counted(track.most)} vertices, ${decibels(track.job?.mesh?.psnr_db)}.`);
-    const { source } = this;
-    if (track.side === 0 && source?.file.size && track.job) this.remember(track, source).catch(() => {});
-    if (track.side === 0 && this.asksRelief) {
-      this.asksRelief = false;
-      this.stage.setRelief(true);
-    }
+  /** Shows a job of before. @param {string} id @param {history.Entry} [known] @param {string} [preset] */
+  async openJob(id, known, preset = "") {
+    const token = this.machine.begin("working");
+    const source = new Source(known?.name ?? "picture", known?.file ?? null, null);
+    this.setSource(source, token);
+    this.isTouched = true;
+    await this.attempt(token, async () => {
+      const form = await this.connect();
+      const [track] = this.tracks;
+      await track.open(id, token);
+      if (track.job?.parameters?.keep_image || track.isWorking) source.job = id;
+      if (!source.file) source.file = await api.image(id, token.signal).catch(() => null);
+      if (source.file) await this.helpers.look(source, this.stage.renderer.maxSide);
+      if (!this.machine.isCurrent(token)) return;
+      if (source.bitmap) this.showSource(source);
+      this.preset = preset in PRESETS ? preset : "";
+      form.reset(Object.fromEntries(Object.entries(track.parameters).filter(([name]) => name === "method" || name in TARGETS)));
+      findSamples(this, token);
+      await track.follow(token);
+      await this.finish(token);
+    }, () => this.openJob(id, known, preset));
+  }
+
+  /** @param {Track} track @param {Change} change */
+  onTrack(track, change) {
+    const { renderer } = this.stage;
+    if (change.kind === "points") this.onPoints(track);
+    if (change.kind === "mesh" && track.points) renderer.setMesh(track.side, change.geometry, track.points.precision);
+    if (change.kind === "density") renderer.setDensity(change.map, this.source?.picture?.width ?? this.source?.bitmap?.width ?? 1, this.source?.picture?.height ?? this.source?.bitmap?.height ?? 1);
+    if (change.kind !== "job") this.stage.redraw();
+    this.update();
   }
 
   /** @param {Track} track */
   onPoints(track) {
     const { points } = track;
-    const { renderer, view } = this.stage;
+    const { renderer } = this.stage;
     if (!points) return;
+    if (track.stage === "preview") this.machine.become(this.token, "previewing");
     if (points.width !== renderer.width || points.height !== renderer.height) {
       renderer.setSize(points.width, points.height);
-      view.fit();
+      this.center();
     }
+    renderer.hasAlpha = points.components === 2 || points.components === 4;
     if (!track.isProgressive) return;
     if (track.side === 1) {
       track.show(this.wantedSize || this.tracks[0].size || track.most);
-    } else if (!this.isTouched && this.mayMove()) {
-      this.grow();
+    } else if (!this.isTouched && this.growth.mayMove()) {
+      this.isTouched = true;
+      this.growth.begin(this.wantedSize || track.most);
     } else {
-      this.setSize(this.wantedSize || track.most);
-      this.wantedSize = 0;
+      this.showSize(this.wantedSize || track.most);
     }
+    if (track.side === 0) this.wantedSize = 0;
   }
 
-  /** @param {Track} track @param {Source} source */
-  async remember(track, source) {
-    const { job } = track;
-    if (!job) return;
-    await history.remember({
-      id: job.id, at: Date.parse(job.created_at), name: source.name, file: source.file,
-      thumbnail: await history.thumbnailOf(source.file), method: track.parameters.method ?? "mgprfs",
-      vertices: job.mesh?.vertices ?? 0, psnr: job.mesh?.psnr_db ?? null,
-    });
-    await this.listHistory();
+  // What is asked for.
+
+  /** @param {string} name @param {boolean} [isChosen] */
+  setPreset(name, isChosen = false) {
+    this.preset = name;
+    this.isChosen ||= isChosen;
+    const { parameters, look, solid } = PRESETS[name];
+    this.form?.reset(parameters);
+    this.setLook({ ...PLAIN, ...look });
+    this.stage.setSolid(solid ?? {});
+    if (!solid) this.stage.scene.relief = false;
   }
 
-  async listHistory() {
-    const entries = await history.entries().catch(() => []);
-    panels.showHistory(entries, this.tracks[0].job?.id, {
-      open: (entry) => this.openJob(entry.id, entry).catch((error) => this.fail(error)),
-      forget: async ({ id }) => {
-        await history.forget(id);
-        await this.listHistory();
-      },
-    });
+  /** @param {string} name */
+  choosePreset(name) {
+    this.attempt(this.token, async () => {
+      await this.connect();
+      this.setPreset(name, true);
+      await this.run();
+    }, () => this.choosePreset(name));
+  }
+
+  /** @param {import("./looks.js").Look} look */
+  setLook(look) {
+    this.stage.scene.look = look;
+    for (const track of this.tracks) track.setLook(look);
+    this.stage.changed();
+  }
+
+  /** @param {boolean} isAsked  Whether the button is pressed. */
+  onForm(isAsked) {
+    const asked = JSON.stringify([this.form?.ordered(this.form.parameters()), this.form?.comparedMethod]);
+    const running = JSON.stringify([this.tracks[0].parameters, this.tracks[1].job ? this.tracks[1].parameters.method : ""]);
+    // A field that is left for the button tells of its change, and the button of its press.
+    if (asked === this.lastAsked && (this.machine.isBusy || !isAsked)) return;
+    this.lastAsked = asked;
+    if (asked !== running) [this.preset, this.isChosen] = ["", true];
+    this.run();
+  }
+
+  /** What is painted makes another mesh once the hand rests. */
+  onPainted() {
+    clearTimeout(this.painting);
+    const [{ size, most }] = this.tracks;
+    if (size < most) this.wantedSize = size;
+    this.painting = setTimeout(() => this.run(), 700);
   }
 
   // Sizes.
 
+  /** One step to fewer or more vertices. @param {number} factor */
+  step(factor) {
+    const { size } = this.tracks[0];
+    this.setSize(factor < 1 ? Math.min(size * factor, size - 1) : Math.max(size * factor, size + 1));
+  }
+
   /** @param {number} size */
   setSize(size) {
     this.isTouched = true;
-    this.endGrowth();
+    this.growth.end();
     this.showSize(Math.round(size));
   }
 
   /** @param {number} size */
   showSize(size) {
+    this.stage.scene.moves = true;
     for (const track of this.seen) if (track.isProgressive) track.show(size);
-    this.showFigures();
-    this.settle();
+    this.update();
   }
 
-  mayMove() {
-    return !matchMedia("(prefers-reduced-motion: reduce)").matches && this.stage.scene.layer === "mesh";
-  }
-
-  /** Lets the first mesh grow from its corners, once: that is what this page is about. */
-  grow() {
-    this.isTouched = true;
-    const began = performance.now();
-    const frame = () => {
-      const t = Math.min(1, (performance.now() - began) / GROWTH_MS);
-      this.stage.toggle("wireframe", t < 0.9);
-      this.showSize(this.curve.sizeAt(0.18 + 0.82 * (1 - (1 - t) ** 1.6)));
-      this.growing = t < 1 ? requestAnimationFrame(frame) : 0;
-    };
-    this.growing = requestAnimationFrame(frame);
-  }
-
-  endGrowth() {
-    if (!this.growing) return;
-    cancelAnimationFrame(this.growing);
-    this.growing = 0;
-    this.stage.toggle("wireframe", false);
-  }
-
-  // What is shown beside the picture.
-
-  showAll() {
-    this.showFigures();
-    panels.showProgress(this.tracks.find((track) => track.isWorking) ?? this.tracks[0]);
-    panels.showNumbers(this.seen);
-    this.settle();
-  }
-
-  showFigures() {
+  /** Makes a mesh of a method that has one size in another. @param {number} size */
+  remake(size) {
     const [track] = this.tracks;
-    /** @param {string} id @param {string} text */
-    const put = (id, text) => (byId(id, HTMLElement).textContent = text);
-    put("figure-vertices", track.size ? counted(track.size) : "–");
-    put("figure-psnr", decibels(track.psnr));
-    put("figure-faces", track.faceCount ? counted(track.faceCount) : "–");
-    put("figure-share", panels.shareOf(track));
-    const isWhole = track.stage === "final" && track.size > 0;
-    put("figure-bytes", isWhole ? `≈ ${sized(this.bytesOf(track))}` : "–");
-    put("size-note", this.noteOf(track));
-    this.curve.update(this.seen);
-    const label = track.size ? `${this.source?.name ?? "Picture"} as a mesh of ${counted(track.size)} vertices, PSNR ${decibels(track.psnr)}` : "No mesh yet";
-    this.stage.canvas.setAttribute("aria-label", label);
-    this.showLabels();
+    if (track.isProgressive || track.stage !== "final" || !this.form || size === track.size) return;
+    this.form.ask("size", String(Math.round(size)));
+    this.run();
   }
 
-  /** About the bytes of a pmesh of the size that is seen. @param {Track} track */
-  bytesOf({ points, size }) {
-    if (!points) return 0;
-    const bits = Math.log2((Math.E * points.width * points.height) / size) + 0.62 * points.precision * points.components;
-    return Math.round(24 + (size * bits) / 8);
-  }
-
-  /** @param {Track} track */
-  noteOf(track) {
-    if (track.stage === "preview") return "A preview; the real mesh is on its way.";
-    if (track.stage === "final" && !track.isProgressive) return "This method makes one size: run it again for another.";
-    return "Drag, and every size is there at once.";
-  }
-
-  showLabels() {
-    const [a, b] = this.tracks;
-    const isCompared = this.seen.length > 1, isSplit = this.stage.scene.split !== null && !isCompared;
-    const first = byId("label-a", HTMLParagraphElement), second = byId("label-b", HTMLParagraphElement);
-    first.hidden = second.hidden = !(isCompared || isSplit);
-    first.textContent = isCompared ? `A: ${a.parameters.method ?? ""}, ${decibels(a.psnr)}` : "original";
-    second.textContent = isCompared ? `B: ${b.parameters.method ?? ""}, ${decibels(b.psnr)}` : "mesh";
-  }
-
-  /** What takes a moment waits until the hand rests. */
-  settle() {
-    clearTimeout(this.settling);
-    this.settling = setTimeout(() => this.onSettled(), SETTLED_MS);
-  }
-
-  onSettled() {
-    const [track] = this.tracks;
-    panels.showNumbers(this.seen);
-    this.showLabels();
-    if (this.growing) return;
-    panels.showDownloads(track, this.formats, this.source?.name ?? "mesh", (error) => this.fail(error));
-    byId("curl", HTMLPreElement).textContent = panels.curlOf(track, this.source?.name ?? "picture.png");
-    const address = addressOf(this);
-    byId("address", HTMLPreElement).textContent = address;
-    if (track.stage === "final") globalThis.history.replaceState(null, "", address);
-    this.measureBytes(track).catch(() => {});
-  }
-
-  /** Asks the service how many bytes the mesh that is seen takes. @param {Track} track */
-  async measureBytes(track) {
-    if (track.stage !== "final" || !track.points || track.points.faces) return;
-    const path = panels.meshPathOf(track, "pmesh"), { size } = track;
-    const length = Number((await api.request(path, { method: "HEAD" })).headers.get("content-length"));
-    if (length && size === this.tracks[0].size) byId("figure-bytes", HTMLElement).textContent = sized(length);
-  }
-
-  /** Fetches the mesh as GLB and shows it in three dimensions. */
-  async showRelief() {
-    const [track] = this.tracks;
-    try {
-      if (track.stage !== "final") throw new Error("There is no mesh yet. Wait for it, or make one.");
-      /** @type {api.Parameters} */
-      const relief = track.job?.parameters?.relief ? {} : { relief: "luma" };
-      const path = panels.meshPathOf(track, "glb", {
-        ...relief, compression: "none", texture: "none", color: "image", center: "false", up: "z",
-      });
-      const response = await api.request(path);
-      this.stage.renderer.relief?.set(readGlb(await response.arrayBuffer()));
-      this.stage.redraw();
-    } catch (error) {
-      this.stage.setRelief(false);
-      this.fail(/** @type {Error} */ (error));
-    }
+  /** Opens the dialog of what can be taken; the mesh of the first visit becomes one of the service before. */
+  async takeAway() {
+    if (this.machine.phase === "ready" && !this.tracks[0].job) await this.run();
+    if (!this.machine.hasMesh) return;
+    this.exporter ??= import("./export.js").then(({ Exporter }) => new Exporter(this));
+    (await this.exporter).open(PRESETS[this.preset]?.format ?? "svg");
   }
 
   /** Draws everything anew after the graphics card has lost it. */
   restore() {
     const bitmap = this.source?.bitmap;
     if (bitmap) this.stage.renderer.setOriginal(bitmap);
+    this.reliefPath = "";
     this.restoreMeshes();
   }
 
@@ -480,19 +430,52 @@ export class Studio {
 
   bindPage() {
     panels.bindCopying();
+    panels.makePresets((name) => this.choosePreset(name));
+    panels.bindLook((look) => this.setLook(look));
     byId("cancel-button", HTMLButtonElement).addEventListener("click", () => {
-      for (const track of this.tracks) track.cancel().catch((error) => this.fail(error));
+      this.machine.cancel();
+      for (const track of this.tracks) track.cancel();
+      this.say("Cancelled.");
       this.stage.canvas.focus();
     });
-    byId("failure-close", HTMLButtonElement).addEventListener("click", () => this.fail(null));
-    bindSettings();
+    byId("failure-close", HTMLButtonElement).addEventListener("click", () => this.machine.tell(null));
+    byId("download-button", HTMLButtonElement).addEventListener("click", () => this.takeAway());
+    bindSettings(() => {
+      const retry = this.retry;
+      this.retry = null;
+      this.machine.tell(null);
+      if (retry) retry();
+      else this.connect().catch((error) => this.machine.tell(error));
+    });
+    addEventListener("popstate", () => this.openFirst(new URLSearchParams(location.search)));
+    history.onChange(() => listJobs(this));
   }
 
-  /** Says what went wrong, or takes it back. @param {Error | null} error */
-  fail(error) {
-    byId("failure", HTMLParagraphElement).hidden = error === null;
-    byId("failure-text", HTMLSpanElement).textContent = error?.message ?? "";
-    panels.showProgress(this.tracks.find((track) => track.isWorking) ?? this.tracks[0]);
+  /** Has everything shown as it is: soon what is quick, and the rest once the hand rests. */
+  update() {
+    clearTimeout(this.settling);
+    this.settling = setTimeout(() => this.onSettled(), SETTLED_MS);
+    if (this.isUpdating) return;
+    this.isUpdating = true;
+    queueMicrotask(() => {
+      this.isUpdating = false;
+      render(this);
+    });
+  }
+
+  onSettled() {
+    if (this.growth.isOn) return;
+    if (this.stage.scene.moves) {
+      this.stage.scene.moves = false;
+      this.stage.redraw();
+    }
+    showSolid(this);
+    settled(this);
+    const address = addressOf(this);
+    if (!this.machine.hasMesh || !this.tracks[0].job || address === location.href) return;
+    if (this.source === this.addressed) globalThis.history.replaceState(null, "", address);
+    else globalThis.history.pushState(null, "", address);
+    this.addressed = this.source;
   }
 
   /** Tells those who do not see it. @param {string} text */
@@ -504,17 +487,17 @@ export class Studio {
 /** @param {unknown} reason */
 function report(reason) {
   const text = reason instanceof Error ? reason.message : String(reason);
-  byId("failure", HTMLParagraphElement).hidden = false;
+  byId("failure", HTMLDivElement).hidden = false;
   byId("failure-text", HTMLSpanElement).textContent = text;
 }
 
-addEventListener("unhandledrejection", ({ reason }) => report(reason));
+addEventListener("unhandledrejection", ({ reason }) => reason?.name !== "AbortError" && report(reason));
 
 /** The page's one studio; null where the browser cannot draw. @type {Studio | null} */
 export let studio = null;
 try {
   studio = new Studio();
-  studio.begin().catch(report).finally(() => studio?.paintThumbnails());
+  studio.begin().catch(report);
 } catch (error) {
   report(error);
 }

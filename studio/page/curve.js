@@ -1,4 +1,4 @@
-// The slider of sizes, under a curve of PSNR against vertices.
+// The slider of sizes, under a curve of likeness against vertices.
 
 import { byId, counted, decibels, makeSvg } from "./dom.js";
 
@@ -8,8 +8,8 @@ const STEPS = 1000;
 const MARGIN = { left: 40, right: 14, top: 10, bottom: 20 };
 
 export class Curve {
-  /** @param {(size: number) => void} onSize */
-  constructor(onSize) {
+  /** @param {(size: number) => void} onSize @param {(size: number) => void} onRest  The hand lets go. */
+  constructor(onSize, onRest) {
     this.chart = byId("curve", SVGSVGElement);
     this.slider = byId("size-slider", HTMLInputElement);
     this.number = byId("size-number", HTMLInputElement);
@@ -17,22 +17,31 @@ export class Curve {
     this.most = 4;
     /** @type {Track[]} */
     this.tracks = [];
+    /** The points whose size the slider was put to last. @type {object | null} */
+    this.remadeOf = null;
     this.slider.max = String(STEPS);
     this.slider.addEventListener("input", () => this.onSize(this.sizeAt(Number(this.slider.value) / STEPS)));
-    this.number.addEventListener("change", () => this.onSize(Math.round(Number(this.number.value)) || 4));
+    this.number.addEventListener("change", () => {
+      const size = Math.min(this.most, Math.max(4, Math.round(Number(this.number.value)) || 4));
+      this.number.value = String(size);
+      this.onSize(size);
+      onRest(size);
+    });
+    this.slider.addEventListener("change", () => onRest(this.sizeAt(Number(this.slider.value) / STEPS)));
+    this.chart.addEventListener("pointerup", () => onRest(this.sizeAt(Number(this.slider.value) / STEPS)));
     this.chart.addEventListener("pointerdown", (event) => this.drag(event));
     this.chart.addEventListener("pointermove", (event) => event.buttons && this.drag(event));
     new ResizeObserver(() => this.draw()).observe(this.chart);
   }
 
-  /** The size at a place of 0 to 1: sizes grow by the same factor from step to step. @param {number} place */
-  sizeAt(place) {
-    return Math.round(4 * (this.most / 4) ** Math.min(1, Math.max(0, place)));
+  /** The size at a place of 0 to 1: sizes grow by the same factor from step to step. @param {number} place @param {number} [most] */
+  sizeAt(place, most = this.most) {
+    return Math.round(4 * (most / 4) ** Math.min(1, Math.max(0, place)));
   }
 
-  /** @param {number} size */
-  placeOf(size) {
-    return this.most > 4 ? Math.log(size / 4) / Math.log(this.most / 4) : 1;
+  /** @param {number} size @param {number} [most] */
+  placeOf(size, most = this.most) {
+    return most > 4 ? Math.log(size / 4) / Math.log(most / 4) : 1;
   }
 
   /** @param {PointerEvent} event */
@@ -46,14 +55,15 @@ export class Curve {
 
   /**
    * Shows what is known of the tracks; the first one is moved.
-   * @param {Track[]} tracks
+   * @param {Track[]} tracks @param {boolean} isRemade  Whether another size is made anew, when the hand lets go.
    */
-  update(tracks) {
+  update(tracks, isRemade) {
     this.tracks = tracks;
     const [track] = tracks;
-    this.most = Math.max(track.most, 4);
-    this.slider.disabled = this.number.disabled = !track.isProgressive;
-    this.slider.value = String(Math.round(STEPS * this.placeOf(Math.max(track.size, 4))));
+    this.most = Math.max(isRemade ? Math.min(20_000, 4 * track.most) : track.most, 4);
+    this.slider.disabled = this.number.disabled = !track.isProgressive && !isRemade;
+    if (!isRemade || document.activeElement !== this.slider || this.remadeOf !== track.points) this.slider.value = String(Math.round(STEPS * this.placeOf(Math.max(track.size, 4))));
+    this.remadeOf = track.points;
     this.slider.setAttribute("aria-valuetext", `${counted(track.size)} vertices, ${decibels(track.psnr)}`);
     this.number.max = String(this.most);
     if (document.activeElement !== this.number) this.number.value = track.size ? String(track.size) : "";
@@ -66,7 +76,7 @@ export class Curve {
     if (!tracks.length || width < 80) return;
     const values = tracks.flatMap((track) => [...track.curve.values()]).filter(Number.isFinite);
     const least = Math.min(...values, 20), most = Math.max(...values, 30) + 0.5;
-    const step = most - least > 22 ? 10 : 5;
+    const step = most - least > 60 ? 20 : most - least > 22 ? 10 : 5;
     const low = Math.floor(least / step) * step, high = Math.ceil(most / step) * step;
     const room = { x: width - MARGIN.left - MARGIN.right, y: height - MARGIN.top - MARGIN.bottom };
     /** @param {number} size */
@@ -76,7 +86,7 @@ export class Curve {
     const parts = this.grid({ low, high, step }, x, y, width, height);
     for (const track of [...tracks].reverse()) {
       const isFirst = track === tracks[0];
-      const points = [...track.curve].sort((a, b) => a[0] - b[0]).map(([size, psnr]) => `${x(size).toFixed(1)} ${y(psnr).toFixed(1)}`);
+      const points = [...track.curve].sort((a, b) => a[0] - b[0]).filter(([, psnr]) => !Number.isNaN(psnr)).map(([size, psnr]) => `${x(size).toFixed(1)} ${y(psnr).toFixed(1)}`);
       if (points.length > 1) {
         const line = `M${points.join("L")}`;
         const end = points[points.length - 1].split(" ")[0];
@@ -84,7 +94,7 @@ export class Curve {
         if (isFirst) parts.push(makeSvg("path", { d: `${line}L${end} ${bottom}L${points[0].split(" ")[0]} ${bottom}Z`, class: "area" }));
         parts.push(makeSvg("path", { d: line, class: isFirst ? "line" : "line second" }));
       }
-      if (track.size && track.psnr !== undefined) {
+      if (track.size && track.psnr !== undefined && !Number.isNaN(track.psnr)) {
         const at = { cx: x(track.size), cy: y(track.psnr ?? high) };
         if (isFirst) parts.push(makeSvg("line", { x1: at.cx, x2: at.cx, y1: MARGIN.top, y2: height - MARGIN.bottom, class: "cursor" }));
         parts.push(makeSvg("circle", { ...at, r: 5, class: isFirst ? "dot" : "dot second" }));
@@ -109,7 +119,8 @@ export class Curve {
       parts.push(makeSvg("line", { x1: MARGIN.left, x2: width - MARGIN.right, y1: y(psnr), y2: y(psnr), class: "grid" }));
       label(psnr === high ? `${psnr} dB` : String(psnr), { x: MARGIN.left - 6, y: y(psnr) + 4, "text-anchor": "end" });
     }
-    for (let power = 10; power < this.most * 0.8; power *= 10) {
+    for (let power = 10; x(this.most) - x(power) > 64; power *= 10) {
+      if (power > this.most) break;
       parts.push(makeSvg("line", { x1: x(power), x2: x(power), y1: MARGIN.top, y2: height - MARGIN.bottom, class: "grid" }));
       label(counted(power), { x: x(power), y: height - 5, "text-anchor": "middle" });
     }

@@ -1,7 +1,7 @@
-// The form of methods and parameters, made from what the service says it takes.
+// The amount of detail, and under Advanced every parameter, made from what the service says it takes.
 
 import { make } from "./dom.js";
-import { METHODS, OF_OUTPUT, TARGETS } from "./methods.js";
+import { GROUPS, METHODS, OF_OUTPUT, TARGETS } from "./methods.js";
 
 /** @typedef {import("./api.js").Methods} Methods */
 /** @typedef {import("./api.js").Parameters} Parameters */
@@ -9,14 +9,15 @@ import { METHODS, OF_OUTPUT, TARGETS } from "./methods.js";
 
 export class Form {
   /**
-   * @param {HTMLFormElement} form @param {Methods} methods @param {() => void} onChange
+   * @param {HTMLFormElement} form @param {Methods} methods
+   * @param {(isAsked: boolean) => void} onChange  Something is set, or the button is pressed.
    */
   constructor(form, methods, onChange) {
     this.form = form;
     this.methods = methods;
     this.method = this.methodSelect("method");
     this.compared = this.methodSelect("compared");
-    this.compared.prepend(new Option("nothing", ""));
+    this.compared.prepend(new Option("Nothing", ""));
     this.compared.value = "";
     const [target, amount] = this.targetFields();
     this.target = target;
@@ -25,27 +26,25 @@ export class Form {
     this.method.setAttribute("aria-describedby", "method-about");
     /** @type {Map<string, HTMLInputElement | HTMLSelectElement>} */
     this.others = new Map();
-    this.unit = make("span", { class: "note" });
     this.build();
     this.describe();
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      onChange();
+      onChange(true);
     });
     form.addEventListener("change", () => {
       this.describe();
-      if (form.checkValidity()) onChange();
+      if (form.checkValidity()) onChange(false);
     });
   }
 
   /** @param {string} name */
   methodSelect(name) {
     const select = make("select", { id: `${name}-select`, name });
-    for (const { name: value, components } of this.methods.methods) {
+    for (const { name: value } of this.methods.methods) {
       if (value === "preview") continue;
       const known = METHODS[value]?.title;
-      const kind = components === 1 ? ", gray" : components === 3 ? ", colour" : "";
-      select.append(new Option(known ? `${value} · ${known}${kind}` : value, value));
+      select.append(new Option(known ? `${known} (${value})` : value, value));
     }
     select.value = this.methods.default;
     return select;
@@ -53,7 +52,7 @@ export class Form {
 
   /** @returns {[HTMLSelectElement, HTMLInputElement]} */
   targetFields() {
-    const target = make("select", { id: "target-select" });
+    const target = make("select", { id: "target-select", "aria-label": "Unit of the detail" });
     for (const { name } of this.methods.parameters) {
       if (name in TARGETS) target.append(new Option(TARGETS[name].title, name));
     }
@@ -62,8 +61,7 @@ export class Form {
       amount.value = TARGETS[target.value].start;
       this.bound();
     });
-    const defaults = this.methods.methods.find(({ name }) => name === this.methods.default)?.defaults;
-    amount.value = String(/** @type {Record<string, unknown>} */ (defaults ?? {}).density ?? TARGETS.density.start);
+    amount.value = TARGETS.density.start;
     return [target, amount];
   }
 
@@ -73,7 +71,6 @@ export class Form {
     this.amount.min = String(parameter?.minimum ?? 0);
     this.amount.max = String(parameter?.maximum ?? "");
     this.amount.step = parameter?.type === "integer" ? "1" : "any";
-    this.unit.textContent = TARGETS[this.target.value]?.unit ?? "";
   }
 
   build() {
@@ -81,39 +78,55 @@ export class Form {
     const field = (text, control, ...more) => {
       return make("div", { class: "field" }, make("label", { for: control.id }, text), control, ...more);
     };
-    const fields = make("div", { class: "fields" });
+    const groups = new Map([...Object.keys(GROUPS), "More"].map((title) => [title, make("div", { class: "fields" })]));
     for (const parameter of this.methods.parameters) {
       const { name } = parameter;
       if (name === "method" || name in TARGETS || OF_OUTPUT.has(name)) continue;
       const control = controlOf(parameter);
       this.others.set(name, control);
-      const about = make("p", { class: "note", id: `about-${name}` }, `${parameter.about}${boundsOf(parameter)}`);
+      const about = make("p", { class: "note", id: `about-${name}` }, `${parameter.about}${boundsOf(parameter)} (${name})`);
       control.setAttribute("aria-describedby", about.id);
-      fields.append(field(name.replaceAll("_", " "), control, about));
+      const [title, names] = Object.entries(GROUPS).find(([, names]) => name in names) ?? ["More", {}];
+      groups.get(title)?.append(field(names[name] ?? name.replaceAll("_", " "), control, about));
     }
-    const amount = field("At", this.amount);
+    const titled = [...groups].filter(([, fields]) => fields.children.length).map(([title, fields]) => {
+      return make("details", { class: "group-of-fields" }, make("summary", {}, title), fields);
+    });
     this.form.append(
-      field("Method", this.method, this.about),
-      make("div", { class: "pair" }, field("Ask for", this.target), amount),
-      this.unit,
-      field("Compare with", this.compared),
-      make("details", {}, make("summary", {}, "Every parameter"), fields),
-      make("p", { class: "row" }, make("button", { type: "submit", class: "primary", id: "run" }, "Make the mesh")),
+      make("div", { class: "field" }, make("label", { for: "amount" }, "Detail"), make("div", { class: "pair" }, this.amount, this.target)),
+      make("details", { id: "advanced" }, make("summary", {}, "Advanced"), make("div", { class: "fields" },
+        field("Method", this.method, this.about), field("Compare with", this.compared), ...titled)),
+      make("p", { class: "row" }, make("button", { type: "submit", class: "wide", id: "run" }, "Make it again")),
     );
     this.bound();
   }
 
   /** Says what is chosen, and what the method sets the other parameters to. */
   describe() {
-    const name = this.method.value;
-    this.about.textContent = METHODS[name]?.about ?? "";
-    const method = this.methods.methods.find((known) => known.name === name);
-    const defaults = /** @type {Record<string, unknown>} */ (method?.defaults ?? {});
+    this.about.textContent = METHODS[this.method.value]?.about ?? "";
+    const defaults = this.defaults(this.method.value);
     for (const [parameter, control] of this.others) {
       const value = defaults[parameter];
       const text = value === undefined ? "" : String(value);
-      if (control instanceof HTMLSelectElement) control.options[0].text = text ? `as the method: ${text}` : "not set";
+      if (control instanceof HTMLSelectElement) control.options[0].text = text ? `Default (${text})` : "Not set";
       else control.placeholder = text;
+    }
+  }
+
+  /** What a method sets the other parameters to. @param {string} name @returns {Record<string, unknown>} */
+  defaults(name) {
+    return /** @type {Record<string, unknown>} */ (this.methods.methods.find((known) => known.name === name)?.defaults ?? {});
+  }
+
+  /** Offers the methods that there are for a picture. @param {number} components  Without alpha. */
+  allow(components) {
+    for (const select of [this.method, this.compared]) {
+      for (const option of select.options) {
+        const known = this.methods.methods.find(({ name }) => name === option.value);
+        const isFor = !known || known.components == null || known.components === components;
+        option.disabled = !isFor;
+        option.title = isFor ? "" : `For ${known?.components === 1 ? "gray" : "colour"} pictures only`;
+      }
     }
   }
 
@@ -125,9 +138,22 @@ export class Form {
     return parameters;
   }
 
+  /** The same with a format that keeps every size, where the mesh has an order. @param {Parameters} parameters @returns {Parameters} */
+  ordered(parameters) {
+    const whole = { ...this.defaults(parameters.method), ...parameters };
+    const hasNone = whole.reconstruction === "flat" || whole.connectivity === "free" || whole.values === "fitted";
+    return hasNone ? parameters : { ...parameters, format: "progression" };
+  }
+
   /** The method to compare with; empty for none. */
   get comparedMethod() {
     return this.compared.value;
+  }
+
+  /** Sets everything as some parameters say, and the rest to its defaults. @param {Parameters} parameters */
+  reset(parameters) {
+    for (const control of this.others.values()) control.value = "";
+    this.fill(new URLSearchParams(parameters));
   }
 
   /** Fills in what an address asks for; what is not known is left out. @param {URLSearchParams} asked */
@@ -137,12 +163,17 @@ export class Form {
     for (const name of Object.keys(TARGETS)) {
       const amount = asked.get(name);
       if (amount === null || !Number.isFinite(Number(amount))) continue;
-      put(this.target, name);
-      this.amount.value = amount;
+      this.ask(name, amount);
     }
     for (const [name, control] of this.others) if (asked.has(name)) put(control, asked.get(name));
-    this.bound();
     this.describe();
+  }
+
+  /** Asks for an amount. @param {string} target @param {string} amount */
+  ask(target, amount) {
+    put(this.target, target);
+    this.amount.value = amount;
+    this.bound();
   }
 }
 

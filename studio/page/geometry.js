@@ -21,10 +21,12 @@ const NONE = 0xffffffff;
 /**
  * Where faces have colours, each has three vertices of its own behind those of the points.
  * @param {Points} points @param {Triangulation} triangulation
+ * @param {boolean} [isFlat]  Whether faces have colours in any case: the means of their vertices.
  * @returns {Geometry}
  */
-export function geometryOf(points, { origins, twins }) {
-  const count = points.xs.length, { samples, faceSamples } = points;
+export function geometryOf(points, { origins, twins }, isFlat = false) {
+  const count = points.xs.length, { samples } = points;
+  const faceSamples = points.faceSamples ?? (isFlat ? meansOf(points, origins) : undefined);
   const border = [], edges = [];
   for (let h = 0; h < origins.length; h++) {
     const to = h % 3 === 2 ? origins[h - 2] : origins[h + 1];
@@ -64,6 +66,19 @@ export function geometryOf(points, { origins, twins }) {
   triangles.set(rim, origins.length);
   const faceCount = origins.length / 3;
   return { vertexCount: count, faceCount, positions, values, triangles, edges: new Uint32Array(edges) };
+}
+
+/** The mean of the three vertices of each face. @param {Points} points @param {Uint32Array} origins */
+function meansOf({ components, samples }, origins) {
+  const means = new Uint16Array((origins.length / 3) * components);
+  for (let f = 0; f < origins.length / 3; f++) {
+    for (let c = 0; c < components; c++) {
+      let sum = 0;
+      for (let k = 0; k < 3; k++) sum += samples[origins[3 * f + k] * components + c];
+      means[f * components + c] = Math.round(sum / 3);
+    }
+  }
+  return means;
 }
 
 /** @param {number} at @param {number} side */

@@ -36,7 +36,10 @@ export function readGlb(buffer) {
   for (let i = 0; i < positions.length; i++) positions[i] = positions[i] * scale[i % 3] + shift[i % 3];
   return {
     positions,
-    colors: fourEach(Float32Array.from(numbers(json, buffer, binary, COLOR_0)), json.accessors[COLOR_0].type),
+    // Without colours it is as gray as an unpainted thing.
+    colors: COLOR_0 === undefined
+      ? new Float32Array((positions.length / 3) * 4).fill(0.6)
+      : fourEach(Float32Array.from(numbers(json, buffer, binary, COLOR_0)), json.accessors[COLOR_0].type),
     triangles: Uint32Array.from(numbers(json, buffer, binary, primitive.indices)),
   };
 }

@@ -1,59 +1,62 @@
-// What the methods are, in words for people. Names, defaults and bounds come from the service.
+// What the methods and parameters are, in words for people. Names, defaults and bounds come from the service.
 
 /** @type {Record<string, { title: string, about: string }>} */
 export const METHODS = {
-  preview: { title: "Preview", about: "A mesh in a moment: again and again the worst triangle gets a vertex." },
-  ed: { title: "Error diffusion", about: "Gray pictures. Places all vertices at once, where the picture bends." },
-  med: { title: "Error diffusion, mirrored", about: "Places all vertices at once, densely where the picture bends. Very fast." },
-  "med+": { title: "Error diffusion, cleaned", about: "The same, then takes out vertices that do harm: fewer of them, and closer." },
-  gprfsed: { title: "Removal from a subset", about: "Gray pictures. Begins with four times the vertices and removes the least important." },
-  mgprfs: { title: "Removal from a subset", about: "Begins with four times the vertices and removes whichever is missed least. Close to the best, and fast." },
-  optimal: { title: "As close as possible", about: "Removal, then vertices move to where they serve the picture best. Takes longer, looks better." },
-  flat: { title: "Flat colours", about: "Each triangle has one colour, like low-poly art. One size." },
-  gpr: { title: "Removal from all pixels", about: "Gray pictures. Begins with a vertex in every pixel. Slow and thorough." },
-  mgpr: { title: "Removal from all pixels", about: "Begins with a vertex in every pixel and removes whichever is missed least. Slow and thorough." },
-  ced: { title: "Error diffusion of the luma", about: "Colour pictures. Places vertices by lightness alone." },
-  cgprfsed: { title: "Removal by the luma", about: "Colour pictures. Removal from a subset that looks at lightness alone." },
-  cgpr: { title: "Thorough removal by the luma", about: "Colour pictures. Removal from all pixels that looks at lightness alone." },
+  preview: { title: "Preview", about: "In a moment: the worst triangle gets a vertex, again and again." },
+  ed: { title: "Fast, gray", about: "Good for drafts of gray pictures. Places all vertices at once." },
+  med: { title: "Fast", about: "Good for drafts. Places all vertices at once, densely where there is detail." },
+  "med+": { title: "Fast, cleaned up", about: "As Fast, then removes vertices that do harm: smaller and more accurate." },
+  gprfsed: { title: "Balanced, gray", about: "Good for gray photos. Starts with four times the vertices and removes the least useful." },
+  mgprfs: { title: "Balanced", about: "Good for photos: close to the best, and fast." },
+  optimal: { title: "Best", about: "As Balanced, then moves vertices to where they serve the picture best. Takes longer." },
+  flat: { title: "Flat facets", about: "Made for one colour in each triangle, as in low-poly art. One size at a time." },
+  gpr: { title: "Thorough, gray", about: "Starts with a vertex in every pixel of a gray picture. Slow." },
+  mgpr: { title: "Thorough", about: "Starts with a vertex in every pixel. Slow." },
+  ced: { title: "Fast, by lightness", about: "For colour pictures: places vertices by lightness alone." },
+  cgprfsed: { title: "Balanced, by lightness", about: "For colour pictures: removes vertices by lightness alone." },
+  cgpr: { title: "Thorough, by lightness", about: "For colour pictures: every pixel, by lightness alone. Slow." },
 };
 
-/** What the sizes to ask for are called, and where their field begins. @type {Record<string, { title: string, unit: string, start: string }>} */
+/** What can be asked for: how it is said behind the number, and where its field begins. @type {Record<string, { title: string, start: string }>} */
 export const TARGETS = {
-  density: { title: "Density", unit: "% of the pixels", start: "2" },
-  size: { title: "Vertices", unit: "vertices", start: "2000" },
-  target_psnr: { title: "PSNR", unit: "dB at least", start: "32" },
-  target_error: { title: "Mean error", unit: "a pixel at most", start: "20" },
-  max_error: { title: "Largest error", unit: "levels at most", start: "40" },
+  density: { title: "% of the pixels", start: "2" },
+  size: { title: "vertices", start: "2000" },
+  target_psnr: { title: "dB likeness at least", start: "32" },
+  target_error: { title: "average error at most", start: "20" },
+  max_error: { title: "levels of error at most", start: "40" },
+};
+
+/** Advanced parameters by what they are about, with their names for people. @type {Record<string, Record<string, string>>} */
+export const GROUPS = {
+  "The picture": { alpha: "Transparency", lenient: "Take damaged files", meshed: "Judge by", seed: "Random seed" },
+  "Placing vertices": {
+    initial: "First vertices", gamma: "First vertices, times the last", initial_density: "First vertices, % of pixels", initial_size: "First vertices, number",
+    policy: "Where detail is", tolerance: "Vertices off the number", scan: "Order of rows", startup: "First errors", leaky: "Lose errors at the border",
+    psc_tie: "Ties of gradients",
+  },
+  "Smoothing": {
+    smoothing: "Filter", smoothing_order: "Filter size", smoothing_direction: "Direction", double_convolution: "Two filters",
+    smoothing_boundary: "Beyond the border, first filter", boundary: "Beyond the border",
+  },
+  "Removing and refining": {
+    error_metric: "Error measured by", bad_point_removal: "Remove harmful vertices", effort: "Refinement, 0 to 9", connectivity: "Triangles follow",
+    values: "Colours of vertices", reconstruction: "Triangles are", parallel: "Share the work",
+  },
 };
 
 /** The names of stages. @type {Record<string, string>} */
 export const STAGES = {
-  queue: "Waiting",
-  decode: "Reading",
-  density: "Density",
-  diffuse: "Placing",
+  queue: "Waiting for a turn",
+  decode: "Reading the picture",
+  density: "Finding detail",
+  diffuse: "Placing vertices",
   triangulate: "Connecting",
-  simplify: "Removing",
+  simplify: "Removing the least useful",
   refine: "Refining",
-  order: "Ordering",
+  order: "Sorting all sizes",
   rasterize: "Drawing",
-  encode: "Writing",
+  encode: "Finishing",
 };
 
-/** The names of formats, with what they are for. @type {Record<string, string>} */
-export const FORMATS = {
-  model: "MODEL, the mesh as text",
-  pmesh: "pmesh, the smallest: every size in one file",
-  glb: "GLB, for three dimensions",
-  gltf: "glTF, the same as text",
-  png: "PNG, the picture rebuilt",
-  pnm: "PNM, the same without compression",
-  svg: "SVG, for the web",
-  ply: "PLY, for mesh tools",
-  obj: "OBJ, for mesh tools",
-  stl: "STL, for printers",
-  json: "JSON, for programs",
-};
-
-/** Parameters that say how a mesh is written, which the downloads decide. */
-export const OF_OUTPUT = new Set(["format", "relief", "height", "z_scale", "invert_relief", "base", "z_offset", "pixel_size", "width", "center", "up", "color", "unit", "compression", "texture", "shading", "png_compression"]);
+/** Parameters that say how a mesh is written, which the export decides. */
+export const OF_OUTPUT = new Set(["format", "keep_image", "relief", "height", "z_scale", "invert_relief", "base", "z_offset", "pixel_size", "width", "center", "up", "color", "unit", "compression", "texture", "shading", "png_compression"]);

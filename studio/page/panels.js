@@ -1,23 +1,26 @@
-// What can be taken from the page: numbers, files, commands, and the jobs of before.
+// What stands beside the picture: progress, numbers, outcomes, looks, commands, and the jobs of before.
 
 import * as api from "./api.js";
 import { byId, copy, counted, decibels, listed, make, timed } from "./dom.js";
-import { FORMATS, STAGES } from "./methods.js";
+import { PLAIN } from "./looks.js";
+import { METHODS, STAGES } from "./methods.js";
+import { PRESETS } from "./presets.js";
 
 /** @typedef {import("./track.js").Track} Track */
 /** @typedef {import("./history.js").Entry} Entry */
+/** @typedef {import("./looks.js").Look} Look */
 /** @typedef {{ open: (entry: Entry) => void, forget: (entry: Entry) => void }} HistoryActions */
 
 /** The rows of the table: what they are, and what a track has of it. @type {[string, (track: Track) => string][]} */
 const ROWS = [
-  ["Method", ({ parameters }) => parameters.method ?? "mgprfs"],
+  ["Method", ({ parameters }) => parameters.method ?? "–"],
   ["Vertices", ({ size }) => (size ? counted(size) : "–")],
   ["Triangles", ({ faceCount, size }) => (size ? counted(faceCount) : "–")],
-  ["Of the pixels", (track) => shareOf(track)],
-  ["PSNR", ({ psnr }) => decibels(psnr)],
+  ["Share of the pixels", (track) => shareOf(track)],
+  ["Likeness (PSNR)", ({ psnr }) => decibels(psnr)],
   ["Largest size", ({ job, stage }) => (stage === "final" && job?.mesh ? counted(job.mesh.vertices ?? 0) : "–")],
-  ["its PSNR", ({ job, stage }) => (stage === "final" && job?.mesh ? decibels(job.mesh.psnr_db) : "–")],
-  ["Time in all", ({ job }) => (job?.timings_ms ? timed(Object.values(job.timings_ms).reduce((sum, ms) => sum + ms, 0)) : "–")],
+  ["Its likeness", ({ job, stage }) => (stage === "final" && job?.mesh ? decibels(job.mesh.psnr_db) : "–")],
+  ["Total time", ({ job }) => (job?.timings_ms ? timed(Object.values(job.timings_ms).reduce((sum, ms) => sum + ms, 0)) : "–")],
 ];
 
 /** Stages in their order, which are shown whether or not a job has had them. */
@@ -49,61 +52,33 @@ export function numbersAsText() {
 }
 
 /**
- * Links to the mesh that is seen, in every format.
- * @param {Track} track @param {string[]} formats @param {string} name @param {(error: Error) => void} onFailure
- */
-export function showDownloads(track, formats, name, onFailure) {
-  const { job, stage } = track;
-  const list = byId("downloads", HTMLUListElement);
-  const isThere = stage === "final" && job !== null;
-  byId("download-note", HTMLParagraphElement).hidden = isThere;
-  listed(list, isThere ? formats : [], String, (format) => downloadOf(format, onFailure), (item, format) => {
-    const link = /** @type {HTMLAnchorElement} */ (item.firstElementChild);
-    const path = meshPathOf(track, format);
-    if (link.getAttribute("href") !== path) link.href = path;
-    link.download = `${name.replace(/\.\w+$/, "")}-${track.size}.${format === "progression" ? "pmesh" : format}`;
-  });
-}
-
-/** The link to one format, which leads nowhere yet. @param {string} format @param {(error: Error) => void} onFailure */
-function downloadOf(format, onFailure) {
-  const link = make("a", { title: FORMATS[format] ?? format, "data-format": format }, format);
-  // A link would carry no key, and the file would have the service's name instead of the picture's.
-  link.addEventListener("click", (event) => {
-    event.preventDefault();
-    save(link.getAttribute("href") ?? "", link.download).catch(onFailure);
-  });
-  return make("li", {}, link);
-}
-
-/**
- * Where the mesh that is seen is.
- * @param {Track} track @param {string} format @param {api.Parameters} [writing]  How it is written.
- */
-export function meshPathOf({ job, size, most }, format, writing = {}) {
-  /** @type {api.Parameters} */
-  const parameters = { ...(size < most ? { size: String(size) } : {}), format, ...writing };
-  return api.meshPath(job?.id ?? "", parameters);
-}
-
-/** @param {string} path @param {string} file */
-async function save(path, file) {
-  const url = URL.createObjectURL(await (await api.request(path)).blob());
-  make("a", { href: url, download: file }).click();
-  setTimeout(() => URL.revokeObjectURL(url), 60_000);
-}
-
-/**
  * The commands that make what is seen.
  * @param {Track} track @param {string} name
  */
 export function curlOf(track, name) {
   const key = api.key.get() ? " -H 'Authorization: Bearer KEY'" : "";
   const quoted = name.replaceAll("'", "'\\''");
-  const asked = api.query({ ...track.parameters, format: "png" });
-  const make = `curl -sSf${key} --data-binary @'${quoted}' '${location.origin}/v1/meshes?${asked}' -o mesh.png`;
-  if (!track.isProgressive || track.size >= track.most || !track.job) return make;
-  return `${make}\n\n# the ${track.size} vertices that matter most of it\ncurl -sSf${key} '${location.origin}${meshPathOf(track, "png")}' -o mesh-${track.size}.png`;
+  const { format: _, keep_image: __, ...parameters } = track.parameters;
+  const asked = api.query({ ...parameters, format: "png" });
+  const command = `curl -sSf${key} --data-binary @'${quoted}' '${location.origin}/v1/meshes?${asked}' -o mesh.png`;
+  const path = track.meshPath("png");
+  if (!track.isProgressive || track.size >= track.most || !path) return command;
+  return `${command}\n\n# its ${track.size} most important vertices\ncurl -sSf${key} '${location.origin}${path}' -o mesh-${track.size}.png`;
+}
+
+/** HTML that shows what is seen. @param {Track} track @param {string} name */
+export function embedOf(track, name) {
+  const path = track.meshPath("svg", { shading: "gradient" });
+  if (!path || !track.points) return "";
+  const { width, height } = track.points;
+  return `<img src="${location.origin}${path.replaceAll("&", "&amp;")}" width="${width}" height="${height}" alt="${name.replaceAll(/[&"<]/g, "")}">`;
+}
+
+/** How long the links of a job work. @param {api.Job | null} job */
+export function endOf(job) {
+  if (!job?.expires_at) return "Links work for as long as this server keeps the mesh.";
+  const hours = Math.max(1, Math.round((Date.parse(job.expires_at) - Date.now()) / 3_600_000));
+  return `Links work for about ${hours} h: then this server deletes picture and mesh. Who has the link sees both.`;
 }
 
 /** @param {Entry[]} entries @param {string | undefined} current @param {HistoryActions} actions */
@@ -122,7 +97,7 @@ function historyItem(entry, actions) {
   const image = make("img", { alt: "" });
   image.addEventListener("load", () => URL.revokeObjectURL(image.src));
   if (entry.thumbnail) image.src = URL.createObjectURL(entry.thumbnail);
-  const what = `${entry.method}, ${counted(entry.vertices)} vertices, ${decibels(entry.psnr)}`;
+  const what = `${METHODS[entry.method]?.title ?? entry.method}, ${counted(entry.vertices)} vertices, ${decibels(entry.psnr)}`;
   const open = make("button", { type: "button", class: "open" }, image, make("span", {}, entry.name), make("span", { class: "what" }, what));
   open.addEventListener("click", () => actions.open(entry));
   const forget = make("button", { type: "button", "aria-label": `Forget ${entry.name}, ${what}` }, "✕");
@@ -130,39 +105,95 @@ function historyItem(entry, actions) {
   return make("li", {}, open, forget);
 }
 
-/** Makes the buttons copy what stands beside them. */
-export function bindCopying() {
-  /** @type {[string, () => string][]} */
-  const sources = [
-    ["copy-numbers", numbersAsText],
-    ["copy-address", () => byId("address", HTMLPreElement).textContent ?? ""],
-    ["copy-curl", () => byId("curl", HTMLPreElement).textContent ?? ""],
-  ];
-  for (const [id, text] of sources) {
-    const button = byId(id, HTMLButtonElement);
-    button.addEventListener("click", () => copy(text(), button));
+/** Makes the cards of the outcomes. @param {(name: string) => void} onChoice */
+export function makePresets(onChoice) {
+  const cards = Object.entries(PRESETS).map(([name, { title, about }]) => {
+    const canvas = make("canvas", { width: "112", height: "84", "aria-hidden": "true" });
+    const button = make("button", { type: "button", "data-preset": name, "aria-pressed": "false" }, canvas, make("strong", {}, title), make("span", { class: "about" }, about));
+    button.addEventListener("click", () => onChoice(name));
+    return button;
+  });
+  byId("presets", HTMLDivElement).replaceChildren(...cards);
+}
+
+/** @param {string} chosen  Empty where something else is asked for. @param {string} suited */
+export function showPresets(chosen, suited) {
+  for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("#presets button"))) {
+    button.setAttribute("aria-pressed", String(button.dataset.preset === chosen));
+    button.classList.toggle("suited", button.dataset.preset === suited);
   }
 }
 
+/** @param {Record<string, ImageBitmap>} images */
+export function showThumbnails(images) {
+  for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("#presets button"))) {
+    const image = images[button.dataset.preset ?? ""];
+    const canvas = button.querySelector("canvas");
+    if (!image || !canvas) continue;
+    const context = canvas.getContext("2d");
+    context?.clearRect(0, 0, canvas.width, canvas.height);
+    context?.drawImage(image, 0, 0, canvas.width, canvas.height);
+    image.close();
+  }
+}
+
+const LOOK_CONTROLS = /** @type {const} */ ({
+  shading: "look-shading", edges: "look-edges", edgeColor: "look-edge-color", colors: "look-colors",
+  count: "look-count", dark: "look-dark", light: "look-light",
+});
+
+/** Makes the controls of the look tell what they say. @param {(look: Look) => void} onLook */
+export function bindLook(onLook) {
+  /** @param {string} id */
+  const control = (id) => /** @type {HTMLInputElement | HTMLSelectElement} */ (document.getElementById(id));
+  const ground = byId("look-ground", HTMLInputElement), background = byId("look-background", HTMLInputElement);
+  const hear = () => {
+    const said = Object.fromEntries(Object.entries(LOOK_CONTROLS).map(([name, id]) => [name, control(id).value]));
+    const look = /** @type {Look} */ (/** @type {unknown} */ ({
+      ...said, edges: Number(said.edges), count: Number(said.count), background: ground.checked ? background.value : "",
+    }));
+    // A palette is for faces: between vertices of two of its colours others would come.
+    if (look.colors === "palette") look.shading = "flat";
+    onLook(look);
+  };
+  for (const id of [...Object.values(LOOK_CONTROLS), "look-ground", "look-background"]) control(id).addEventListener("input", hear);
+  byId("look-reset", HTMLButtonElement).addEventListener("click", () => onLook({ ...PLAIN }));
+}
+
+/** Puts the controls as a look is. @param {Look} look */
+export function showLook(look) {
+  for (const [name, id] of Object.entries(LOOK_CONTROLS)) {
+    const control = /** @type {HTMLInputElement | HTMLSelectElement} */ (document.getElementById(id));
+    if (document.activeElement !== control || control instanceof HTMLSelectElement) control.value = String(look[/** @type {keyof typeof LOOK_CONTROLS} */ (name)]);
+  }
+  byId("look-ground", HTMLInputElement).checked = look.background !== "";
+  byId("look-background", HTMLInputElement).value = look.background || "#ffffff";
+  byId("look-palette", HTMLDivElement).hidden = look.colors !== "palette";
+  byId("look-duotone", HTMLDivElement).hidden = look.colors !== "duotone";
+  byId("look-count-value", HTMLOutputElement).textContent = String(look.count);
+}
+
+/** Makes the button copy the table beside it. */
+export function bindCopying() {
+  const button = byId("copy-numbers", HTMLButtonElement);
+  button.addEventListener("click", () => copy(numbersAsText(), button));
+}
+
 /**
- * How far a job is.
- * @param {Track} track
+ * What goes on.
+ * @param {import("./state.js").Machine} machine @param {Track} track
  */
-export function showProgress(track) {
-  const { job, isLost } = track;
-  const box = byId("progress", HTMLDivElement);
-  box.hidden = !track.isWorking;
-  if (!job || box.hidden) return;
-  const stage = job.progress?.stage ?? (job.state === "queued" ? "queue" : "decode");
-  const fraction = job.progress?.overall_fraction, rest = job.progress?.remaining_s;
-  const name = STAGES[stage] ?? stage;
-  byId("progress-stage", HTMLSpanElement).textContent = isLost ? "The service is away: waiting for it to come back" : name;
+export function showProgress({ phase, sent, isBusy }, { job, isLost }) {
+  byId("progress", HTMLDivElement).hidden = !isBusy;
+  if (!isBusy) return;
+  const isSending = phase === "uploading";
+  const stage = job?.progress?.stage ?? (job?.state === "running" ? "decode" : "queue");
+  const fraction = isSending ? (sent > 0 ? sent : undefined) : job?.progress?.overall_fraction;
+  const rest = isSending ? 0 : job?.progress?.remaining_s;
+  const name = isSending ? (sent < 1 ? "Sending the picture" : "Sent: waiting for the server") : STAGES[stage] ?? stage;
+  byId("progress-stage", HTMLSpanElement).textContent = isLost ? "Connection lost – reconnecting…" : name;
   byId("progress-percent", HTMLSpanElement).textContent = fraction === undefined || isLost ? "" : `${Math.round(100 * fraction)} %${rest ? `, about ${rest} s left` : ""}`;
   const bar = byId("progress-bar", HTMLProgressElement);
   if (fraction === undefined) bar.removeAttribute("value");
   else bar.value = fraction;
-  const shown = USUAL_STAGES.includes(stage) ? USUAL_STAGES : [...USUAL_STAGES.slice(0, -1), stage, "encode"];
-  byId("progress-stages", HTMLOListElement).replaceChildren(
-    ...shown.map((known) => make("li", known === stage ? { "aria-current": "step" } : {}, STAGES[known] ?? known)),
-  );
 }

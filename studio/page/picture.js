@@ -11,33 +11,12 @@ import { query, request } from "./api.js";
  * @property {number} precision
  * @property {Uint8Array | Uint16Array} samples
  */
-/** @typedef {import("./renderer.js").Bitmap} Bitmap */
-/** @typedef {{ width: number, height: number, components: number, precision: number }} Shape */
-
 /**
- * The pixels of a file, upright and without colour management, as the service reads them; null
- * where the browser does not know the format.
- * @param {Blob} file
- * @returns {Promise<Bitmap | null>}
+ * A picture of four bytes a pixel, rows from the bottom; smaller than the picture itself where the graphics could not
+ * hold that.
+ * @typedef {{ width: number, height: number, rgba: Uint8Array, fullWidth: number, fullHeight: number }} Bitmap
  */
-export async function decoded(file) {
-  let image;
-  try {
-    image = await createImageBitmap(file, { colorSpaceConversion: "none", premultiplyAlpha: "none", imageOrientation: "from-image" });
-  } catch {
-    return null;
-  }
-  const { width, height } = image;
-  const canvas = new OffscreenCanvas(width, height);
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  if (!context) return null;
-  // Rows from the bottom.
-  context.setTransform(1, 0, 0, -1, 0, height);
-  context.drawImage(image, 0, 0);
-  image.close();
-  const { data } = context.getImageData(0, 0, width, height);
-  return { width, height, rgba: new Uint8Array(data.buffer) };
-}
+/** @typedef {{ width: number, height: number, components: number, precision: number }} Shape */
 
 /**
  * The samples of a bitmap that the browser has not changed: of eight bits and nowhere transparent;
@@ -60,12 +39,12 @@ export function samplesOf({ width, height, rgba }, shape) {
 
 /**
  * The picture as the service decodes it: the picture of the mesh that has every pixel as a vertex.
- * @param {Blob} file @param {import("./api.js").Parameters} reading  How it is to be read.
+ * @param {string} job  A job of it. @param {import("./api.js").Parameters} reading  How it is to be read.
  * @param {AbortSignal} signal
  */
-export async function fromService(file, reading, signal) {
-  const path = `/v1/meshes?${query({ ...reading, method: "med", density: "100", format: "pnm" })}`;
-  const response = await request(path, { method: "POST", body: file, signal });
+export async function fromService(job, reading, signal) {
+  const path = `/v1/meshes?${query({ ...reading, image_of: job, method: "med", density: "100", format: "pnm" })}`;
+  const response = await request(path, { method: "POST", signal });
   return readPnm(new Uint8Array(await response.arrayBuffer()));
 }
 
@@ -89,16 +68,28 @@ export function readPnm(bytes) {
   return { width, height, components, precision: Math.ceil(Math.log2(most + 1)), samples };
 }
 
-/** @param {Picture} picture @returns {Bitmap} */
-export function bitmapOf({ width, height, components, precision, samples }) {
+/**
+ * What is stretched to black and white where a picture of more than 8 bits uses less than half of its range.
+ * @param {Picture} picture @returns {[number, number]}  The lowest and the highest level shown, 0 to 1.
+ */
+export function levelsOf({ precision, components, samples }) {
+  if (precision <= 8 || components > 2) return [0, 1];
+  let low = Infinity, high = 0;
+  for (let i = 0; i < samples.length; i += components) [low, high] = [Math.min(low, samples[i]), Math.max(high, samples[i])];
+  const most = 2 ** precision - 1;
+  return high > low && high - low < most / 2 ? [low / most, high / most] : [0, 1];
+}
+
+/** @param {Picture} picture @param {[number, number]} levels @returns {Bitmap} */
+export function bitmapOf({ width, height, components, precision, samples }, [low, high]) {
   const rgba = new Uint8Array(4 * width * height), most = 2 ** precision - 1;
   const hasAlpha = components === 2 || components === 4;
   for (let i = 0; i < width * height; i++) {
     for (let k = 0; k < 3; k++) {
       const c = components >= 3 ? k : 0;
-      rgba[4 * i + k] = Math.round((samples[i * components + c] * 255) / most);
+      rgba[4 * i + k] = Math.round((255 * (samples[i * components + c] / most - low)) / (high - low));
     }
     rgba[4 * i + 3] = hasAlpha ? Math.round((samples[(i + 1) * components - 1] * 255) / most) : 255;
   }
-  return { width, height, rgba };
+  return { width, height, rgba, fullWidth: width, fullHeight: height };
 }

@@ -4,6 +4,32 @@ import { bufferOf, compiled } from "./gl.js";
 import { RELIEF } from "./shaders.js";
 
 /** @typedef {import("./glb.js").Surface} Surface */
+/**
+ * A mesh in three dimensions, as it is seen and as it is taken away.
+ * @typedef {object} Solid
+ * @property {number} percent  Height between the darkest and the brightest, in percent of the longer side.
+ * @property {boolean} invert  Whether dark is high.
+ * @property {"image" | "hillshade" | "ramp" | "none"} color
+ * @property {number} width  In millimetres, for printers.
+ * @property {number} base  Thickness of the thinnest place in millimetres, for printers.
+ */
+
+/** @type {Readonly<Solid>} */
+export const SOLID = Object.freeze({ percent: 10, invert: false, color: "image", width: 100, base: 1 });
+
+/**
+ * The service's parameters of a solid: lengths in pixels, or in millimetres for printers.
+ * @param {Solid} solid @param {{ width: number, height: number }} size @param {[number, number]} levels @param {boolean} isPrinted
+ * @returns {import("./api.js").Parameters}
+ */
+export function parametersOf(solid, size, [low, high], isPrinted) {
+  const pixel = isPrinted ? solid.width / size.width : 1;
+  const height = ((solid.percent / 100) * Math.max(size.width, size.height) * pixel) / (high - low);
+  /** @type {import("./api.js").Parameters} */
+  const parameters = { relief: "luma", height: height.toPrecision(6), invert_relief: String(solid.invert) };
+  if (low > 0) parameters.z_offset = "min";
+  return isPrinted ? { ...parameters, width: String(solid.width), base: String(solid.base), unit: "mm" } : { ...parameters, color: solid.color };
+}
 
 const FIELD_OF_VIEW = 0.6;
 
@@ -21,8 +47,18 @@ export class Relief {
     this.turn = -0.5;
     this.tilt = 0.85;
     this.distance = 1.75;
-    /** How much of the usual height. */
+    /** How much of the height of the surface. */
     this.stretch = 1;
+  }
+
+  /** Looks from where one looks at first. */
+  reset() {
+    [this.turn, this.tilt, this.distance] = [-0.5, 0.85, 1.75];
+  }
+
+  /** Shows nothing. */
+  clear() {
+    this.count = 0;
   }
 
   /** @param {Surface} surface */
@@ -59,7 +95,7 @@ export class Relief {
   /** @param {number} width @param {number} height */
   draw(width, height) {
     const { gl, program: { program, uniforms } } = this;
-    if (!this.array) return;
+    if (!this.array || !this.count) return;
     gl.viewport(0, 0, width, height);
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);

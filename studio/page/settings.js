@@ -3,26 +3,32 @@
 import { key } from "./api.js";
 import { byId } from "./dom.js";
 
-export function bindSettings() {
+/** @param {() => void} onKey  Another key is there: what it was needed for goes on. */
+export function bindSettings(onKey) {
   bindTheme();
   const help = byId("help-dialog", HTMLDialogElement);
   byId("help-button", HTMLButtonElement).addEventListener("click", () => help.showModal());
   const dialog = byId("key-dialog", HTMLDialogElement), input = byId("key-input", HTMLInputElement);
-  byId("key-button", HTMLButtonElement).addEventListener("click", () => {
-    input.value = key.get();
-    dialog.returnValue = "";
-    dialog.showModal();
-  });
+  byId("key-button", HTMLButtonElement).addEventListener("click", askForKey);
   dialog.addEventListener("close", () => {
     if (dialog.returnValue !== "save") return;
     key.set(input.value.trim());
-    location.reload();
+    onKey();
   });
   input.addEventListener("keydown", (event) => {
     if (event.key !== "Enter") return;
     event.preventDefault();
     dialog.close("save");
   });
+}
+
+/** Opens the dialog for the key, where it is not open. */
+export function askForKey() {
+  const dialog = byId("key-dialog", HTMLDialogElement);
+  if (dialog.open) return;
+  byId("key-input", HTMLInputElement).value = key.get();
+  dialog.returnValue = "";
+  dialog.showModal();
 }
 
 function bindTheme() {

@@ -38,6 +38,7 @@ void main() {
   fragment: `${HEAD}
 uniform float most;
 uniform bool rounds;
+uniform vec2 levels;
 in vec4 value;
 out vec4 color;
 void main() {
@@ -49,6 +50,7 @@ void main() {
     drawn.rgb = rounds ? floor(straight + 0.501) : straight;
   }
   color = drawn / most;
+  if (levels != vec2(0.0, 1.0)) color.rgb = (color.rgb - levels.x) / (levels.y - levels.x);
 }`,
 };
 
@@ -86,6 +88,29 @@ void main() {
 }`,
 };
 
+/** Edges of a width: for each a strip of two triangles along it. */
+export const EDGES = {
+  vertex: `${HEAD}${PLACED}
+uniform vec2 size;
+uniform float width;
+layout(location = 0) in vec4 ends;
+void main() {
+  vec2 from = placed(ends.xy).xy * size * 0.5, to = placed(ends.zw).xy * size * 0.5;
+  vec2 along = to - from;
+  along = along / max(length(along), 1e-6);
+  vec2 aside = vec2(-along.y, along.x) * (float(gl_VertexID & 1) - 0.5) * width;
+  // A little longer than it is, so that edges meet without a gap.
+  vec2 at = (gl_VertexID < 2 ? from - along * width * 0.3 : to + along * width * 0.3) + aside;
+  gl_Position = vec4(at * 2.0 / size, 0.0, 1.0);
+}`,
+  fragment: `${HEAD}
+uniform vec3 tint;
+out vec4 color;
+void main() {
+  color = vec4(tint, 1.0);
+}`,
+};
+
 /** The picture's rectangle, with what is chosen to be seen in it. */
 export const PICTURE = {
   vertex: `${HEAD}
@@ -101,7 +126,10 @@ void main() {
 uniform sampler2D mesh;
 uniform sampler2D original;
 uniform sampler2D density;
+uniform sampler2D weights;
 uniform vec2 size;
+uniform vec4 ground;
+uniform bool brush;
 uniform int layer;
 uniform float errorScale;
 uniform float pixelSide;
@@ -111,7 +139,7 @@ out vec4 color;
 vec3 flattened(vec4 sampled) {
   vec2 square = floor(at * size / 8.0);
   float shade = mod(square.x + square.y, 2.0) < 1.0 ? 0.45 : 0.55;
-  return mix(vec3(shade), sampled.rgb, sampled.a);
+  return mix(mix(vec3(shade), ground.rgb, ground.a), sampled.rgb, sampled.a);
 }
 
 // Enlarged pixels are even and their edges a screen pixel wide, whatever the zoom; where it is a
@@ -133,12 +161,19 @@ void main() {
     vec4 difference = abs(texture(mesh, from) - texture(original, from));
     float error = max(max(difference.r, difference.g), max(difference.b, difference.a));
     shown = heat(error * 255.0 / errorScale);
-  } else shown = vec3(0.055, 0.065, 0.09);
+  } else if (layer == 5) shown = flattened(vec4(0.0));
+  else shown = vec3(0.055, 0.065, 0.09);
   // Single pixels get an edge when they are large.
   vec2 within = fract(at * size);
   float edge = 1.0 / pixelSide;
   if (pixelSide >= 14.0 && layer != 4 && (within.x < edge || within.y < edge)) {
     shown = mix(shown, vec3(dot(shown, vec3(0.333)) > 0.5 ? 0.0 : 1.0), 0.12);
+  }
+  if (brush) {
+    // What matters more is tinted, what matters less is veiled.
+    float weight = texture(weights, at).r - 96.0 / 255.0;
+    if (weight > 0.0) shown = mix(shown, vec3(1.0, 0.45, 0.25), min(0.6, weight * 1.1));
+    else shown = mix(shown, vec3(0.09, 0.12, 0.2), min(0.75, -weight * 2.2));
   }
   color = vec4(shown, 1.0);
 }`,

@@ -1,17 +1,24 @@
 // The picture on the stage and the controls of what is seen of it.
 
 import { byId } from "./dom.js";
+import { PLAIN } from "./looks.js";
+import { SOLID } from "./relief.js";
 import { Renderer } from "./renderer.js";
 import { View } from "./view.js";
+import { Weights } from "./weights.js";
 
 /** @typedef {import("./renderer.js").Scene} Scene */
+/** What there is to see, and why not. @typedef {{ hasOriginal: boolean, hasMesh: boolean, isCompared: boolean }} Seeable */
 
 const BLINK_MS = 450;
+/** Pixels of the page beside the line between before and after where it is taken hold of. */
+const GRIP = 14;
+const WITHOUT_ORIGINAL = "The original picture is not here: choose the file to compare with it";
 
 export class Stage {
   /**
-   * @param {{ onDensity: () => void, onRelief: () => void, onRestored: () => void, onSeen: () => void,
-   *   onSize: (factor: number) => void }} listeners
+   * @param {{ onChange: () => void, onDensity: () => void, onRestored: () => void, onSize: (factor: number) => void,
+   *   onSolid: () => void, onPainted: () => void }} listeners
    */
   constructor(listeners) {
     this.listeners = listeners;
@@ -19,30 +26,32 @@ export class Stage {
     /** @type {Scene} */
     this.scene = {
       layer: "mesh", wireframe: false, points: false, smooth: false, split: null, errorScale: 32,
-      zoom: 1, x: 0, y: 0, paneCount: 1, relief: false,
+      zoom: 1, x: 0, y: 0, paneCount: 1, relief: false, moves: false, brush: false, look: PLAIN,
     };
+    /** @type {import("./relief.js").Solid} */
+    this.solid = { ...SOLID };
+    /** @type {Weights | null} */
+    this.weights = null;
+    this.erases = false;
     this.frame = 0;
-    /** Whether blinking shows the original now. */
+    /** Whether flicker shows the original now. */
     this.isOriginal = false;
     this.blinking = 0;
     this.renderer = new Renderer(this.canvas, () => listeners.onRestored());
     const size = () => ({ width: this.renderer.width, height: this.renderer.height });
-    this.view = new View(this.canvas, this.scene, size, this.renderer, () => this.seen());
+    this.view = new View(this.canvas, this.scene, size, this.renderer, () => this.changed());
+    this.view.takers.push((event) => this.takeLine(event), (event) => this.takeBrush(event));
     this.divider = byId("divider", HTMLInputElement);
-    this.bindLayers();
     this.bindButtons();
     this.bindRanges();
+    this.bindBrush();
     this.canvas.addEventListener("keydown", (event) => this.onKey(event));
   }
 
   /** Something else is to be seen. */
-  seen() {
+  changed() {
     this.redraw();
-    const percent = `${Math.round(this.scene.zoom * 100 * (globalThis.devicePixelRatio || 1))} %`;
-    const button = byId("zoom-one", HTMLButtonElement);
-    button.textContent = percent;
-    button.setAttribute("aria-label", `Zoom to single pixels, now ${percent}`);
-    this.listeners.onSeen();
+    this.listeners.onChange();
   }
 
   redraw() {
@@ -56,37 +65,72 @@ export class Stage {
     this.renderer.draw(this.isOriginal ? { ...this.scene, layer: "original", wireframe: false, points: false, split: null } : this.scene);
   }
 
-  /** @param {Scene["layer"]} layer */
-  setLayer(layer) {
-    this.scene.layer = layer;
-    const radio = /** @type {HTMLInputElement} */ (document.querySelector(`input[name=layer][value=${layer}]`));
-    radio.checked = true;
-    if (layer === "density") this.listeners.onDensity();
-    if (this.scene.relief) this.setRelief(false);
-    const hasScale = layer === "error" || layer === "density";
-    byId("scale", HTMLDivElement).hidden = !hasScale;
-    byId("scale-range", HTMLInputElement).hidden = layer !== "error";
-    byId("scale-high", HTMLSpanElement).textContent = layer === "density" ? "densest" : `${this.scene.errorScale} levels`;
-    this.seen();
-  }
-
-  bindLayers() {
-    for (const radio of document.querySelectorAll("input[name=layer]")) {
-      radio.addEventListener("change", () => this.setLayer(/** @type {Scene["layer"]} */ (/** @type {HTMLInputElement} */ (radio).value)));
+  /** Puts the controls as the scene is. @param {Seeable} seeable */
+  show({ hasOriginal, hasMesh, isCompared }) {
+    const { scene } = this;
+    const is3d = scene.relief;
+    this.view.touch();
+    for (const radio of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll("input[name=layer]"))) {
+      radio.checked = radio.value === scene.layer;
+      const needsOriginal = radio.value === "original" || radio.value === "error" || radio.value === "density";
+      radio.disabled = is3d || (needsOriginal && !hasOriginal) || (radio.value !== "original" && radio.value !== "mesh" && !hasMesh);
+      const label = /** @type {HTMLElement} */ (radio.parentElement);
+      label.title = is3d ? "Leave 3D to change the view" : needsOriginal && !hasOriginal ? WITHOUT_ORIGINAL : label.dataset.title ?? "";
     }
+    /** @param {string} id @param {boolean} isPressed @param {string} reason  Why it cannot be pressed; empty where it can. */
+    const put = (id, isPressed, reason) => {
+      const button = byId(id, HTMLButtonElement);
+      button.setAttribute("aria-pressed", String(isPressed && !reason));
+      button.disabled = reason !== "";
+      button.title = reason || (button.dataset.title ?? "");
+    };
+    const flat = is3d ? "Not in 3D" : hasMesh ? "" : "There is no mesh yet";
+    put("wireframe-button", scene.wireframe || scene.layer === "none", flat);
+    put("points-button", scene.points, flat);
+    put("smooth-button", scene.smooth, flat);
+    const against = flat || (hasOriginal ? "" : WITHOUT_ORIGINAL);
+    put("split-button", scene.split !== null, against || (isCompared ? "Two meshes stand side by side: there is no room for a third picture" : ""));
+    put("blink-button", this.blinking > 0, against);
+    put("relief-button", is3d, hasMesh ? "" : "There is no mesh yet");
+    put("brush-button", scene.brush, is3d ? "Not in 3D" : hasOriginal ? "" : WITHOUT_ORIGINAL);
+    const hasScale = !is3d && (scene.layer === "error" || scene.layer === "density");
+    byId("scale", HTMLDivElement).hidden = !hasScale;
+    byId("scale-range", HTMLInputElement).hidden = scene.layer !== "error";
+    byId("scale-high", HTMLSpanElement).textContent = scene.layer === "density" ? "most detail" : `${scene.errorScale} levels`;
+    byId("solid-control", HTMLDivElement).hidden = !is3d;
+    byId("brush-control", HTMLDivElement).hidden = !scene.brush;
+    const isSplit = scene.split !== null && !against && !isCompared;
+    byId("divider-line", HTMLDivElement).hidden = this.divider.hidden = !isSplit;
+    if (isSplit) {
+      this.divider.value = String(Math.round(1000 * (scene.split ?? 0)));
+      byId("divider-line", HTMLDivElement).style.insetInlineStart = `${100 * (scene.split ?? 0)}%`;
+    }
+    const percent = is3d ? "3D" : `${Math.round(scene.zoom * 100 * (globalThis.devicePixelRatio || 1))} %`;
+    const zoom = byId("zoom-one", HTMLButtonElement);
+    zoom.textContent = percent;
+    zoom.disabled = is3d;
+    zoom.setAttribute("aria-label", `Zoom to single pixels, now ${percent}`);
   }
 
   bindButtons() {
-    for (const name of /** @type {const} */ (["wireframe", "points", "smooth"])) {
-      byId(`${name}-button`, HTMLButtonElement).addEventListener("click", () => this.toggle(name));
+    for (const radio of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll("input[name=layer]"))) {
+      radio.addEventListener("change", () => this.setLayer(/** @type {Scene["layer"]} */ (radio.value)));
     }
-    byId("split-button", HTMLButtonElement).addEventListener("click", () => this.setSplit(this.scene.split === null ? 0.5 : null));
-    byId("blink-button", HTMLButtonElement).addEventListener("click", () => this.setBlinking(!this.blinking));
-    byId("relief-button", HTMLButtonElement).addEventListener("click", () => this.setRelief(!this.scene.relief));
-    byId("zoom-in", HTMLButtonElement).addEventListener("click", () => this.view.zoomAt(1.5));
-    byId("zoom-out", HTMLButtonElement).addEventListener("click", () => this.view.zoomAt(1 / 1.5));
-    byId("zoom-one", HTMLButtonElement).addEventListener("click", () => this.view.press("1"));
-    byId("zoom-fit", HTMLButtonElement).addEventListener("click", () => this.view.fit());
+    /** @type {Record<string, () => void>} */
+    const pressed = {
+      "wireframe-button": () => this.toggle("wireframe"),
+      "points-button": () => this.toggle("points"),
+      "smooth-button": () => this.toggle("smooth"),
+      "split-button": () => this.setSplit(this.scene.split === null ? 0.5 : null),
+      "blink-button": () => this.setBlinking(!this.blinking),
+      "relief-button": () => this.setRelief(!this.scene.relief),
+      "brush-button": () => this.setBrush(!this.scene.brush),
+      "zoom-in": () => this.view.zoomAt(1.5),
+      "zoom-out": () => this.view.zoomAt(1 / 1.5),
+      "zoom-one": () => this.view.press("1"),
+      "zoom-fit": () => this.view.fit(),
+    };
+    for (const [id, press] of Object.entries(pressed)) byId(id, HTMLButtonElement).addEventListener("click", press);
   }
 
   bindRanges() {
@@ -94,34 +138,45 @@ export class Stage {
     const scale = byId("scale-range", HTMLInputElement);
     scale.addEventListener("input", () => {
       this.scene.errorScale = Number(scale.value);
-      byId("scale-high", HTMLSpanElement).textContent = `${scale.value} levels`;
-      this.seen();
+      this.changed();
     });
-    const height = byId("height-range", HTMLInputElement);
-    height.addEventListener("input", () => {
-      if (this.renderer.relief) this.renderer.relief.stretch = Number(height.value) / 100;
-      this.redraw();
-    });
+    const height = byId("height-range", HTMLInputElement), color = byId("solid-color", HTMLSelectElement), invert = byId("solid-invert", HTMLInputElement);
+    const hear = () => {
+      this.solid = {
+        ...this.solid, percent: Number(height.value), invert: invert.checked,
+        color: /** @type {import("./relief.js").Solid["color"]} */ (color.value),
+      };
+      this.listeners.onSolid();
+    };
+    for (const control of [height, color, invert]) control.addEventListener("input", hear);
+  }
+
+  /** @param {Partial<import("./relief.js").Solid>} solid */
+  setSolid(solid) {
+    this.solid = { ...SOLID, ...solid };
+    byId("height-range", HTMLInputElement).value = String(this.solid.percent);
+    byId("solid-color", HTMLSelectElement).value = this.solid.color;
+    byId("solid-invert", HTMLInputElement).checked = this.solid.invert;
+  }
+
+  /** @param {Scene["layer"]} layer */
+  setLayer(layer) {
+    this.scene.layer = layer;
+    this.scene.relief = false;
+    if (layer === "density") this.listeners.onDensity();
+    this.changed();
   }
 
   /** @param {"wireframe" | "points" | "smooth"} name @param {boolean} [isOn] */
   toggle(name, isOn = !this.scene[name]) {
     this.scene[name] = isOn;
-    byId(`${name}-button`, HTMLButtonElement).setAttribute("aria-pressed", String(isOn));
-    this.seen();
+    this.changed();
   }
 
   /** @param {number | null} split */
   setSplit(split) {
     this.scene.split = split;
-    const line = byId("divider-line", HTMLDivElement);
-    this.divider.hidden = line.hidden = split === null;
-    byId("split-button", HTMLButtonElement).setAttribute("aria-pressed", String(split !== null));
-    if (split !== null) {
-      this.divider.value = String(Math.round(1000 * split));
-      line.style.insetInlineStart = `${100 * split}%`;
-    }
-    this.seen();
+    this.changed();
   }
 
   /** @param {boolean} isOn */
@@ -134,54 +189,122 @@ export class Stage {
           this.redraw();
         }, BLINK_MS)
       : 0;
-    byId("blink-button", HTMLButtonElement).setAttribute("aria-pressed", String(isOn));
-    this.redraw();
+    this.changed();
   }
 
   /** @param {boolean} isOn */
   setRelief(isOn) {
     this.scene.relief = isOn;
-    byId("relief-button", HTMLButtonElement).setAttribute("aria-pressed", String(isOn));
-    byId("height-control", HTMLDivElement).hidden = !isOn;
     if (isOn) {
-      byId("scale", HTMLDivElement).hidden = true;
-      this.setSplit(null);
-      this.listeners.onRelief();
-    } else if (this.scene.layer === "error" || this.scene.layer === "density") {
-      byId("scale", HTMLDivElement).hidden = false;
+      this.setBlinking(false);
+      this.scene.brush = false;
+      this.listeners.onSolid();
     }
-    this.seen();
+    this.changed();
   }
 
   /** @param {number} count */
   setPanes(count) {
     if (this.scene.paneCount === count) return;
     this.scene.paneCount = count;
-    // Side by side there is no room for a third picture.
-    byId("split-button", HTMLButtonElement).disabled = count > 1;
-    if (count > 1) this.setSplit(null);
     if (this.view.isFitted) this.view.fit();
-    else this.seen();
+    else this.changed();
+  }
+
+  // The brush.
+
+  bindBrush() {
+    byId("brush-more", HTMLInputElement).addEventListener("change", () => (this.erases = false));
+    byId("brush-less", HTMLInputElement).addEventListener("change", () => (this.erases = true));
+    byId("brush-undo", HTMLButtonElement).addEventListener("click", () => this.repaint(() => this.weights?.undo()));
+    byId("brush-clear", HTMLButtonElement).addEventListener("click", () => this.repaint(() => this.weights?.clear()));
+  }
+
+  /** @param {() => void} change */
+  repaint(change) {
+    change();
+    if (this.weights) this.renderer.setWeights(this.weights);
+    this.redraw();
+    this.listeners.onPainted();
+  }
+
+  /** @param {boolean} isOn */
+  setBrush(isOn) {
+    this.scene.brush = isOn;
+    if (isOn && !this.weights) {
+      this.weights = new Weights(this.renderer.width, this.renderer.height);
+      this.renderer.setWeights(this.weights);
+    }
+    this.changed();
+  }
+
+  /** Forgets what was painted on another picture. */
+  forgetWeights() {
+    this.weights = null;
+    this.scene.brush = false;
+  }
+
+  /** @param {PointerEvent} event */
+  takeBrush(event) {
+    const { weights } = this;
+    if (!this.scene.brush || !weights || event.button > 0) return null;
+    weights.begin();
+    const erases = this.erases !== (event.altKey || event.shiftKey);
+    let last = this.view.pictureAt(event);
+    /** @param {PointerEvent | null} moved */
+    const paint = (moved) => {
+      if (!moved) {
+        this.listeners.onPainted();
+        return;
+      }
+      const at = this.view.pictureAt(moved);
+      const radius = Number(byId("brush-size", HTMLInputElement).value) / this.scene.zoom;
+      weights.stroke(last, at, radius, erases);
+      last = at;
+      this.renderer.setWeights(weights);
+      this.redraw();
+    };
+    paint(event);
+    return paint;
+  }
+
+  /** Paints in the middle of the stage, for the keyboard. */
+  dab() {
+    const { weights, scene } = this;
+    if (!weights) return;
+    weights.begin();
+    weights.stroke(scene, scene, Number(byId("brush-size", HTMLInputElement).value) / scene.zoom, this.erases);
+    this.repaint(() => {});
+  }
+
+  /** The line between before and after, wherever it is pressed. @param {PointerEvent} event */
+  takeLine(event) {
+    if (this.divider.hidden || this.scene.split === null) return null;
+    const box = this.canvas.getBoundingClientRect();
+    if (Math.abs(event.clientX - box.left - this.scene.split * box.width) > GRIP) return null;
+    return (/** @type {PointerEvent | null} */ moved) => {
+      if (moved) this.setSplit(Math.min(1, Math.max(0, (moved.clientX - box.left) / box.width)));
+    };
   }
 
   /** @param {KeyboardEvent} event */
   onKey(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    /** @param {string} id */
+    const press = (id) => () => byId(id, HTMLButtonElement).click();
+    /** @param {Scene["layer"]} layer */
+    const layer = (layer) => () => {
+      const radio = /** @type {HTMLInputElement} */ (document.querySelector(`input[name=layer][value=${layer}]`));
+      if (!radio.disabled) this.setLayer(layer);
+    };
     /** @type {Record<string, (() => void) | undefined>} */
     const keys = {
-      m: () => this.setLayer("mesh"),
-      o: () => this.setLayer("original"),
-      e: () => this.setLayer("error"),
-      d: () => this.setLayer("density"),
-      l: () => this.setLayer("none"),
-      w: () => this.toggle("wireframe"),
-      p: () => this.toggle("points"),
-      s: () => this.toggle("smooth"),
-      x: () => byId("split-button", HTMLButtonElement).click(),
-      b: () => this.setBlinking(!this.blinking),
-      3: () => this.setRelief(!this.scene.relief),
+      m: layer("mesh"), o: layer("original"), e: layer("error"), d: layer("density"), l: layer("none"),
+      w: press("wireframe-button"), p: press("points-button"), s: press("smooth-button"),
+      x: press("split-button"), b: press("blink-button"), 3: press("relief-button"), r: press("brush-button"),
       "[": () => this.listeners.onSize(1 / 1.1),
       "]": () => this.listeners.onSize(1.1),
+      " ": this.scene.brush ? () => this.dab() : undefined,
     };
     const action = keys[event.key.toLowerCase()];
     action?.();

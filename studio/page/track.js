@@ -2,29 +2,33 @@
 // what is seen of it.
 
 import * as api from "./api.js";
+import { PLAIN } from "./looks.js";
 import { psnrOf } from "./pmesh.js";
 import { ServiceError } from "./problems.js";
 
 /** @typedef {import("./api.js").Job} Job */
 /** @typedef {import("./api.js").Parameters} Parameters */
+/** @typedef {import("./geometry.js").Geometry} Geometry */
 /** @typedef {import("./pmesh.js").Points} Points */
-/** @typedef {import("./picture.js").Picture} Picture */
+/** @typedef {import("./source.js").Source} Source */
+/** @typedef {import("./state.js").Token} Token */
 /**
- * What is heard of a track: its job has changed, there are other points, the mesh of a size is
- * there, the density is.
+ * What has changed: the job, the points, the mesh that is drawn, the density.
  * @typedef {{ kind: "job" } | { kind: "points" } | { kind: "density", map: Uint8Array }
- *   | { kind: "mesh", geometry: import("./geometry.js").Geometry }
- *   | { kind: "failure", error: Error }} Word
+ *   | { kind: "mesh", geometry: Geometry }} Change
  */
 
 /** Sizes of the curve, at the most. */
 const CURVE_POINTS = 160;
 
+/** Problems after which the picture must be sent again. */
+const WITHOUT_IMAGE = ["not-found", "gone", "job-without-image"];
+
 export class Track {
-  /** @param {number} side @param {(track: Track, word: Word) => void} hear */
-  constructor(side, hear) {
+  /** @param {number} side @param {(track: Track, change: Change) => void} onChange */
+  constructor(side, onChange) {
     this.side = side;
-    this.hear = hear;
+    this.onChange = onChange;
     /** @type {Parameters} */
     this.parameters = {};
     /** @type {Job | null} */
@@ -42,10 +46,13 @@ export class Track {
     this.faceCount = 0;
     /** PSNR by size. @type {Map<number, number>} */
     this.curve = new Map();
-    this.aborter = new AbortController();
     this.generation = 0;
-    this.worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
-    this.worker.onmessage = ({ data }) => this.receive(data);
+    /** @type {Map<number, (geometry: Geometry) => void>} */
+    this.stills = new Map();
+    /** Begun when it is needed: the second track seldom is. @type {Worker | null} */
+    this.worker = null;
+    /** @type {import("./looks.js").Look} */
+    this.look = PLAIN;
   }
 
   /** The largest size. */
@@ -62,83 +69,79 @@ export class Track {
     return this.job !== null && !api.isFinal(this.job.state);
   }
 
-  /** Ends what goes on, here and at the service. */
+  /** Cancels the job at the service, if it runs. */
   async cancel() {
-    this.aborter.abort();
     const { job, isWorking } = this;
     if (!job || !isWorking) return;
     this.job = { ...job, state: "cancelled", progress: null };
-    this.hear(this, { kind: "job" });
-    await api.cancel(job.id);
+    await api.cancel(job.id).catch(() => {});
   }
 
   /** Forgets everything but the worker. */
   clear() {
-    this.aborter.abort();
     [this.job, this.stage, this.points, this.isLost] = [null, "none", null, false];
-    [this.size, this.psnr] = [0, undefined];
+    [this.size, this.psnr, this.faceCount] = [0, undefined, 0];
+    this.generation++;
+    if (this.worker) this.order({ kind: "points", points: null, generation: this.generation });
     this.curve.clear();
   }
 
   /**
-   * Meshes a picture.
-   * @param {Blob} file @param {Parameters} parameters @param {boolean} withPreview
+   * Submits a job for a picture, and cancels the job before.
+   * @param {Source} source @param {Parameters} parameters  With a format that keeps every size, where it can.
+   * @param {Token} token @param {(sent: number) => void} onSent
    */
-  async run(file, parameters, withPreview) {
-    if (this.isWorking) this.cancel().catch(() => {});
+  async submit(source, parameters, { signal }, onSent) {
+    const former = this.isWorking ? this.job : null;
     this.clear();
-    const aborter = (this.aborter = new AbortController());
     this.parameters = parameters;
-    const { signal } = aborter;
-    await this.guarded(signal, async () => {
-      // What is wrong with the picture or the parameters, the job will say.
-      if (withPreview) await this.preview(file, signal).catch(() => {});
-      if (signal.aborted) return;
-      this.job = await this.submit(file, signal);
-      this.hear(this, { kind: "job" });
-      await this.followToEnd(this.job.id, signal);
-    });
+    try {
+      this.job = await this.submitted(source, parameters, signal, onSent);
+      // The picture of a run that was cut short is the service's too.
+      source.job = this.job.id;
+    } finally {
+      if (former) api.cancel(former.id).catch(() => {});
+    }
+    this.onChange(this, { kind: "job" });
   }
 
-  /** Takes up a job that was submitted before. @param {string} id */
-  async open(id) {
-    if (this.isWorking) this.cancel().catch(() => {});
+  /** @param {Source} source @param {Parameters} parameters @param {AbortSignal} signal @param {(sent: number) => void} onSent */
+  async submitted(source, parameters, signal, onSent) {
+    try {
+      return await api.submit(source, parameters, signal, onSent);
+    } catch (error) {
+      if (!(error instanceof ServiceError) || !source.job || !source.file || !WITHOUT_IMAGE.includes(error.slug)) throw error;
+      source.job = null;
+      return api.submit(source, parameters, signal, onSent);
+    }
+  }
+
+  /** Shows a mesh that is there without a job. @param {Points} points */
+  present(points) {
     this.clear();
-    const { signal } = (this.aborter = new AbortController());
-    await this.guarded(signal, async () => {
-      this.job = await api.job(id, signal);
-      this.parameters = asTexts(this.job.parameters ?? {});
-      this.hear(this, { kind: "job" });
-      if (api.isFinal(this.job.state)) await this.finish(signal);
-      else await this.followToEnd(id, signal);
-    });
+    this.stage = "final";
+    this.setPoints(points);
   }
 
-  /** @param {AbortSignal} signal @param {() => Promise<void>} work */
-  async guarded(signal, work) {
-    try {
-      await work();
-    } catch (error) {
-      if (signal.aborted) return;
-      this.hear(this, { kind: "failure", error: /** @type {Error} */ (error) });
-    }
+  /** Takes up a job that was submitted before. @param {string} id @param {Token} token */
+  async open(id, token) {
+    const former = this.isWorking ? this.job : null;
+    if (former) api.cancel(former.id).catch(() => {});
+    this.clear();
+    this.job = await api.job(id, token.signal);
+    this.parameters = asTexts(this.job.parameters ?? {});
+    this.onChange(this, { kind: "job" });
   }
 
-  /** Submits a job that keeps every size, where its method can. @param {Blob} file @param {AbortSignal} signal */
-  async submit(file, signal) {
-    try {
-      return await api.submit(file, { ...this.parameters, format: "progression" }, signal);
-    } catch (error) {
-      if (!(error instanceof ServiceError) || error.slug !== "format-not-possible") throw error;
-      return api.submit(file, this.parameters, signal);
-    }
-  }
-
-  /** @param {Blob} file @param {AbortSignal} signal */
-  async preview(file, signal) {
+  /** A mesh in a moment, unless the real one comes first. @param {Token} token */
+  async preview({ signal }) {
+    const { job } = this;
+    if (!job) return;
     const target = ["density", "size"].find((name) => this.parameters[name]);
     const reading = this.reading();
-    const { points, psnr } = await api.preview(file, target ? { ...reading, [target]: this.parameters[target] } : reading, signal);
+    const asked = target ? { ...reading, [target]: this.parameters[target] } : reading;
+    const { points, psnr } = await api.preview(job.id, asked, signal);
+    if (signal.aborted || this.job?.id !== job.id || this.stage !== "none") return;
     this.stage = "preview";
     this.psnr = psnr;
     this.setPoints(points);
@@ -149,33 +152,32 @@ export class Track {
     return Object.fromEntries(Object.entries(this.parameters).filter(([name]) => name === "alpha" || name === "lenient"));
   }
 
-  /** @param {string} id @param {AbortSignal} signal */
-  async followToEnd(id, signal) {
-    /** @param {boolean} isLost */
-    const onConnection = (isLost) => {
-      if (isLost === this.isLost) return;
-      this.isLost = isLost;
-      this.hear(this, { kind: "job" });
-    };
-    for await (const { state, attempt, progress } of api.follow(id, signal, onConnection)) {
-      if (this.job) this.job = { ...this.job, state, attempt, progress };
-      this.hear(this, { kind: "job" });
+  /** Follows the job to its end, and takes its mesh. @param {Token} token */
+  async follow({ signal }) {
+    const id = this.job?.id;
+    if (!this.job || !id) return;
+    if (!api.isFinal(this.job.state)) {
+      for await (const { state, attempt, progress } of api.follow(id, signal, (isLost) => this.setLost(isLost))) {
+        if (this.job) this.job = { ...this.job, state, attempt, progress };
+        this.onChange(this, { kind: "job" });
+      }
+      this.job = await api.job(id, signal);
     }
-    this.job = await api.job(id, signal);
-    await this.finish(signal);
-  }
-
-  /** @param {AbortSignal} signal */
-  async finish(signal) {
-    const { job } = this;
-    if (!job) return;
-    if (job.state === "completed") {
-      const points = await api.mesh(job.id, signal);
+    if (this.job.state === "completed") {
+      const points = await api.mesh(this.job, signal);
+      signal.throwIfAborted();
       this.stage = "final";
-      this.psnr = job.mesh?.psnr_db;
+      this.psnr = this.job.mesh?.psnr_db;
       this.setPoints(points);
     }
-    this.hear(this, { kind: "job" });
+    this.onChange(this, { kind: "job" });
+  }
+
+  /** @param {boolean} isLost */
+  setLost(isLost) {
+    if (isLost === this.isLost) return;
+    this.isLost = isLost;
+    this.onChange(this, { kind: "job" });
   }
 
   /** @param {Points} points */
@@ -183,10 +185,10 @@ export class Track {
     this.points = points;
     this.generation++;
     this.curve = this.isProgressive ? this.wholeCurve(points) : new Map();
-    this.order({ kind: "points", points });
+    this.order({ kind: "points", points, generation: this.generation });
     this.size = 0;
     this.show(points.xs.length);
-    this.hear(this, { kind: "points" });
+    this.onChange(this, { kind: "points" });
   }
 
   /** PSNR at sizes from the corners to all, evenly by their logarithm. @param {Points} points */
@@ -209,18 +211,44 @@ export class Track {
     this.order({ kind: "show", size: shown });
   }
 
+  /** The geometry of a size, which is not drawn. @param {number} size @returns {Promise<Geometry>} */
+  still(size) {
+    this.order({ kind: "still", size });
+    return new Promise((resolve) => this.stills.set(size, resolve));
+  }
+
+  /** @param {import("./looks.js").Look} look */
+  setLook(look) {
+    this.look = look;
+    if (this.worker) this.order({ kind: "look", look });
+  }
+
   /** @param {import("./worker.js").Order} order */
   order(order) {
+    if (!this.worker) {
+      this.worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
+      this.worker.onmessage = ({ data }) => this.receive(data);
+      this.worker.postMessage({ kind: "look", look: this.look });
+    }
     this.worker.postMessage(order);
+  }
+
+  /** Where the mesh that is seen is; null where it has no job. @param {string} format @param {Parameters} [writing]  How it is written. */
+  meshPath(format, writing = {}) {
+    const { job, size, most } = this;
+    return job && api.meshPath(job.id, { ...(size < most ? { size: String(size) } : {}), format, ...writing });
   }
 
   /** @param {import("./worker.js").News} news */
   receive(news) {
     if (news.kind === "density") {
-      this.hear(this, news);
+      this.onChange(this, news);
+    } else if (news.kind === "still") {
+      this.stills.get(news.size)?.(news.geometry);
+      this.stills.delete(news.size);
     } else if (news.generation === this.generation) {
       this.faceCount = news.geometry.faceCount;
-      this.hear(this, news);
+      this.onChange(this, news);
     }
   }
 }

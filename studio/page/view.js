@@ -18,13 +18,24 @@ export class View {
     this.onChange = onChange;
     /** Whether the picture is kept as large as the stage allows. */
     this.isFitted = true;
+    /**
+     * Who may take a press before the picture is moved by it: what is returned hears of the moves, and of the end.
+     * @type {((event: PointerEvent) => ((event: PointerEvent | null) => void) | null)[]}
+     */
+    this.takers = [];
+    /** @type {((event: PointerEvent | null) => void) | null} */
+    this.taken = null;
     /** @type {Map<number, { x: number, y: number }>} */
     this.pointers = new Map();
     canvas.addEventListener("wheel", (event) => this.onWheel(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.onDown(event));
     canvas.addEventListener("pointermove", (event) => this.onMove(event));
     for (const end of /** @type {const} */ (["pointerup", "pointercancel"])) {
-      canvas.addEventListener(end, (event) => this.pointers.delete(event.pointerId));
+      canvas.addEventListener(end, (event) => {
+        this.pointers.delete(event.pointerId);
+        this.taken?.(null);
+        this.taken = null;
+      });
     }
     canvas.addEventListener("dblclick", (event) => this.zoomAt(2, event));
     new ResizeObserver(() => (this.isFitted ? this.fit() : this.onChange())).observe(canvas);
@@ -32,6 +43,7 @@ export class View {
 
   /** Shows the whole picture. */
   fit() {
+    if (this.scene.relief) this.renderer.relief?.reset();
     const { width, height } = this.size();
     const pane = this.canvas.clientWidth / this.scene.paneCount;
     this.scene.zoom = Math.max(Math.min((pane - 32) / width, (this.canvas.clientHeight - 32) / height), 1e-3);
@@ -112,6 +124,13 @@ export class View {
   onDown(event) {
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    if (this.pointers.size > 1) return;
+    for (const taker of this.takers) this.taken ??= taker(event);
+  }
+
+  /** A finger scrolls the page over a picture that is seen whole, and moves one that is not. */
+  touch() {
+    this.canvas.style.touchAction = this.isFitted && !this.scene.relief && !this.scene.brush ? "pan-y" : "none";
   }
 
   /** @param {PointerEvent} event */
@@ -121,6 +140,10 @@ export class View {
     const moved = { x: event.clientX, y: event.clientY };
     const other = [...this.pointers.entries()].find(([id]) => id !== event.pointerId)?.[1];
     this.pointers.set(event.pointerId, moved);
+    if (this.taken && !other) {
+      this.taken(event);
+      return;
+    }
     if (other) {
       const before = Math.hypot(last.x - other.x, last.y - other.y);
       const after = Math.hypot(moved.x - other.x, moved.y - other.y);

@@ -39,8 +39,8 @@ export async function opened(path = "/", options = {}) {
 /** Waits until the mesh of what was asked for is there, and returns its number of vertices. */
 export async function finished(page, timeout = 120_000) {
   await page.waitForFunction(() => {
-    const track = globalThis.studio?.tracks[0];
-    return track?.stage === "final" && track.size > 0;
+    const [track] = globalThis.studio?.tracks ?? [];
+    return globalThis.studio?.machine.hasMesh && track.job && track.size > 0;
   }, null, { timeout });
   await settled(page);
   return page.evaluate(async () => studio.tracks[0].most);
@@ -62,13 +62,41 @@ export async function choose(page, file = PICTURE) {
   return finished(page);
 }
 
-/** Waits until the page has begun with its first picture, so that a chosen one comes after it. */
+/** Waits until the page has begun, so that a picture that is chosen comes after its first one. */
 export async function began(page) {
-  await page.waitForFunction(() => globalThis.studio?.tracks[0]?.job);
+  await page.waitForFunction(() => globalThis.studio?.form && studio.source);
+}
+
+/** Does what makes the page run, and waits for the mesh. */
+export async function running(page, act) {
+  const before = await page.evaluate(() => studio.machine.generation);
+  await act();
+  await page.waitForFunction((before) => studio.machine.generation > before, before);
+  return finished(page);
+}
+
+/** Waits for the mesh of a file that the picker gives. */
+export function chosen(page, file) {
+  return running(page, () => page.setInputFiles("#file", file));
+}
+
+/** What is posted from now on, and whether the picture goes with it. */
+export function sentBy(page) {
+  const sent = [];
+  page.on("request", (request) => {
+    if (request.method() === "POST") sent.push({ url: request.url(), hasPicture: !request.url().includes("image_of=") });
+  });
+  return sent;
 }
 
 export function nameOf(file) {
   return typeof file === "string" ? file.split("/").pop() : file.name;
+}
+
+/** Chooses a method under Advanced. */
+export async function method(page, name) {
+  await page.evaluate(() => (document.getElementById("advanced").open = true));
+  await page.selectOption("#method-select", name);
 }
 
 /** Sets the slider to a size by typing it. */
@@ -100,7 +128,7 @@ export async function bytesOf(page, make, argument) {
 /** The pixels of a picture of the service: bytes of red, green, blue and alpha, rows from the bottom. */
 export function picturePixels(page, path) {
   return bytesOf(page, async (path) => {
-    const { decoded } = await import("/studio/picture.js");
+    const { decoded } = await import("/studio/decode.js");
     return (await decoded(await (await fetch(path)).blob())).rgba;
   }, path);
 }

@@ -1,4 +1,4 @@
-//! What people do with the page, done by a browser: each test is a scenario of `browse.mjs`.
+//! What people do with the page, done by a browser: the scenarios of `browse.mjs`.
 
 use crate::client::send;
 use crate::keys::KeysFile;
@@ -28,101 +28,47 @@ fn browser(scenario: &str, service: SocketAddr, more: &[&str]) -> Child {
         .unwrap()
 }
 
-/// Runs a scenario, and shows what it measured.
+/// Runs scenarios, and shows what they measured.
 #[track_caller]
-fn browse(scenario: &str, server: &Server, more: &[&str]) {
+fn browse(scenarios: &str, server: &Server, more: &[&str]) {
     let _one = BROWSER.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let output = browser(scenario, server.public, more).wait_with_output().unwrap();
+    let output = browser(scenarios, server.public, more).wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     let failed = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{scenario}: {said}\n{failed}");
+    assert!(output.status.success(), "{scenarios}: {said}\n{failed}");
     println!("{said}");
 }
 
-/// A scenario with a service of its own.
+/// Scenarios one after another in one browser, with one service.
 #[track_caller]
-fn browse_afresh(scenario: &str) {
-    browse(scenario, &Server::start(&[]), &[]);
+fn browse_afresh(scenarios: &[&str]) {
+    browse(&scenarios.join(","), &Server::start(&[]), &[]);
 }
 
 #[test]
-fn a_picture_that_is_chosen_dropped_or_pasted_is_seen_as_a_preview_and_then_as_its_mesh() {
-    browse_afresh("upload");
+fn pictures_become_meshes_that_are_seen_in_every_size() {
+    // The visit comes first: it asks whether the service has any job.
+    browse_afresh(&["visit", "upload", "cancel", "slider", "once", "races"]);
 }
 
 #[test]
-fn what_is_drawn_equals_the_picture_of_the_service_within_one_level() {
-    browse_afresh("pixels");
+fn what_is_drawn_is_what_the_service_makes() {
+    browse_afresh(&["pixels", "layers", "relief", "frames"]);
 }
 
 #[test]
-fn every_layer_shows_what_it_says() {
-    browse_afresh("layers");
+fn outcomes_looks_and_weights_are_seen_and_taken_away() {
+    browse_afresh(&["outcomes", "solids", "looks", "brush", "downloads"]);
 }
 
 #[test]
-fn a_long_job_tells_its_progress_and_can_be_cancelled() {
-    browse_afresh("cancel");
+fn meshes_are_compared_shared_and_found_again() {
+    browse_afresh(&["compare", "again", "history", "pressed", "elsewhere"]);
 }
 
 #[test]
-fn the_slider_shows_any_size_at_once_with_the_figures_of_the_service() {
-    browse_afresh("slider");
-}
-
-#[test]
-fn every_format_can_be_downloaded_at_the_size_that_is_seen() {
-    browse_afresh("downloads");
-}
-
-#[test]
-fn two_methods_stand_side_by_side_and_their_figures_can_be_copied() {
-    browse_afresh("compare");
-}
-
-#[test]
-fn the_address_and_the_command_make_the_same_again() {
-    browse_afresh("again");
-}
-
-#[test]
-fn jobs_of_before_are_listed_and_opened() {
-    browse_afresh("history");
-}
-
-#[test]
-fn the_relief_turns_in_three_dimensions() {
-    browse_afresh("relief");
-}
-
-#[test]
-fn everything_works_by_keyboard() {
-    browse_afresh("keyboard");
-}
-
-#[test]
-fn axe_finds_nothing_serious_in_any_colours_or_direction() {
-    browse_afresh("axe");
-}
-
-#[test]
-fn a_narrow_screen_shows_everything_without_scrolling_sideways() {
-    browse_afresh("narrow");
-}
-
-#[test]
-fn the_page_is_light_keeps_its_policy_and_does_not_jump() {
-    browse_afresh("weight");
-}
-
-#[test]
-fn two_hundred_thousand_triangles_cost_little_of_a_frame() {
-    browse_afresh("frames");
-}
-
-#[test]
-fn what_goes_wrong_is_said_in_a_sentence_with_what_to_do() {
-    browse_afresh("errors");
+fn everyone_can_use_it_and_refusals_say_what_to_do() {
+    browse_afresh(&["keyboard", "axe", "narrow", "weight", "errors"]);
 }
 
 #[test]
@@ -182,7 +128,7 @@ fn programs_get_links_and_browsers_the_page_compressed_and_once() {
     for unknown in ["none.js", "index", "..%2fCargo.toml", "%2e%2e%2ftsconfig.json"] {
         get(&format!("/studio/{unknown}"), &[]).problem(404, "not-found");
     }
-    for module in ["app.js", "worker.js", "theme.css", "icon.svg"] {
+    for module in ["app.js", "worker.js", "theme.css", "icon.svg", "lake.pmesh"] {
         assert_eq!(get(&format!("/studio/{module}"), &[]).status, 200, "{module}");
     }
 }

@@ -270,8 +270,7 @@ impl MeshFigures {
     /// SHA-256 of the MODEL text, in hexadecimal digits.
     #[must_use]
     pub fn model_digest(&self) -> &str {
-        let part =
-            self.progression.as_ref().or(self.texture.as_ref()).or(self.image.as_ref());
+        let part = self.progression.as_ref().or(self.texture.as_ref()).or(self.image.as_ref());
         part.map_or(&self.digest, |part| &part.model_digest)
     }
 

@@ -101,8 +101,10 @@ export async function layers() {
   const wider = await seen(page, place);
   assert.ok(wider.reduce((sum, value) => sum + value, 0) < heat.reduce((sum, value) => sum + value, 0));
   await densityIsRight(await layer("density"), original, place);
+  // Lines alone are the edges, though the wireframe is off.
   const lines = await layer("none");
-  assert.ok(lines.every((value, i) => i % 4 !== 3 || value === 255));
+  const bright = lines.filter((value, i) => i % 4 !== 3 && value > 60).length / lines.length;
+  assert.ok(bright > 0.02 && bright < 0.7, `${bright} of the lines' samples are bright`);
   await layer("mesh");
   await marksAreSeen(page, place);
   await splitAndBlink(page, place, original, mesh);
@@ -211,7 +213,7 @@ export async function relief() {
   await page.mouse.up();
   const turned = await look();
   assert.notEqual(turned.sum, first.sum);
-  await page.fill("#height-range", "0");
+  await page.fill("#height-range", "2");
   assert.notEqual((await look()).sum, turned.sum);
   await page.focus("#stage");
   await page.keyboard.press("3");
@@ -242,6 +244,7 @@ export async function frames() {
     const { renderer, view } = studio.stage;
     renderer.setSize(width, height);
     renderer.setMesh(0, geometry, 8);
+    renderer.drawPicture(0);
     view.fit();
     studio.stage.toggle("wireframe", true);
     studio.stage.toggle("smooth", true);

@@ -3,25 +3,20 @@
 import { strict as assert } from "node:assert";
 import { readFileSync } from "node:fs";
 import { createInterface } from "node:readline";
-import { PICTURE, began, choose, finished, grayPicture, opened, service, settled, setSize } from "../browser.mjs";
+import { PICTURE, began, choose, finished, method, opened, service, settled, setSize } from "../browser.mjs";
 
 export async function upload() {
   const page = await opened();
-  await finished(page);
-  const began = Date.now();
+  await began(page);
+  const start = Date.now();
   await page.setInputFiles("#file", PICTURE);
-  await page.waitForFunction(() => {
-    const { tracks, source, stage } = studio;
-    return source.name === "picture.png" && tracks[0].stage !== "none" && stage.renderer.meshes[0];
-  });
-  const first = await page.evaluate(async () => studio.tracks[0].stage);
-  console.log(`a first mesh (${first}) after ${Date.now() - began} ms`);
+  await page.waitForFunction(() => studio.source.name === "picture.png" && (studio.source.bitmap || document.getElementById("first-sight").src));
+  console.log(`the picture is seen after ${Date.now() - start} ms`);
   assert.equal(await finished(page), 1966);
-  console.log(`the mesh after ${Date.now() - began} ms`);
+  console.log(`the mesh after ${Date.now() - start} ms`);
   assert.equal(await page.textContent("#figure-vertices"), "1,966");
   assert.match(await page.textContent("#figure-psnr"), /^\d\d\.\d\d dB$/);
-  assert.match(await page.textContent("#status"), /The mesh is there: 1,966 vertices/);
-  // The preview was seen on the way.
+  assert.match(await page.textContent("#status"), /The mesh is ready: 1,966 vertices/);
   await drop(page);
   await paste(page);
   assert.deepEqual(page.failures, []);
@@ -57,11 +52,11 @@ export async function cancel() {
   const page = await opened("/?sample=spheres&method=mgpr&effort=9");
   await page.waitForSelector("#progress:not([hidden])");
   // A preview is there meanwhile.
-  await page.waitForFunction(() => studio.tracks[0].stage === "preview");
+  await page.waitForFunction(() => studio.machine.phase === "previewing");
   const stages = new Set();
   const until = Date.now() + 60_000;
   while (stages.size < 2 && Date.now() < until) {
-    stages.add(await page.textContent("#progress-stages [aria-current]"));
+    stages.add(await page.textContent("#progress-stage"));
     await page.waitForTimeout(50);
   }
   await page.waitForFunction(() => /^\d+ %, about \d+ s left$/.test(document.getElementById("progress-percent").textContent));
@@ -78,8 +73,11 @@ export async function cancel() {
   }
   console.log(`cancelled at the service after ${Date.now() - began} ms`);
   assert.equal(await page.textContent("#status"), "Cancelled.");
+  assert.match(await page.textContent("#size-note"), /Stopped: this is a rough preview/);
+  assert.equal(await page.textContent("#run"), "Start again");
+  assert.ok(await page.isDisabled("#download-button"));
   // Another run works.
-  await page.selectOption("#method-select", "med");
+  await method(page, "med");
   await finished(page);
   assert.deepEqual(page.failures, []);
 }
@@ -134,50 +132,13 @@ export async function slider() {
   assert.deepEqual(page.failures, []);
 }
 
-export async function errors() {
-  const page = await opened();
-  await finished(page);
-  await page.setInputFiles("#file", { name: "poem.png", mimeType: "image/png", buffer: Buffer.from("no picture at all") });
-  const said = page.locator("#failure");
-  await said.waitFor();
-  assert.equal(await said.getAttribute("role"), "alert");
-  assert.match(await said.textContent(), /Unsupported image format.*\. Use PNG, JPEG/);
-  await page.click("#failure-close");
-  assert.ok(await said.isHidden());
-  // A method that is not for such a picture.
-  await page.setInputFiles("#file", PICTURE);
-  await finished(page);
-  await page.selectOption("#method-select", "gpr");
-  await said.waitFor();
-  assert.match(await said.textContent(), /components.*Choose a method for this kind of picture/);
-  await page.selectOption("#method-select", "mgprfs");
-  await finished(page);
-  assert.ok(await said.isHidden());
-  // A value out of bounds does not leave the page.
-  await page.fill("#amount", "101");
-  await page.press("#amount", "Enter");
-  assert.ok(await page.locator("#amount").evaluate((input) => !input.validity.valid));
-  // A format that browsers do not show is shown all the same.
-  await page.fill("#amount", "3");
-  await choose(page, grayPicture(90, 70));
-  await page.waitForFunction(() => studio.source.picture?.precision === 16);
-  // A mesh whose sizes do not follow from an order has one.
-  await page.selectOption("#method-select", "flat");
-  await page.waitForFunction(() => studio.tracks[0].parameters.method === "flat");
-  await finished(page);
-  assert.ok(await page.locator("#size-slider").isDisabled());
-  assert.match(await page.textContent("#size-note"), /one size/);
-  assert.deepEqual(page.failures, []);
-}
-
 export async function away() {
   const lines = createInterface({ input: process.stdin })[Symbol.asyncIterator]();
   const page = await opened("/?sample=spheres&method=mgprfs&density=8");
-  await page.waitForSelector("#progress:not([hidden])");
-  await began(page);
+  await page.waitForFunction(() => globalThis.studio?.tracks[0].job);
   console.log("take it away");
   assert.equal((await lines.next()).value, "gone");
-  await page.waitForSelector("#progress-stage:has-text('The service is away')");
+  await page.waitForSelector("#progress-stage:has-text('Connection lost')");
   // What was there stays usable.
   await page.click("#wireframe-button");
   console.log("bring it back");

@@ -5,9 +5,9 @@ import { finished, opened, settled } from "../browser.mjs";
 
 export async function pictures(folder) {
   const looks = [
-    ["studio.jpg", "/?sample=lake&n=900&show=wireframe&split=0.4", { colorScheme: "dark", viewport: { width: 1360, height: 850 } }],
+    ["studio.jpg", "/?sample=lake&preset=photo&n=900&show=wireframe&split=0.4", { colorScheme: "dark", viewport: { width: 1360, height: 850 } }],
     ["studio-compared.jpg", "/?sample=spheres&n=1500&compare=med", { colorScheme: "light", viewport: { width: 1360, height: 850 } }],
-    ["studio-relief.jpg", "/?sample=lake&n=3000&relief=1", { colorScheme: "dark", viewport: { width: 1360, height: 850 } }],
+    ["studio-relief.jpg", "/?sample=lake&preset=terrain&n=3000&relief=1", { colorScheme: "dark", viewport: { width: 1360, height: 850 } }],
     ["studio-narrow.jpg", "/?sample=bloom&n=900&layer=none&show=wireframe", { colorScheme: "dark", viewport: { width: 390, height: 780 } }],
   ];
   for (const [file, path, options] of looks) {

@@ -5,61 +5,55 @@ import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
-import { PICTURE, choose, finished, meshPath, opened, service, setSize, settled } from "../browser.mjs";
+import { PICTURE, choose, finished, meshPath, method, opened, service, setSize, settled } from "../browser.mjs";
 
 /** How the file of each format begins. */
 const BEGINNINGS = {
-  model: /^384 256 3 8\n(#.*\n)*OFF\n/, glb: /^glTF/, png: /^\x89PNG/, pnm: /^P6\n384 256/, gltf: /^\{"asset"/, svg: /^<(\?xml|svg)/,
-  ply: /^ply\n/, obj: /\nv 0 0 0 /, stl: /^[^]{84}/, json: /^\{"width":384/, pmesh: /^PMSH/, progression: /^PMSH/,
+  model: /^384 256 3 8\n(#.*\n)*OFF\n/, glb: /^glTF/, png: /^\x89PNG/, pnm: /^P6\n384 256/, gltf: /^\{"asset"/, svg: /^<(\?xml|svg)/, "svg-flat": /^<(\?xml|svg)/,
+  ply: /^ply\n/, obj: /\nv 0 0 /, stl: /^[^]{84}/, json: /^\{"width":384/, pmesh: /^PMSH/, progression: /^PMSH/,
 };
 
 export async function downloads() {
   const page = await opened();
   const most = await choose(page);
   await setSize(page, 500);
-  await page.waitForSelector('#downloads a[href*="size=500"]');
-  const formats = await page.locator("#downloads a").evaluateAll((links) => links.map((link) => link.dataset.format));
+  await page.click("#download-button");
+  const formats = await page.locator("#export-dialog button[data-format]").evaluateAll((cards) => cards.map((card) => card.dataset.format));
   const { formats: known } = await (await fetch(`${service}/v1/methods`)).json();
-  assert.deepEqual(formats, [...new Set(known.map(({ format }) => format))]);
-  for (const format of formats) {
+  for (const { format } of known) assert.ok(formats.includes(format), `no card for ${format}`);
+  await page.waitForFunction(() => [...document.querySelectorAll("#export-dialog button[data-format] .size")].filter((size) => / k?B$/.test(size.textContent)).length >= 12);
+  for (const format of formats.filter((format) => BEGINNINGS[format])) {
     // Chromium drops more than ten downloads in a second without a word.
     await page.waitForTimeout(150);
-    const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#downloads a[data-format=${format}]`)]);
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#export-dialog button[data-format=${format}]`)]);
     const bytes = readFileSync(await download.path());
-    assert.ok(BEGINNINGS[format], `no beginning is known of ${format}`);
     assert.match(bytes.toString("latin1"), BEGINNINGS[format]);
-    assert.match(download.suggestedFilename(), /^picture-500\./);
+    assert.match(download.suggestedFilename(), format === "progression" ? /^picture-all-sizes\.pmesh$/ : /^picture-500\./);
     if (format === "model") assert.match(bytes.toString("latin1"), /\nOFF\n500 /);
     if (format === "json") assert.equal(JSON.parse(bytes).vertices, 500);
   }
   assert.ok(most > 500);
-  await pressedWhileShownAnew(page);
   assert.deepEqual(page.failures, []);
 }
 
 /** What is shown anew between the press and the release of a button takes no click away. */
-async function pressedWhileShownAnew(page) {
-  for (const pressed of ["#downloads a[data-format=png]", "#history button[aria-label^=Forget]"]) {
-    await page.locator(pressed).first().scrollIntoViewIfNeeded();
-    await page.locator(pressed).first().hover();
-    await page.mouse.down();
-    await page.evaluate(async () => {
-      studio.onSettled();
-      await studio.listHistory();
-    });
-    if (!pressed.startsWith("#history")) {
-      await Promise.all([page.waitForEvent("download"), page.mouse.up()]);
-      continue;
-    }
-    const before = await page.locator("#history .open").count();
-    await page.mouse.up();
-    await page.waitForFunction((count) => document.querySelectorAll("#history .open").length < count, before);
-  }
+export async function pressed() {
+  const page = await opened();
+  await choose(page);
+  const pressed = "#history button[aria-label^=Forget]";
+  await page.locator(pressed).first().scrollIntoViewIfNeeded();
+  await page.locator(pressed).first().hover();
+  await page.mouse.down();
+  await page.evaluate(() => studio.onSettled());
+  const before = await page.locator("#history .open").count();
+  await page.mouse.up();
+  await page.waitForFunction((count) => document.querySelectorAll("#history .open").length < count, before);
 }
 
 export async function compare() {
   const page = await opened();
   await choose(page);
+  await page.evaluate(() => (document.getElementById("advanced").open = true));
   await page.selectOption("#compared-select", "med");
   await page.waitForFunction(() => {
     const { tracks } = studio;
@@ -76,8 +70,9 @@ export async function compare() {
   const rows = Object.fromEntries(cells.map(([name, ...values]) => [name, values]));
   assert.deepEqual(rows.Method, ["mgprfs", "med"]);
   assert.deepEqual(rows.Vertices, ["640", "640"]);
-  const [a, b] = rows.PSNR.map((text) => Number.parseFloat(text));
+  const [a, b] = rows["Likeness (PSNR)"].map((text) => Number.parseFloat(text));
   assert.ok(a > b, `${a} dB of mgprfs, ${b} dB of med`);
+  await page.evaluate(() => (document.getElementById("numbers-panel").open = true));
   await page.click("#copy-numbers");
   const copied = await page.evaluate(() => navigator.clipboard.readText());
   assert.match(copied, /^Figure\tA\tB\nMethod\tmgprfs\tmed\nVertices\t640\t640\n/);
@@ -110,7 +105,7 @@ export async function again() {
   const other = await opened(address.slice(service.length));
   await finished(other);
   await settled(other);
-  const untimed = (text) => text.replace(/Time in all.*/s, "");
+  const untimed = (text) => text.replace(/Total time.*/s, "");
   assert.equal(untimed(await other.textContent("#numbers")), untimed(figures));
   assert.ok(await other.isChecked("input[name=layer][value=error]"));
   assert.equal(await other.getAttribute("#points-button", "aria-pressed"), "true");
@@ -144,13 +139,13 @@ export async function history() {
   const page = await opened();
   await choose(page);
   await page.waitForSelector("#history li:has-text('picture.png')");
-  await page.selectOption("#method-select", "med");
-  await page.waitForSelector("#history li:has-text('med, ')");
+  await method(page, "med");
+  await page.waitForSelector("#history li:has-text('Fast, ')");
   await page.reload();
   await finished(page);
   const entries = page.locator("#history .open:has-text('picture.png')");
   assert.equal(await entries.count(), 2);
-  await entries.filter({ hasText: "mgprfs" }).click();
+  await entries.filter({ hasText: "Balanced" }).click();
   await page.waitForFunction(() => studio.source.name === "picture.png");
   assert.equal(await finished(page), 1966);
   // Without the picture in the address, the job is.
@@ -158,9 +153,9 @@ export async function history() {
   // One that the service no longer has says so.
   const id = new URL(page.url()).searchParams.get("job");
   assert.equal((await fetch(`${service}/v1/jobs/${id}`, { method: "DELETE" })).status, 204);
-  await entries.filter({ hasText: "mgprfs" }).click();
+  await entries.filter({ hasText: "Balanced" }).click();
   await page.waitForSelector("#failure:not([hidden])");
-  assert.match(await page.textContent("#failure"), /Run the picture again/);
+  assert.match(await page.textContent("#failure"), /Choose the picture again/);
   await page.locator("#history li:has-text('picture.png') button[aria-label^=Forget]").first().click();
   await page.waitForFunction(() => [...document.querySelectorAll("#history .open")].filter((e) => e.textContent.includes("picture.png")).length === 1);
   assert.deepEqual(page.failures, []);
