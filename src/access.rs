@@ -103,7 +103,7 @@ impl KeyRing {
                 }
             }
             Err(error) => {
-                tracing::error!(error, "keys file not reloaded; the previous keys stay valid")
+                tracing::error!(error, "keys file not reloaded; the previous keys stay valid");
             }
         }
     }

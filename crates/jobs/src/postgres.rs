@@ -148,7 +148,7 @@ async fn listen(
                          the database itself with --queue-direct"
                     ),
                     Listening::Unsupported => {
-                        tracing::warn!("database without LISTEN and NOTIFY; polling every second")
+                        tracing::warn!("database without LISTEN and NOTIFY; polling every second");
                     }
                 }
                 return Ok(listening);

@@ -1,5 +1,8 @@
 //! The formats, in one program. What measures the memory of its process has a program of its own.
 
+// A test is told that something is wrong by a panic, helpers of tests too.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 mod formats;
 mod gltf;
 mod jpeg;
