@@ -312,6 +312,7 @@ impl From<ParameterError> for Problem {
             E::TargetNeedsSquaredError(_) => {
                 Self::new(Kind::ConflictingParameters, detail).param("target_psnr")
             }
+            E::HolesNeedBound => Self::new(Kind::ConflictingParameters, detail).param("max_error"),
             E::Shape(error) => error.into(),
             _ => Self::new(Kind::ParameterOutOfRange, detail),
         }

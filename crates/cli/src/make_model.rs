@@ -2,12 +2,12 @@
 
 use crate::attendant::Attendant;
 use crate::document::DocumentOptions;
-use crate::options::MeshOptions;
-use crate::output::OutputOptions;
+use crate::options::{MeshOptions, named};
+use crate::output::{OutputOptions, positive_length};
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
 use pixmesh_codec::{
-    Alpha, DecodeOptions, Encodable, EncodeError, Format, Texture, model_comments,
+    Alpha, DecodeOptions, Encodable, EncodeError, Format, Nodata, Terrain, Texture, model_comments,
 };
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{
@@ -51,6 +51,14 @@ pub struct MakeModel {
     /// Take a JPEG, PNG, GIF or PNM that ends early as far as it goes
     #[arg(long, help_heading = FILES)]
     lenient: bool,
+    /// Height of a step of an elevation model's samples, over 0 [default: that of whole numbers, an
+    /// eighth of --max-error, or the smallest that 16 bits allow]
+    #[arg(long, help_heading = FILES, value_name = "HEIGHT", value_parser = positive_length)]
+    step: Option<f64>,
+    /// Whether an elevation model's missing samples are holes of the mesh or are filled
+    #[arg(long, help_heading = FILES, default_value = Nodata::Hole.name(),
+        value_parser = named(Nodata::NAMES, Nodata::ALL))]
+    nodata: Nodata,
     #[command(flatten)]
     written: OutputOptions,
     /// File to write a line to for each removed point, in order: column, row from the bottom, and
@@ -138,13 +146,13 @@ impl MakeModel {
         let input = self.input.as_deref();
         let bytes = files::read(input)?;
         let start = Instant::now();
-        let Self { alpha, lenient, .. } = *self;
-        let limits = files::LIMITS;
-        let reading = DecodeOptions { limits, alpha, lenient, ..DecodeOptions::default() };
-        let image = reading.decode(&bytes).map_err(|source| CliError::Picture {
-            name: files::name(input, "standard input"),
-            source,
-        })?;
+        let Self { alpha, lenient, step, nodata, .. } = *self;
+        let (limits, bound, max_bytes) = (files::LIMITS, self.mesh.max_error, None);
+        let reading = DecodeOptions { limits, alpha, lenient, step, bound, nodata, max_bytes };
+        let (image, terrain) =
+            reading.decode_terrain_while(&bytes, &|| Ok(())).map_err(|source| {
+                CliError::Picture { name: files::name(input, "standard input"), source }
+            })?;
         let decoding = start.elapsed();
         let texture = self.written.texture(format, &bytes, &image)?;
         drop(bytes);
@@ -155,6 +163,10 @@ impl MakeModel {
             .weights(self.weights(&image)?)
             .covers_alpha(alpha.is_cut())
             .lists_removals(self.history_file.is_some());
+        let parameters = match &terrain {
+            Some(terrain) => terrain.parameters(parameters, bound).map_err(MeshingError::from)?,
+            None => parameters,
+        };
         let attendant = Attendant::new();
         let control = OnThreads(&attendant, self.threads());
         let model = mesh_image(&image, &parameters, &control)?;
@@ -165,7 +177,7 @@ impl MakeModel {
             progression: progression.as_ref(),
             ..Encodable::from(&model)
         };
-        let encoding = self.write(&model, &source, format, texture.as_ref())?;
+        let encoding = self.write(&model, &source, format, texture.as_ref(), terrain)?;
         self.write_compact(&model, progression.as_ref())?;
         if self.stats {
             let ssim = structural_similarity(&image, &rasterize(&model.mesh, &())?, &())?;
@@ -228,9 +240,10 @@ impl MakeModel {
         source: &Encodable<'_>,
         format: Format,
         texture: Option<&Texture>,
+        terrain: Option<Terrain>,
     ) -> Result<Duration, CliError> {
         let start = Instant::now();
-        let bytes = self.written.write(source, format, texture, self.alpha)?;
+        let bytes = self.written.write(source, format, texture, self.alpha, terrain)?;
         let encoding = start.elapsed();
         files::write(self.output.as_ref(), &bytes)?;
         if let Some(file) = &self.picture {

@@ -4,8 +4,8 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args};
 use pixmesh_meshing::parameters::{
-    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Parallel, Policy, PscTie,
-    Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, MAX_DISTANCE, Parallel,
+    Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 use pixmesh_meshing::{Method, ParameterError, Parameters, Target};
 
@@ -35,9 +35,10 @@ pub struct MeshOptions {
     /// Largest mean error per point, by --error-metric: removal stops before it would be exceeded
     #[arg(long, visible_alias = "error", help_heading = SIZE, value_name = "ERROR")]
     pub target_error: Option<f64>,
-    /// Largest difference of any sample between the picture and its model, 0 to 65535
+    /// Largest difference of any sample between the picture and its model, of an elevation model that of
+    /// any height, 0 to 65535
     #[arg(long, help_heading = SIZE, value_name = "DIFFERENCE")]
-    pub max_error: Option<u16>,
+    pub max_error: Option<f64>,
     /// Points to start with, in percent of the vertices of the mesh: 400 is gamma = 4
     #[arg(long, help_heading = INITIAL, value_name = "PERCENT", group = "initial_count")]
     pub relative_initial_density: Option<f64>,
@@ -303,6 +304,10 @@ impl MeshOptions {
     /// # Errors
     /// When the method is not defined for so many components.
     pub fn parameters(&self, component_count: usize) -> Result<Parameters, ParameterError> {
+        if let Some(value) = self.max_error.filter(|most| !(0.0..=MAX_DISTANCE).contains(most)) {
+            let (parameter, minimum, maximum) = ("max_error", 0.0, MAX_DISTANCE);
+            return Err(ParameterError::OutOfRange { parameter, value, minimum, maximum });
+        }
         let mut parameters = match self.method {
             None if self.is_of_thesis() => self.thesis_defaults(),
             method => {
@@ -324,7 +329,7 @@ impl MeshOptions {
         let size = self.size.map(Target::Size);
         let psnr_db = self.target_psnr.map(Target::Psnr);
         let error = self.target_error.map(Target::MeanError);
-        let largest = self.max_error.map(Target::MaxError);
+        let largest = self.max_error.map(|most| Target::MaxError(most.floor() as u16));
         let density = Target::Percent(self.density.unwrap_or(DEFAULT_DENSITY));
         size.or(psnr_db).or(error).or(largest).unwrap_or(density)
     }

@@ -5,7 +5,8 @@ use crate::options::named;
 use clap::Args;
 use pixmesh_codec::{
     Alpha, Coloring, Compression, Encodable, EncodeOptions, Format, Geometry, LengthUnit,
-    PngCompression, Relief, ReliefSource, Shading, Texture, Texturing, UpAxis, ZOffset, encode,
+    PngCompression, Relief, ReliefSource, Shading, Terrain, Texture, Texturing, UpAxis, ZOffset,
+    encode,
 };
 use pixmesh_meshing::Image;
 use std::ffi::OsStr;
@@ -140,10 +141,15 @@ impl OutputOptions {
         format: Format,
         texture: Option<&Texture>,
         alpha: Alpha,
+        terrain: Option<Terrain>,
     ) -> Result<Vec<u8>, CliError> {
         let options = EncodeOptions {
             cut: alpha.is_cut(),
-            geometry: self.geometry(),
+            geometry: match terrain {
+                Some(terrain) => terrain.geometry(self.geometry()),
+                None => self.geometry(),
+            },
+            terrain,
             compression: self.compression,
             texture,
             shading: self.shading,
@@ -160,6 +166,7 @@ impl OutputOptions {
         let base = self.base.unwrap_or(0.0);
         Geometry {
             pixel_size: self.pixel_size,
+            row_size: None,
             width: self.width,
             relief,
             base,
@@ -182,7 +189,7 @@ fn length(text: &str) -> Result<f64, String> {
 }
 
 /// A length that is not 0.
-fn positive_length(text: &str) -> Result<f64, String> {
+pub(crate) fn positive_length(text: &str) -> Result<f64, String> {
     match length(text)? {
         length if length >= 1e-9 => Ok(length),
         _ => Err(format!("this length must lie in 1e-9 to {MAX_LENGTH}")),

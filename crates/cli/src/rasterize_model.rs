@@ -91,7 +91,7 @@ impl RasterizeModel {
         };
         files::write(
             self.output.as_ref(),
-            &self.written.write(&source, format, texture.as_ref(), self.alpha)?,
+            &self.written.write(&source, format, texture.as_ref(), self.alpha, None)?,
         )
     }
 

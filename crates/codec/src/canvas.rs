@@ -7,6 +7,7 @@ use crate::alpha::Alpha;
 use crate::error::DecodeError;
 use crate::header::Header;
 use crate::orientation::{Orientation, transposes, upright};
+use crate::terrain::Terrain;
 use crate::wanted::Wanted;
 use pixmesh_meshing::Image;
 
@@ -17,6 +18,8 @@ pub(crate) struct Canvas {
     planes: Vec<Vec<u16>>,
     /// Whether the colours are premultiplied by their alpha.
     pub(crate) is_premultiplied: bool,
+    /// What the samples mean, where they are heights.
+    pub(crate) terrain: Option<Terrain>,
     /// How the file's columns lie on the planes.
     columns: Axis,
     /// How the file's rows lie on the planes.
@@ -82,7 +85,7 @@ impl Canvas {
         let columns = Axis { count: width, stride: column_stride, mirrored };
         let mirrored = matches!(orientation.to_exif(), 3 | 4 | 6 | 7) == transposed;
         let rows = Axis { count: height, stride: row_stride, mirrored };
-        Ok(Self { header, planes, is_premultiplied: false, columns, rows })
+        Ok(Self { header, planes, is_premultiplied: false, terrain: None, columns, rows })
     }
 
     /// Puts pixels, their components side by side, into a row of the file.

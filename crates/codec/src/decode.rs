@@ -7,6 +7,7 @@ use crate::format::PictureFormat;
 use crate::guard::guarded;
 use crate::header::Header;
 use crate::limits::Limits;
+use crate::terrain::{Nodata, Terrain};
 use crate::wanted::{Wanted, always};
 use crate::{bmp, gif, jpeg, png, pnm, tiff, webp};
 use pixmesh_meshing::Image;
@@ -40,7 +41,7 @@ impl<'a> Opened<'a> {
 /// assert_eq!(options.probe(pam).unwrap().component_count, 1);
 /// assert_eq!(options.decode(pam).unwrap().component_count(), 1);
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DecodeOptions {
     /// The most pixels, columns and rows.
     pub limits: Limits,
@@ -49,6 +50,13 @@ pub struct DecodeOptions {
     /// Whether a JPEG, PNG, GIF or PNM that ends early is decoded up to its end: missing pixels are
     /// black or, in a JPEG, what the decoder fills in, usually gray. Otherwise such files are refused.
     pub lenient: bool,
+    /// The height of a step of an elevation model's samples, over 0; `None` for that of whole numbers,
+    /// an eighth of [`bound`](Self::bound), or the smallest that 16 bits allow.
+    pub step: Option<f64>,
+    /// The largest error of heights that is wanted of the mesh.
+    pub bound: Option<f64>,
+    /// What becomes of samples of an elevation model that are missing.
+    pub nodata: Nodata,
     /// The most bytes that decoding may allocate, copies of the file itself not counted; `None` for no
     /// limit but those on the size. See [`Header::decode_bytes`].
     pub max_bytes: Option<u64>,
@@ -82,6 +90,18 @@ impl DecodeOptions {
     /// # Errors
     /// [`DecodeError::Cancelled`] when it is no longer wanted, else as [`decode`].
     pub fn decode_while(&self, bytes: &[u8], wanted: &Wanted<'_>) -> Result<Image, DecodeError> {
+        self.decode_terrain_while(bytes, wanted).map(|(image, _)| image)
+    }
+
+    /// The same, with what the samples mean where the file is an elevation model.
+    ///
+    /// # Errors
+    /// As [`Self::decode_while`].
+    pub fn decode_terrain_while(
+        &self,
+        bytes: &[u8],
+        wanted: &Wanted<'_>,
+    ) -> Result<(Image, Option<Terrain>), DecodeError> {
         wanted()?;
         let format = PictureFormat::sniff(bytes)?;
         let canvas = guarded(format, wanted, |wanted| {
@@ -92,7 +112,9 @@ impl DecodeOptions {
                 None => decode(),
             }
         });
-        canvas?.into_image(self.alpha, wanted)
+        let canvas = canvas?;
+        let terrain = canvas.terrain;
+        Ok((canvas.into_image(self.alpha, wanted)?, terrain))
     }
 
     fn open<'a>(

@@ -15,6 +15,7 @@ use crate::shown::Shown;
 use crate::stl::write_stl;
 use crate::surface::Geometry;
 use crate::svg::write_svg;
+use crate::terrain::Terrain;
 use crate::wanted::{Wanted, While};
 use pixmesh_meshing::{Approximation, Fidelity, Mesh, Progression, Shape, rasterize};
 use std::io::Write;
@@ -64,6 +65,9 @@ pub struct EncodeOptions<'a> {
     /// Whether faces that show nothing are left out, by the formats that need not cover the
     /// picture's rectangle: all but MODEL, pmesh, and pictures.
     pub cut: bool,
+    /// What the heights of an elevation model mean, and whether it has holes, which the same formats
+    /// leave out.
+    pub terrain: Option<Terrain>,
     /// How much time a PNG may take.
     pub png_compression: PngCompression,
 }
@@ -83,8 +87,9 @@ pub fn encode(
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
     let Encodable { mesh, comments, fidelity, progression, .. } = *source;
-    let EncodeOptions { geometry, shading, cut, .. } = *options;
-    let shown = || Shown::new(mesh, cut);
+    let EncodeOptions { geometry, shading, cut, terrain, .. } = *options;
+    let has_holes = terrain.is_some_and(|terrain| terrain.has_holes);
+    let shown = || Shown::new(mesh, cut, has_holes);
     match format {
         Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
         Format::Glb => write_glb(&shown(), options, out, wanted),

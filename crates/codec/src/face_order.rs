@@ -89,7 +89,7 @@ mod tests {
             })
             .collect();
         let mesh = Mesh::new(shape, points, (0..900).collect(), faces, &()).unwrap();
-        let mesh = Shown::new(&mesh, false);
+        let mesh = Shown::new(&mesh, false, false);
         let ordered = by_neighbours(&mesh);
         let set = |mesh: &Shown<'_>| -> BTreeSet<Vec<(i32, i32, u16)>> {
             let corner = |v: u32| {

@@ -21,7 +21,8 @@ pub struct Header {
     pub width: usize,
     /// Rows of the upright picture, at least 2.
     pub height: usize,
-    /// Components of the decoded image, alpha included: 1 to 4.
+    /// Components of the decoded image, alpha included: 1 to 4. Of an elevation model the alpha may be
+    /// absent in the image, where no sample is missing.
     pub component_count: usize,
     /// Bits per sample of the decoded image, 1 to 16.
     pub precision: u8,

@@ -17,6 +17,7 @@
 //! [`DecodeOptions`] choose what becomes of alpha and of files that end early, and limit the memory
 //! of decoding. [`EncodeOptions`] choose how a mesh is stored. [`Geometry`] places a mesh in space:
 //! flat, as a relief of its luma or of a component, or as a solid on a base.
+//! [`DecodeOptions::decode_terrain_while`] tells the heights and the place of an elevation model.
 //! [`DecodeOptions::decode_while`] and the other functions ending in `_while` stop when their result
 //! is no longer [`Wanted`]. [`read_weights`] reads a picture that weighs the points of another.
 //!
@@ -78,6 +79,7 @@ mod shown;
 mod stl;
 mod surface;
 mod svg;
+mod terrain;
 mod tiff;
 mod unread;
 mod wanted;
@@ -111,5 +113,6 @@ pub use pmesh::{
 pub use png::{write_png, write_png_while};
 pub use pnm::write_pnm;
 pub use surface::{Geometry, Relief, ReliefHeight, ZOffset};
+pub use terrain::{Nodata, Terrain};
 pub use wanted::Wanted;
 pub use weights::{WeightsError, probe_weights, read_weights, read_weights_while};

@@ -20,8 +20,9 @@ pub(crate) struct Shown<'a> {
 
 impl<'a> Shown<'a> {
     /// A mesh, without the faces that show nothing and the vertices of none of the others if `cut`.
-    /// All of a mesh that shows nothing at all is kept.
-    pub(crate) fn new(mesh: &'a Mesh, cut: bool) -> Self {
+    /// All of a mesh that shows nothing at all is kept. With `has_holes` the faces that have a corner of
+    /// alpha 0 belong to holes, and are left out.
+    pub(crate) fn new(mesh: &'a Mesh, cut: bool, has_holes: bool) -> Self {
         let whole = Self {
             shape: mesh.shape(),
             points: mesh.points().into(),
@@ -31,7 +32,12 @@ impl<'a> Shown<'a> {
             is_whole: true,
         };
         let count = mesh.faces().len();
-        let seen: Vec<usize> = (0..count).filter(|&face| !cut || mesh.is_seen(face)).collect();
+        let is_hole = |face: &usize| {
+            let alpha = |&v: &u32| mesh.vertex_samples(v as usize).last();
+            has_holes && mesh.faces()[*face].iter().any(|v| alpha(v) == Some(&0))
+        };
+        let is_shown = |face: &usize| !is_hole(face) && (!cut || mesh.is_seen(*face));
+        let seen: Vec<usize> = (0..count).filter(is_shown).collect();
         let leaves_out = !seen.is_empty() && seen.len() < count;
         if leaves_out {
             Self { is_whole: false, ..whole.with_faces(&seen, |face| face) }
@@ -107,13 +113,15 @@ mod tests {
         let samples = vec![9, 255, 0, 0, 9, 255, 0, 0, 0, 0, 0, 0];
         let faces = vec![[0, 4, 2], [4, 5, 2], [4, 1, 5], [1, 3, 5]];
         let mesh = Mesh::new(shape, points, samples, faces, &()).unwrap();
-        let (whole, cut) = (Shown::new(&mesh, false), Shown::new(&mesh, true));
+        let (whole, cut) = (Shown::new(&mesh, false, false), Shown::new(&mesh, true, false));
         assert_eq!((whole.faces().len(), whole.is_whole), (4, true));
         assert_eq!(cut.faces(), [[0, 1, 2], [1, 3, 2]]);
         assert_eq!(cut.points(), [0, 4, 2, 5].map(|vertex: usize| mesh.points()[vertex]));
         assert_eq!(cut.vertex_samples(3), [9, 0], "the colour of its neighbour");
         assert!(!cut.is_whole);
         let clear = Mesh::new(shape, mesh.points().into(), vec![0; 12], mesh.faces().into(), &());
-        assert!(Shown::new(&clear.unwrap(), true).is_whole);
+        assert!(Shown::new(&clear.unwrap(), true, false).is_whole);
+        // Each face has a corner of alpha 0, and all of such a mesh is kept.
+        assert_eq!(Shown::new(&mesh, false, true).faces().len(), 4);
     }
 }

@@ -122,18 +122,18 @@ impl<'a> Surface<'a> {
 
     /// Where a vertex lies.
     pub(crate) fn position(&self, vertex: usize) -> [f64; 3] {
-        let pixel_size = self.geometry.pixel_size;
+        let [column, row] = self.geometry.steps();
         let top = self.top_count();
         if vertex >= top && vertex - top >= self.below().len() {
             let shape = self.mesh.shape();
-            let middle = |side: usize| (side - 1) as f64 * pixel_size / 2.0;
-            return [middle(shape.width), middle(shape.height), self.bottom];
+            let middle = |side: usize, step| (side - 1) as f64 * step / 2.0;
+            return [middle(shape.width, column), middle(shape.height, row), self.bottom];
         }
         let origin = self.origin(vertex);
         let point = self.mesh.points()[origin];
         let height = || self.geometry.height(self.mesh.vertex_samples(origin), self.mesh.shape());
         let z = if vertex < top { height() - self.zero } else { self.bottom };
-        [f64::from(point.x) * pixel_size, f64::from(point.y) * pixel_size, z]
+        [f64::from(point.x) * column, f64::from(point.y) * row, z]
     }
 
     /// Where a vertex lies in a file without a node that turns and moves it.
@@ -146,8 +146,9 @@ impl<'a> Surface<'a> {
     /// The place on the mesh that lies at `x = 0` and `y = 0`.
     pub(crate) fn center(&self) -> [f64; 2] {
         let Shape { width, height, .. } = self.mesh.shape();
-        let middle = |side: usize| (side - 1) as f64 * self.geometry.pixel_size / 2.0;
-        if self.geometry.center { [middle(width), middle(height)] } else { [0.0; 2] }
+        let [column, row] = self.geometry.steps();
+        let middle = |side: usize, step| (side - 1) as f64 * step / 2.0;
+        if self.geometry.center { [middle(width, column), middle(height, row)] } else { [0.0; 2] }
     }
 
     /// A place where heights follow the axis asked for, or else `otherwise`.
@@ -253,7 +254,7 @@ mod tests {
     #[test]
     fn a_relief_with_a_base_is_closed_and_has_the_volume_beneath_it() {
         let mesh = mesh();
-        let mesh = Shown::new(&mesh, false);
+        let mesh = Shown::new(&mesh, false, false);
         let relief = Relief { height: ReliefHeight::Total(2.0), ..Relief::default() };
         let geometry =
             Geometry { relief: Some(relief), base: 1.0, pixel_size: 0.5, ..Geometry::default() };
@@ -278,7 +279,7 @@ mod tests {
     #[test]
     fn a_solid_with_colors_of_faces_has_their_colors_and_is_closed() {
         let flat = mesh().with_face_samples((0..6).map(|face| 10 * face).collect()).unwrap();
-        let flat = Shown::new(&flat, false);
+        let flat = Shown::new(&flat, false, false);
         let geometry =
             Geometry { relief: Some(Relief::default()), base: 1.0, ..Geometry::default() };
         let surface = Surface::colored(&flat, &geometry).unwrap();
@@ -313,7 +314,7 @@ mod tests {
     #[test]
     fn heights_follow_what_they_are_to_follow() {
         let mesh = mesh();
-        let mesh = Shown::new(&mesh, false);
+        let mesh = Shown::new(&mesh, false, false);
         let z = |relief: Relief, vertex: usize| {
             let geometry = Geometry { relief: Some(relief), ..Geometry::default() };
             Surface::new(&mesh, &geometry).unwrap().position(vertex)[2]

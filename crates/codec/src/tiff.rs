@@ -4,14 +4,16 @@
 //! component (straight or premultiplied); palettes become RGB of 16 bits, which is how TIFF stores
 //! them; CMYK becomes RGB. Strips and tiles, both byte orders, components side by side or one after
 //! the other; uncompressed, LZW, Deflate, PackBits and fax group 4. The orientation tag is applied.
-//! Not read, and refused as such: BigTIFF, floating-point and signed samples, YCbCr and Lab, JPEG
-//! within TIFF.
+//! BigTIFF too. A gray page of signed, floating-point or 32-bit samples, or with tags that elevation
+//! models have, is an elevation model, whose heights become whole steps. Not read, and refused as
+//! such: YCbCr and Lab, JPEG within TIFF.
 //!
 //! The decoder is that of `tiff`, since `image` reads no palettes, no samples of 2 and 4 bits, and
 //! makes 8 bits of 1.
 //!
 //! Literature: Adobe, "TIFF, Revision 6.0", 1992.
 
+mod elevation;
 mod page;
 mod samples;
 
@@ -21,6 +23,7 @@ use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::wanted::{Wanted, WantedBytes};
 use page::Page;
+use pixmesh_terrain::Elevation;
 use samples::Samples;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::{TiffError, TiffUnsupportedError};
@@ -31,10 +34,15 @@ pub(crate) fn open<'a>(
     options: &'a DecodeOptions,
     wanted: &'a Wanted<'a>,
 ) -> Result<Opened<'a>, DecodeError> {
-    if bytes.get(2..4).is_some_and(|version| version.contains(&b'+')) {
-        return Err(PictureFormat::Tiff.unsupported("BigTIFF is not supported"));
+    let mut decoder = Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
+    if let Some(elevation) = Elevation::open(&mut decoder).map_err(refusal)? {
+        return elevation::open(elevation, bytes, options, wanted);
     }
-    let page = Page::read(&mut Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?)?;
+    let page = Page::read(&mut decoder)?;
+    let is_big = bytes.get(2..4).is_some_and(|version| version.contains(&b'+'));
+    if is_big && page.is_indexed() {
+        return Err(PictureFormat::Tiff.unsupported("BigTIFF with a palette is not supported"));
+    }
     let header = page.header(&options.limits)?;
     Ok(Opened::new(header, move || {
         let stored = read_stored(bytes, &page, wanted)?;

@@ -20,8 +20,8 @@ pub use table::{Parameter, TABLE, Takes};
 use crate::error::{EngineError, InputError};
 use pixmesh_codec::Format;
 use pixmesh_codec::{
-    Alpha, Coloring, Compression, EncodeError, Header, LengthUnit, PngCompression, ReliefSource,
-    Shading, Texturing, UpAxis, ZOffset,
+    Alpha, Coloring, Compression, EncodeError, Header, LengthUnit, Nodata, PngCompression,
+    ReliefSource, Shading, Texturing, UpAxis, ZOffset,
 };
 use pixmesh_meshing::parameters::{
     Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, Parallel, Plan, Policy,
@@ -54,7 +54,7 @@ struct Choices {
     size: Option<usize>,
     target_psnr: Option<f64>,
     target_error: Option<f64>,
-    max_error: Option<u16>,
+    max_error: Option<f64>,
     gamma: Option<f64>,
     initial_density: Option<f64>,
     initial_size: Option<usize>,
@@ -83,6 +83,8 @@ struct Choices {
     alpha: Option<Alpha>,
     lenient: Option<bool>,
     keep_image: Option<bool>,
+    step: Option<f64>,
+    nodata: Option<Nodata>,
     relief: Option<ReliefSource>,
     height: Option<f64>,
     z_scale: Option<f64>,
@@ -210,7 +212,8 @@ impl Choices {
         let size = self.size.map(Target::Size);
         let psnr = self.target_psnr.map(Target::Psnr);
         let error = self.target_error.map(Target::MeanError);
-        let largest = self.max_error.map(Target::MaxError);
+        // Differences of whole samples are whole.
+        let largest = self.max_error.map(|most| Target::MaxError(most.floor() as u16));
         size.or(psnr)
             .or(error)
             .or(largest)

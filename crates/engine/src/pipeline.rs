@@ -18,7 +18,7 @@ use crate::task::{Weighed, image_bytes};
 use crate::telemetry;
 use encode::{encode, encoded};
 use pixmesh_codec::{
-    DecodeOptions, Encodable, Format, Limits, Texture, Texturing, model_comments,
+    DecodeOptions, Encodable, Format, Limits, Terrain, Texture, Texturing, model_comments,
     read_weights_while, write_progression,
 };
 use pixmesh_meshing::parameters::Weights;
@@ -112,11 +112,15 @@ fn make(
     context.check()?;
     context.begin("decode");
     let Weighed { image: file, weights } = source;
-    let image = decode(file.as_ref(), options.output.reading(limits), 0, context)?;
+    let reading = options.output.reading(limits);
+    let (image, terrain) = decode(file.as_ref(), reading, 0, context)?;
     let texture = shows_image.then(|| texture(file.as_ref(), &image, context)).transpose()?;
     drop(file);
     let weights = read_weights(&image, weights, limits, context)?;
-    let parameters = options.parameters.clone().weights(weights);
+    let mut parameters = options.parameters.clone().weights(weights);
+    if let Some(terrain) = &terrain {
+        parameters = terrain.parameters(parameters, options.output.bound)?;
+    }
     let pixels = image.pixel_count();
     context.check()?;
     // Reading and writing are quick.
@@ -132,7 +136,8 @@ fn make(
         progression: progression.as_ref(),
         ..Encodable::from(&model)
     };
-    let bytes = encode(&source, format, &options.output.writing(texture.as_ref()), context)?;
+    let writing = options.output.writing(texture.as_ref(), terrain);
+    let bytes = encode(&source, format, &writing, context)?;
     let answer = Answer {
         digest: Digest::of_while(&bytes, || context.check())?,
         bytes,
@@ -172,9 +177,9 @@ fn decode(
     options: DecodeOptions,
     held_bytes: u64,
     context: &Context,
-) -> Result<Image, EngineError> {
+) -> Result<(Image, Option<Terrain>), EngineError> {
     let options = DecodeOptions { max_bytes: memory_beside(held_bytes, context), ..options };
-    Ok(options.decode_while(file, &|| context.check())?)
+    Ok(options.decode_terrain_while(file, &|| context.check())?)
 }
 
 /// The memory that the task has beside the bytes that it holds already; `None` for any amount.

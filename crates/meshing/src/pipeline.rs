@@ -112,14 +112,14 @@ fn mesh_by_plan(
         Some(bound) if parameters.inserts_within() => points_within(bound, control)?,
         _ => initial_points(&guided.image, &guided.parameters, plan.initial_size, control)?,
     };
-    if bound.is_some() {
+    if parameters.inserts_within() {
         plan.initial_size = points.len();
     }
     let triangulation = Triangulation::new(points, control)?;
     if let Some(bound) = bound
         && !is_kept(bound, &triangulation, control)?
     {
-        let (parameter, points) = (parameters.target.parameter(), triangulation.points.len());
+        let (parameter, points) = (parameters.target.parameter(), plan.initial_size);
         return Err(MeshingError::TargetMissed { parameter, points });
     }
     let reduced = if parameters.is_flat() {

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::process::{Command, Output, Stdio};
 
 /// Parameters with a value that changes the mesh or its file, alone or with what makes it matter.
-const VALUES: [(&str, &[(&str, &str)]); 50] = [
+const VALUES: [(&str, &[(&str, &str)]); 52] = [
     ("method", &[("method", "cgprfsed"), ("size", "40")]),
     ("density", &[("density", "9")]),
     ("size", &[("size", "50")]),
@@ -45,6 +45,8 @@ const VALUES: [(&str, &[(&str, &str)]); 50] = [
     ("seed", &[("seed", "5"), ("initial", "random"), ("size", "40")]),
     ("alpha", &[("alpha", "drop"), ("size", "40")]),
     ("lenient", &[("lenient", "true"), ("size", "40")]),
+    ("step", &[("step", "2"), ("size", "40")]),
+    ("nodata", &[("nodata", "fill"), ("size", "40")]),
     ("relief", &[("relief", "c1"), ("format", "obj")]),
     ("height", &[("height", "3"), ("format", "obj")]),
     ("z_scale", &[("z_scale", "0.5"), ("format", "obj")]),
@@ -120,9 +122,11 @@ fn every_parameter_of_the_service_is_an_option_of_the_same_meaning() {
             ineffective.push(row.name);
         }
     }
-    // The picture has no alpha and does not end early, none of its gradients are ties, no point is
-    // bad, and it is smaller than a tile.
-    assert_eq!(ineffective, ["psc_tie", "bad_point_removal", "parallel", "alpha", "lenient"]);
+    // The picture has no alpha, does not end early and is no elevation model, none of its gradients are
+    // ties, no point is bad, and it is smaller than a tile.
+    let expected =
+        ["psc_tie", "bad_point_removal", "parallel", "alpha", "lenient", "step", "nodata"];
+    assert_eq!(ineffective, expected);
 }
 
 #[test]

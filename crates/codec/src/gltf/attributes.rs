@@ -42,10 +42,10 @@ impl Lattice {
         if shape.width.max(shape.height) > 1 << 16 {
             return None;
         }
-        let pixel_size = surface.geometry.pixel_size;
+        let [column, row] = surface.geometry.steps();
         let [bottom, top] = surface.depth_range();
         let step = if top > bottom { (top - bottom) / f64::from(u16::MAX) } else { 1.0 };
-        Some(Self { scale: [pixel_size, pixel_size, step], bottom })
+        Some(Self { scale: [column, row, step], bottom })
     }
 
     /// The place of a position, rounded to the nearest.

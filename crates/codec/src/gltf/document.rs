@@ -62,6 +62,8 @@ pub(super) struct Document {
 pub(super) struct Asset {
     pub(super) version: &'static str,
     pub(super) generator: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) extras: Option<Value>,
 }
 
 #[derive(Serialize)]

@@ -126,7 +126,11 @@ fn assemble(
         "wrapT": CLAMP_TO_EDGE,
     });
     let document = Document {
-        asset: Asset { version: "2.0", generator: concat!("pixmesh ", env!("CARGO_PKG_VERSION")) },
+        asset: Asset {
+            version: "2.0",
+            generator: concat!("pixmesh ", env!("CARGO_PKG_VERSION")),
+            extras: options.terrain.map(|terrain| terrain.extras()),
+        },
         extensions_required: used.iter().copied().filter(|&name| name != UNLIT).collect(),
         extensions_used: used,
         scene: 0,

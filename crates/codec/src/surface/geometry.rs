@@ -17,6 +17,8 @@ const SIDE_PER_HEIGHT: f64 = 10.0;
 pub struct Geometry {
     /// The length from one pixel to the next, over 0.
     pub pixel_size: f64,
+    /// The length from a row to the next where it is not that of a pixel, over 0.
+    pub row_size: Option<f64>,
     /// The length of the whole mesh along `x`, over 0; takes precedence over the size of a pixel.
     pub width: Option<f64>,
     /// What becomes `z`; without it the mesh is flat.
@@ -99,6 +101,7 @@ impl Default for Geometry {
     fn default() -> Self {
         Self {
             pixel_size: 1.0,
+            row_size: None,
             width: None,
             relief: None,
             base: 0.0,
@@ -173,6 +176,11 @@ impl Geometry {
     pub(crate) fn sized(self, shape: Shape) -> Self {
         let steps = (shape.width - 1).max(1) as f64;
         Self { pixel_size: self.width.map_or(self.pixel_size, |width| width / steps), ..self }
+    }
+
+    /// The lengths from a column and from a row to the next.
+    pub(crate) fn steps(&self) -> [f64; 2] {
+        [self.pixel_size, self.row_size.unwrap_or(self.pixel_size)]
     }
 
     /// The height of the largest sample that the precision allows.

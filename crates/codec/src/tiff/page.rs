@@ -119,6 +119,11 @@ impl Page {
         Ok(Header { format: PictureFormat::Tiff, width, height, component_count, precision })
     }
 
+    /// Whether its samples are indices of a palette.
+    pub(super) fn is_indexed(&self) -> bool {
+        matches!(self.meaning, Meaning::Indexed(_))
+    }
+
     /// Bytes of all stored samples, rows filled up to whole bytes.
     pub(super) fn stored_bytes(&self) -> usize {
         let row_bits = self.width * self.sample_count as usize * usize::from(self.depth);
@@ -128,7 +133,7 @@ impl Page {
     /// The file as its decoder takes it: one that knows no palettes gets a copy that says that
     /// indices are gray.
     pub(super) fn without_palette<'a>(&self, bytes: &'a [u8]) -> Cow<'a, [u8]> {
-        if !matches!(self.meaning, Meaning::Indexed(_)) {
+        if !self.is_indexed() {
             return Cow::Borrowed(bytes);
         }
         let (photometric, gray) = match bytes {

@@ -4,8 +4,8 @@
 use super::Choices;
 use crate::error::EngineError;
 use pixmesh_codec::{
-    Alpha, Compression, DecodeOptions, EncodeOptions, Format, Geometry, Limits, PngCompression,
-    Relief, Shading, Texture, Texturing,
+    Alpha, Compression, DecodeOptions, EncodeOptions, Format, Geometry, Limits, Nodata,
+    PngCompression, Relief, Shading, Terrain, Texture, Texturing,
 };
 use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::Reconstruction;
@@ -44,6 +44,12 @@ pub struct Output {
     pub lenient: bool,
     /// Whether a job keeps the image as it was sent.
     pub keep_image: bool,
+    /// The height of a step of an elevation model's samples.
+    pub step: Option<f64>,
+    /// The largest error that the mesh may have, in units of an elevation model's heights.
+    pub bound: Option<f64>,
+    /// What becomes of an elevation model's missing samples.
+    pub nodata: Nodata,
     /// How the mesh lies in space.
     pub geometry: Geometry,
     /// How glTF stores vertices and indices.
@@ -62,8 +68,9 @@ impl Output {
     /// How images are decoded.
     #[must_use]
     pub fn reading(&self, limits: &Limits) -> DecodeOptions {
-        let Self { alpha, lenient, .. } = *self;
-        DecodeOptions { limits: *limits, alpha, lenient, ..DecodeOptions::default() }
+        let Self { alpha, lenient, step, bound, nodata, .. } = *self;
+        let limits = *limits;
+        DecodeOptions { limits, alpha, lenient, step, bound, nodata, max_bytes: None }
     }
 
     /// Whether the answer shows the image itself.
@@ -72,12 +79,18 @@ impl Output {
         format.holds_texture() && self.texture == Texturing::Embed
     }
 
-    /// How the mesh is encoded, with the image to show in it.
+    /// How the mesh is encoded, with the image to show in it. That of an elevation model lies at its
+    /// place and size by default.
     #[must_use]
-    pub fn writing<'a>(&self, texture: Option<&'a Texture>) -> EncodeOptions<'a> {
+    pub fn writing<'a>(
+        &self,
+        texture: Option<&'a Texture>,
+        terrain: Option<Terrain>,
+    ) -> EncodeOptions<'a> {
         let Self { geometry, compression, shading, png_compression, .. } = *self;
         let cut = self.alpha.is_cut();
-        EncodeOptions { geometry, compression, texture, shading, cut, png_compression }
+        let geometry = terrain.map_or(geometry, |terrain| terrain.geometry(geometry));
+        EncodeOptions { geometry, compression, texture, shading, cut, terrain, png_compression }
     }
 
     /// Checks what is asked for against the image.
@@ -99,8 +112,12 @@ impl Choices {
             alpha: self.alpha.unwrap_or_default(),
             lenient: self.lenient.unwrap_or_default(),
             keep_image: self.keep_image.unwrap_or_default(),
+            step: self.step,
+            bound: self.max_error,
+            nodata: self.nodata.unwrap_or_default(),
             geometry: Geometry {
                 pixel_size: self.pixel_size.unwrap_or(unlike.pixel_size),
+                row_size: None,
                 relief,
                 base: self.base.unwrap_or(unlike.base),
                 z_offset: self.z_offset.unwrap_or(unlike.z_offset),

@@ -7,13 +7,14 @@ use super::{Choices, MeshOptions};
 use crate::error::EngineError;
 use pixmesh_codec::Format;
 use pixmesh_codec::{
-    Alpha, Coloring, Compression, LengthUnit, PngCompression, ReliefHeight, ReliefSource, Shading,
-    Texturing, UpAxis, ZOffset,
+    Alpha, Coloring, Compression, LengthUnit, Nodata, PngCompression, ReliefHeight, ReliefSource,
+    Shading, Texturing, UpAxis, ZOffset,
 };
 use pixmesh_meshing::parameters::{
-    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, MAX_EFFORT, MAX_GAMMA,
-    MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT, MIN_SIZE, Parallel,
-    Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
+    Boundary, Connectivity, ErrorMetric, Generator, Guide, InitialSize, MAX_DISTANCE, MAX_EFFORT,
+    MAX_GAMMA, MAX_MEAN_ERROR, MAX_PERCENT, MAX_PSNR_DB, MAX_SMOOTHING_ORDER, MIN_PERCENT,
+    MIN_SIZE, Parallel, Policy, PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection,
+    Startup, Values,
 };
 use pixmesh_meshing::{Method, ParameterError, Target};
 use serde_json::Value;
@@ -176,7 +177,6 @@ fn plus_of_a_form(name: &str) -> &str {
 /// The most vertices: indices of vertices have 32 bits.
 const MAX_SIZE: u64 = u32::MAX as u64;
 const LEAST_SIZE: u64 = MIN_SIZE as u64;
-const MOST_ERROR: u64 = u16::MAX as u64;
 const MOST_EFFORT: u64 = MAX_EFFORT as u64;
 const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 /// The longest length, whatever the unit, and the smallest pixel: 32-bit floating-point positions
@@ -184,7 +184,7 @@ const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 const MAX_LENGTH: f64 = 1e9;
 const MIN_PIXEL_SIZE: f64 = 1e-9;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 51] = [
+pub static TABLE: [Parameter; 53] = [
     Parameter {
         name: "method",
         about: "The method, which sets every other parameter; one given explicitly wins. The plus of med+ may be written as it is, as %2B, or as the blank that forms make of it. Default: mgprfs.",
@@ -232,15 +232,12 @@ pub static TABLE: [Parameter; 51] = [
             _ => None,
         }
     ),
-    whole!(
+    decimal!(
         max_error,
-        "No sample of the picture that the mesh models may differ from the image's by more than this: vertices go until none more may, and connectivity, values and effort make room for fewer; method preview inserts until it holds; instead of density.",
-        0,
-        MOST_ERROR,
-        |options| match options.parameters.target {
-            Target::MaxError(error) => Some(error.to_string()),
-            _ => None,
-        }
+        "No sample of the picture that the mesh models may differ from the image's by more than this, and no height of the mesh from an elevation model's, in its units: vertices go until none more may, and connectivity, values and effort make room for fewer; method preview inserts until it holds; instead of density.",
+        0.0,
+        MAX_DISTANCE,
+        |options| options.output.bound.map(|bound| bound.to_string())
     ),
     decimal!(
         gamma,
@@ -358,6 +355,15 @@ pub static TABLE: [Parameter; 51] = [
         "Whether a job keeps the image as it was sent, so that another job can be made of it (image_of) and GET /v1/jobs/{id}/image returns it. Default: false.",
         |options| options.output.keep_image.then(|| "true".to_owned())
     ),
+    decimal!(
+        step,
+        "Elevation models: the height of a step of the samples. Default: that of whole numbers, an eighth of max_error, or the smallest that 16 bits allow.",
+        MIN_PIXEL_SIZE,
+        MAX_LENGTH,
+        |options| options.output.step.map(|step| step.to_string())
+    ),
+    word!(nodata: Nodata, "Elevation models: whether missing samples, those of the file's nodata value or NaN, are holes of the mesh, which need max_error, or are filled. Default: hole.",
+        |options| Some(options.output.nodata).filter(|kind| *kind != Nodata::default()).map(|kind| kind.to_string())),
     word!(relief: ReliefSource, "Formats with three dimensions: the luma or the component whose samples become z. Without it the mesh is flat, and an STL follows the luma.",
         |options| options.output.geometry.relief.map(|relief| relief.source.to_string())),
     decimal!(

@@ -43,14 +43,14 @@ pub fn compare<B: AsRef<[u8]>>(
     context.check()?;
     context.begin("decode");
     let reading = DecodeOptions { limits: *limits, ..DecodeOptions::default() };
-    let first = decode(picture.as_ref(), reading, 0, context)?;
+    let (first, _) = decode(picture.as_ref(), reading, 0, context)?;
     drop(picture);
     let second = if is_mesh {
         let mesh = read_mesh_while(approximation.as_ref(), limits, &|| context.check())?;
         drop(approximation);
         rasterize(&mesh, context)?
     } else {
-        decode(approximation.as_ref(), reading, image_bytes(first.shape()), context)?
+        decode(approximation.as_ref(), reading, image_bytes(first.shape()), context)?.0
     };
     measure(&first, &second, context)
 }

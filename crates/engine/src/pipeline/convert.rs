@@ -76,7 +76,7 @@ pub fn convert<B: AsRef<[u8]>>(
         progression: progression.as_ref(),
         ..Encodable::new(&mesh)
     };
-    let bytes = encode(&source, format, &output.writing(texture.as_ref()), context)?;
+    let bytes = encode(&source, format, &output.writing(texture.as_ref(), None), context)?;
     let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
     Ok(Converted { bytes, vertices, faces, fidelity })
 }
@@ -129,7 +129,7 @@ impl<B: AsRef<[u8]>> Shown<B> {
             Self::Picture(file) => file,
         };
         let output = Output::default();
-        let image = decode(file.as_ref(), output.reading(limits), 0, context)?;
+        let (image, _) = decode(file.as_ref(), output.reading(limits), 0, context)?;
         if (image.width(), image.height()) != (shape.width, shape.height) {
             return Err(EngineError::OtherSize {
                 picture: (image.width(), image.height()),
