@@ -65,7 +65,7 @@ pub fn public(service: Arc<Service>) -> Router {
                 .layer(CatchPanicLayer::custom(panicked))
                 .layer(authenticate)
                 .layer(stop)
-                .layer(from_fn(compress::weaken_tag))
+                .layer(from_fn(compress::finish))
                 .layer(compress::layer())
                 .layer(from_fn(compress::mark)),
         ),

@@ -12,7 +12,7 @@ use axum::response::Response;
 use http_body::Body as _;
 use http_body_util::BodyExt;
 use std::sync::{Arc, LazyLock};
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tower_http::CompressionLevel;
 use tower_http::compression::CompressionLayer;
 
@@ -26,9 +26,9 @@ const TYPES: [&str; 4] =
 
 static PERMITS: LazyLock<Arc<Semaphore>> = LazyLock::new(|| Arc::new(Semaphore::new(MOST)));
 
-/// A response that may be compressed.
+/// A response that may be compressed, with the permit for it.
 #[derive(Clone)]
-struct Marked;
+struct Marked(Arc<OwnedSemaphorePermit>);
 
 type IsMarked = fn(StatusCode, Version, &HeaderMap, &Extensions) -> bool;
 
@@ -51,26 +51,28 @@ pub(super) async fn mark(request: Request, next: Next) -> Response {
         return response;
     }
     let Ok(permit) = Arc::clone(&PERMITS).try_acquire_owned() else { return response };
-    response.extensions_mut().insert(Marked);
+    response.extensions_mut().insert(Marked(Arc::new(permit)));
+    response
+}
+
+/// The layer above it, for what was compressed: the response holds the permit until it is sent, and
+/// its entity tag is weak, since its bytes are others.
+pub(super) async fn finish(request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    let marked = response.extensions_mut().remove::<Marked>();
+    let is_compressed = response.headers().contains_key(CONTENT_ENCODING);
+    let Some(Marked(permit)) = marked.filter(|_| is_compressed) else { return response };
+    if let Some(tag) = response.headers().get(ETAG)
+        && let Ok(weak) = HeaderValue::try_from([b"W/", tag.as_bytes()].concat())
+    {
+        response.headers_mut().insert(ETAG, weak);
+    }
     response.map(|body| {
         Body::new(body.map_frame(move |frame| {
             let _held = &permit;
             frame
         }))
     })
-}
-
-/// The layer above it: the entity tag of a compressed response is weak, since its bytes are others.
-pub(super) async fn weaken_tag(request: Request, next: Next) -> Response {
-    let mut response = next.run(request).await;
-    let headers = response.headers_mut();
-    if headers.contains_key(CONTENT_ENCODING)
-        && let Some(tag) = headers.get(ETAG)
-        && let Ok(weak) = HeaderValue::try_from([b"W/", tag.as_bytes()].concat())
-    {
-        headers.insert(ETAG, weak);
-    }
-    response
 }
 
 fn is_text(headers: &HeaderMap) -> bool {

@@ -354,6 +354,41 @@ fn http2_with_prior_knowledge_serves_every_route() {
     server.wait_until_idle();
 }
 
+#[test]
+fn text_is_compressed_for_clients_that_accept_it() {
+    let server = Service::start(&[]);
+    let (image, address) = (disc(60, 60, 1), server.public);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let answer = |query: &str, accepted: &'static str| {
+        let target = format!("http://{address}/v1/meshes?density=20&{query}");
+        let request = reqwest::Client::new().post(target).header("accept-encoding", accepted);
+        runtime.block_on(async {
+            let response = request.body(image.clone()).send().await.unwrap();
+            (response.headers().clone(), response.bytes().await.unwrap())
+        })
+    };
+    let (plain, text) = answer("", "identity");
+    let (headers, compressed) = answer("", "br, gzip");
+    assert_eq!(
+        (&headers["content-encoding"], plain.get("content-encoding")),
+        (&"gzip".parse().unwrap(), None)
+    );
+    assert!(compressed.len() * 2 < text.len(), "{} of {}", compressed.len(), text.len());
+    let mut unpacked = Vec::new();
+    flate2::read::GzDecoder::new(&compressed[..]).read_to_end(&mut unpacked).unwrap();
+    assert_eq!(unpacked, text);
+    // The bytes are others, so the tag is a weak one.
+    assert_eq!(headers["etag"], format!("W/{}", plain["etag"].to_str().unwrap()));
+    assert_eq!(headers["mesh-vertices"], plain["mesh-vertices"]);
+    for (query, accepted) in
+        [("", "gzip;q=0"), ("", "br"), ("format=glb", "gzip"), ("format=png", "gzip")]
+    {
+        let (headers, body) = answer(query, accepted);
+        assert_eq!(headers.get("content-encoding"), None, "{query} {accepted}");
+        assert_eq!(headers["content-length"], body.len().to_string(), "{query} {accepted}");
+    }
+}
+
 /// The least that the service waits where nothing else is set is twice as long.
 const CLOSED_WITHIN: Duration = Duration::from_secs(15);
 

@@ -112,7 +112,6 @@ fn programs_get_links_and_browsers_the_page_compressed_and_once() {
         |target: &str, headers: &[(&str, &str)]| send(server.public, "GET", target, headers, &[]);
     let page = get("/", &[("Accept", "text/html,*/*;q=0.8"), ("Accept-Encoding", "gzip, br")]);
     assert_eq!((page.status, page.header("content-encoding")), (200, "gzip"));
-    assert!(page.body.starts_with(&[0x1f, 0x8b]));
     let again = get("/", &[("If-None-Match", page.header("etag")), ("Accept-Encoding", "gzip")]);
     assert_eq!((again.status, again.body.len()), (304, 0));
     let plain = get("/", &[]);
