@@ -359,6 +359,7 @@ fn text_is_compressed_for_clients_that_accept_it() {
     let server = Service::start(&[]);
     let (image, address) = (disc(60, 60, 1), server.public);
     let runtime = tokio::runtime::Runtime::new().unwrap();
+    let _ = rustls::crypto::ring::default_provider().install_default();
     let answer = |query: &str, accepted: &'static str| {
         let target = format!("http://{address}/v1/meshes?density=20&{query}");
         let request = reqwest::Client::new().post(target).header("accept-encoding", accepted);
