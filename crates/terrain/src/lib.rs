@@ -13,7 +13,7 @@
 //! let mut file = Cursor::new(Vec::new());
 //! let depths = [-2.5_f32, -1.0, 0.25, 4.0];
 //! TiffEncoder::new(&mut file)?.write_image::<Gray32Float>(2, 2, &depths)?;
-//! let mut decoder = tiff::decoder::Decoder::new(file)?;
+//! let mut decoder = tiff::decoder::Decoder::new(Cursor::new(file.into_inner()))?;
 //! let elevation = Elevation::open(&mut decoder)?.expect("floating point is no picture");
 //! let heights = elevation.heights(&mut decoder)?;
 //! let wish = Wish { step: Some(0.25), bound: None };

@@ -129,7 +129,7 @@ mod tests {
         let mut file = Cursor::new(Vec::new());
         let mut encoder = TiffEncoder::new(&mut file).unwrap();
         encoder.write_image::<Gray64Float>(samples.len() as u32, 1, samples).unwrap();
-        let mut decoder = Decoder::new(file).unwrap();
+        let mut decoder = Decoder::new(Cursor::new(file.into_inner())).unwrap();
         let elevation = Elevation::open(&mut decoder).unwrap().unwrap();
         elevation.heights(&mut decoder).unwrap()
     }
