@@ -28,7 +28,8 @@ const MOST_PROGRAMMED: usize = 10;
 /// Stands for the change of a vertex whose removal would break the bound.
 const WAITS: i64 = i64::MAX;
 
-/// Removes vertices of a mesh within a bound, in rounds that make room for more.
+/// Removes vertices of a mesh within a bound, in rounds that make room for more. Without an effort
+/// vertices stay where they are.
 pub(crate) fn refine_within(
     mesh: &mut ValuedMesh<'_>,
     freedom: Freedom,
@@ -36,7 +37,13 @@ pub(crate) fn refine_within(
     control: &dyn Control,
 ) -> Result<SortedMesh, Cancelled> {
     let rounds = ROUNDS_PER_EFFORT * usize::from(effort).max(1);
-    let mut moves = VertexMoves::new(mesh.triangulation.points.len(), freedom);
+    let count = mesh.triangulation.points.len();
+    let mut moves = match effort {
+        0 => VertexMoves::of_values(count, freedom),
+        _ => VertexMoves::new(count, freedom),
+    };
+    // Vertices at the borders of holes must not move.
+    let passes = (effort > 0 || freedom.values) && !mesh.errors.has_holes();
     let mut removal = BoundedRemoval { freedom, ..BoundedRemoval::default() };
     for done in 0..rounds {
         let progress = begin_step(control, done, rounds + 1)?;
@@ -45,8 +52,7 @@ pub(crate) fn refine_within(
             if freedom.connectivity {
                 mesh.flip_edges(&progress)?;
             }
-            // Vertices at the borders of holes must not move.
-            if !mesh.errors.has_holes() {
+            if passes {
                 moves.pass(mesh, &progress)?;
             }
         }

@@ -69,6 +69,11 @@ impl VertexMoves {
         }
     }
 
+    /// Moves that change the values of vertices alone.
+    pub(crate) fn of_values(vertex_count: usize, freedom: Freedom) -> Self {
+        Self { offsets: vec![(0, 0)], ..Self::new(vertex_count, freedom) }
+    }
+
     pub(crate) fn pass(
         &mut self,
         mesh: &mut ValuedMesh<'_>,
