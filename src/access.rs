@@ -13,13 +13,14 @@ mod quota;
 mod shares;
 
 pub use file::{KeyLine, parse};
-pub use issue::{NewKey, issue};
+pub use issue::{KeysFile, NewKey, RevokedKey, issue, list, revoke};
 pub use key::{Digest, Key};
 pub use quota::{Quota, Standing};
 pub use shares::{Share, Shares};
 
 use crate::config::AccessSettings;
 use pixmesh_engine::Owner;
+use pixmesh_jobs::record::Moment;
 use std::error::Error;
 use std::fs;
 use std::num::NonZeroU32;
@@ -42,9 +43,19 @@ pub struct KeyRing {
 /// One key, and the quota that all keys of its name share.
 #[derive(Clone, Debug)]
 struct Entry {
-    owner: Owner,
-    digest: Digest,
+    line: KeyLine,
     quota: Arc<Quota>,
+}
+
+/// Whom a key stands for.
+#[derive(Clone, Debug)]
+pub struct Holder {
+    /// The owner of what the key's requests make.
+    pub owner: Owner,
+    /// Whether the key may operate the jobs of all owners.
+    pub is_operator: bool,
+    /// The quota of the key's name.
+    pub quota: Arc<Quota>,
 }
 
 impl KeyRing {
@@ -63,19 +74,25 @@ impl KeyRing {
         Ok(Some(ring))
     }
 
-    /// The owner of a key, and the quota of its name. Every key is compared in full, so that the
-    /// time tells nothing of how much of one was guessed.
+    /// Whom a key stands for, unless it has expired. Every key is compared in full, so that the time
+    /// tells nothing of how much of one was guessed.
     #[must_use]
-    pub fn find(&self, presented: &str) -> Option<(Owner, Arc<Quota>)> {
+    pub fn find(&self, presented: &str) -> Option<Holder> {
         let digest = Digest::of(presented);
         let entries = self.entries.read().unwrap_or_else(PoisonError::into_inner);
         let mut found = None;
         for entry in &*entries {
-            if entry.digest.matches(&digest) {
+            if entry.line.digest.matches(&digest) {
                 found = Some(entry);
             }
         }
-        found.map(|entry| (entry.owner.clone(), Arc::clone(&entry.quota)))
+        let found =
+            found.filter(|found| found.line.expires.is_none_or(|time| time > Moment::now()));
+        found.map(|Entry { line, quota }| Holder {
+            owner: line.owner.clone(),
+            is_operator: line.is_operator,
+            quota: Arc::clone(quota),
+        })
     }
 
     /// Reloads the file whenever it changes, for ever.
@@ -115,9 +132,9 @@ impl KeyRing {
         for line in lines {
             let rate = line.requests_per_minute.unwrap_or(self.requests_per_minute);
             let mut known = next.iter().chain(entries.iter());
-            let same = known.find(|e| e.owner == line.owner && e.quota.per_minute() == rate);
+            let same = known.find(|e| e.line.owner == line.owner && e.quota.per_minute() == rate);
             let quota = same.map_or_else(|| Arc::new(Quota::new(rate)), |e| Arc::clone(&e.quota));
-            next.push(Entry { owner: line.owner.clone(), digest: line.digest.clone(), quota });
+            next.push(Entry { line: line.clone(), quota });
         }
         *entries = next;
     }

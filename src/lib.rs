@@ -16,6 +16,8 @@
 //! | [`telemetry`] | the log and the metrics |
 //! | [`doctor`] | whether the service would work here |
 //! | [`health`] | asks a running service whether it is ready |
+//! | [`data`] | copies and checks the data folder |
+//! | [`operate`] | operates the jobs of a running service |
 //!
 //! A request flows one way: `extract::upload` receives it, the engine reads the picture's header and
 //! says what the task costs, its scheduler gives a ticket, and a worker runs the task with it. What a
@@ -25,10 +27,12 @@
 
 pub mod access;
 pub mod config;
+pub mod data;
 pub mod doctor;
 pub mod extract;
 pub mod health;
 pub mod lifecycle;
+pub mod operate;
 pub mod problem;
 pub mod routes;
 pub mod server;

@@ -77,3 +77,18 @@ impl Lifecycle {
         self.0.began.elapsed().saturating_sub(last) < LONGEST_SILENCE
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn silence_of_the_public_listener_is_noticed() {
+        let began = Instant::now().checked_sub(2 * LONGEST_SILENCE).unwrap();
+        let (stage, last_beat_ms) = (AtomicU8::new(1), AtomicU64::new(0));
+        let lifecycle = Lifecycle(Arc::new(State { stage, began, last_beat_ms }));
+        assert!(!lifecycle.is_alive());
+        lifecycle.beat();
+        assert!(lifecycle.is_alive());
+    }
+}

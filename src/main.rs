@@ -1,6 +1,6 @@
 //! The program `pixmesh`: with the feature `cli` the subcommands that work on files, `mesh`, `render`,
 //! `convert`, `compare`, `info`, `batch`, `completions` and `man`; with the feature `service` `serve`,
-//! `worker`, `health`, `doctor`, `config`, `key` and `openapi`.
+//! `worker`, `health`, `jobs`, `backup`, `check`, `doctor`, `config`, `key` and `openapi`.
 
 use clap::{Parser, Subcommand};
 use std::error::Error;
@@ -62,10 +62,11 @@ mod service {
     //! The subcommands of the service.
 
     use clap::Subcommand;
-    use pixmesh::access::{NewKey, issue};
+    use pixmesh::access::{self, KeysFile, NewKey, RevokedKey};
     use pixmesh::config::{self, HealthSettings, Settings};
+    use pixmesh::data::{self, Backup, DataFolder};
     use pixmesh::server::Role;
-    use pixmesh::{doctor, health, routes, server};
+    use pixmesh::{doctor, health, operate, routes, server};
     use std::error::Error;
     use std::io::{self, Write};
 
@@ -83,7 +84,14 @@ mod service {
         /// Checks whether the service works on this machine with these settings: the kernels, the data
         /// folder, memory and addresses. Exit status 1 if a check fails.
         Doctor(Settings),
-        /// Creates keys for --keys-file.
+        /// Lists, retries, cancels and deletes jobs of a running service, and pauses their intake and work.
+        Jobs(operate::Order),
+        /// Copies the jobs of --data-dir to a folder, while the service may run. A service can start with it.
+        Backup(Backup),
+        /// Checks the jobs of --data-dir or of a backup: database, records, pictures and meshes. Exit
+        /// status 1 when something is damaged.
+        Check(DataFolder),
+        /// Creates, lists and revokes the keys of --keys-file.
         #[command(subcommand)]
         Key(KeyCommand),
         /// Prints the OpenAPI document of the service.
@@ -94,6 +102,10 @@ mod service {
     pub(super) enum KeyCommand {
         /// Prints a new key, and adds its line to a file.
         New(NewKey),
+        /// Prints the names of the keys in a file, and what each may do.
+        List(KeysFile),
+        /// Takes a key, or all keys of a name, out of a file.
+        Revoke(RevokedKey),
     }
 
     pub(super) fn run(command: ServiceCommand) -> Result<(), Box<dyn Error>> {
@@ -106,7 +118,12 @@ mod service {
             ServiceCommand::Health(settings) => health::ask(&settings)?,
             ServiceCommand::Config(settings) => write!(io::stdout(), "{}", settings.checked()?)?,
             ServiceCommand::Doctor(settings) => doctor::examine(&settings)?,
-            ServiceCommand::Key(KeyCommand::New(order)) => issue(&order)?,
+            ServiceCommand::Jobs(order) => operate::operate(&order)?,
+            ServiceCommand::Backup(order) => data::back_up(&order)?,
+            ServiceCommand::Check(folder) => data::check(&folder)?,
+            ServiceCommand::Key(KeyCommand::New(order)) => access::issue(&order)?,
+            ServiceCommand::Key(KeyCommand::List(file)) => access::list(&file)?,
+            ServiceCommand::Key(KeyCommand::Revoke(order)) => access::revoke(&order)?,
             ServiceCommand::Openapi => write!(io::stdout(), "{}", routes::openapi_document())?,
         }
         Ok(())

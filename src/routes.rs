@@ -11,6 +11,7 @@ pub mod meshes;
 pub mod methods;
 pub mod metrics;
 pub mod openapi;
+pub mod operating;
 pub mod problems;
 pub mod studio;
 
@@ -32,6 +33,7 @@ use axum::routing::{get, put};
 use axum::{Extension, Router};
 use jobs::document::JobEvent;
 use openapi::DocumentText;
+use operating::Operators;
 use std::any::Any;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
@@ -105,14 +107,16 @@ pub fn openapi_document() -> String {
 }
 
 /// The routes for operations, on a listener of their own.
-pub fn operations(operations: Operations) -> Router {
+pub fn operations(operations: Operations, operators: Operators) -> Router {
+    let jobs = operations.jobs.clone();
     let routes = Router::new()
         .route("/livez", get(health::live))
         .route("/readyz", get(health::ready))
         .route("/metrics", get(metrics::show))
         .route("/log-level/{level}", put(log_level::change))
-        .fallback(not_found)
-        .with_state(operations);
+        .with_state(operations)
+        .merge(operating::routes(jobs, operators))
+        .fallback(not_found);
     rendered(routes.layer(
         ServiceBuilder::new().layer(from_fn(guard::guard)).layer(CatchPanicLayer::custom(panicked)),
     ))

@@ -15,6 +15,7 @@ use crate::config::{self, BESIDE_BUDGET, Settings};
 use crate::lifecycle::{Lifecycle, Shutdown};
 use crate::problem;
 use crate::routes;
+use crate::routes::operating::Operators;
 use crate::service::{Operations, Service};
 use crate::telemetry;
 use descriptors::OPERATIONS_CONNECTIONS;
@@ -26,6 +27,7 @@ use pixmesh_jobs::Jobs;
 use pixmesh_jobs::retention;
 use pixmesh_jobs::worker::Worker;
 use std::error::Error;
+use std::hint::black_box;
 use std::io::{self, Write};
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -50,6 +52,8 @@ const REMAINING_THREADS: Duration = Duration::from_secs(1);
 const HEARTBEAT: Duration = Duration::from_millis(500);
 /// How often the samples of histograms are sorted into buckets, scraped or not.
 const UPKEEP: Duration = Duration::from_secs(5);
+/// Bytes that the allocator takes and frees as whole pages. They are never written, and so take none.
+const LARGE: usize = 4 << 20;
 
 /// What a node does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,9 +138,16 @@ pub async fn serve(
     shutdown: Shutdown,
 ) -> Result<(), Box<dyn Error>> {
     let lifecycle = Lifecycle::new(shutdown.stop.clone());
+    let keys = KeyRing::of(&settings.access)?.map(Arc::new);
+    let operators = Operators {
+        keys: keys.clone(),
+        visitors: Arc::new(settings.visitors()),
+        is_private: settings.ops_listen.ip().is_loopback(),
+    };
     let shared = Operations { lifecycle: lifecycle.clone(), jobs: jobs.clone(), metrics };
-    let operations = OperationsThread::start(listeners.operations, shared, timeouts(settings))?;
-    let served = serve_public(listeners.public, settings, jobs, &lifecycle, shutdown).await;
+    let operations =
+        OperationsThread::start(listeners.operations, shared, operators, timeouts(settings))?;
+    let served = serve_public(listeners.public, settings, keys, jobs, &lifecycle, shutdown).await;
     operations.stop().await;
     served
 }
@@ -178,10 +189,15 @@ struct OperationsThread {
 }
 
 impl OperationsThread {
-    fn start(socket: TcpListener, shared: Operations, timeouts: Timeouts) -> io::Result<Self> {
+    fn start(
+        socket: TcpListener,
+        shared: Operations,
+        operators: Operators,
+        timeouts: Timeouts,
+    ) -> io::Result<Self> {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let (stop, metrics) = (CancellationToken::new(), shared.metrics.clone());
-        let routes = routes::operations(shared);
+        let routes = routes::operations(shared, operators);
         let listener = Listener::new(socket, routes, OPERATIONS_CONNECTIONS, timeouts);
         let stopped = stop.clone();
         let thread = thread::Builder::new().name("operations".into()).spawn(move || {
@@ -205,13 +221,16 @@ impl OperationsThread {
     }
 }
 
-/// Sorts the samples of histograms into their buckets for ever: they would pile up where nobody
-/// asks for the metrics.
+/// Sorts the samples of histograms into their buckets for ever, because they would pile up where nobody
+/// asks for the metrics, and gives free memory back to the system.
 async fn keep_up(metrics: PrometheusHandle) {
     let mut ticks = tokio::time::interval(UPKEEP);
     loop {
         ticks.tick().await;
         metrics.run_upkeep();
+        // The allocator gives back to the system what became free before when it frees more, which an
+        // idle process does not.
+        drop(black_box(Vec::<u8>::with_capacity(LARGE)));
     }
 }
 
@@ -219,11 +238,11 @@ async fn keep_up(metrics: PrometheusHandle) {
 async fn serve_public(
     listener: Option<TcpListener>,
     settings: &Settings,
+    keys: Option<Arc<KeyRing>>,
     jobs: Jobs,
     lifecycle: &Lifecycle,
     shutdown: Shutdown,
 ) -> Result<(), Box<dyn Error>> {
-    let keys = KeyRing::of(&settings.access)?.map(Arc::new);
     if let Some(keys) = &keys {
         tokio::spawn(Arc::clone(keys).keep_up());
     }

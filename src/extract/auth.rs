@@ -4,7 +4,7 @@
 //! path, so that nobody without a key learns what exists. A handler finds the [`Owner`] among the
 //! request's extensions.
 
-use crate::access::{KeyRing, Quota, Standing};
+use crate::access::{Holder, KeyRing, Standing};
 use crate::problem::{Kind, Problem};
 use axum::extract::{Request, State};
 use axum::http::header::{AUTHORIZATION, WWW_AUTHENTICATE};
@@ -24,6 +24,10 @@ static RATE_LIMIT_POLICY: HeaderName = HeaderName::from_static("ratelimit-policy
 /// The detail of a request without a key.
 pub(crate) const KEY_NEEDED: &str = "a key is needed: send the header Authorization: Bearer KEY";
 
+/// Whether the key of a request may operate the jobs of all owners.
+#[derive(Clone, Copy, Debug)]
+pub struct IsOperator(pub bool);
+
 /// The layer that authenticates a request and counts it against the quota.
 pub async fn authenticate(
     State(keys): State<Option<Arc<KeyRing>>>,
@@ -35,7 +39,7 @@ pub async fn authenticate(
         request.extensions_mut().insert(Owner::Anonymous);
         return next.run(request).await;
     };
-    let (owner, quota) = match holder(&keys, request.headers()) {
+    let Holder { owner, is_operator, quota } = match holder(&keys, request.headers()) {
         Ok(found) => found,
         Err(refused) => return refused.into_response(),
     };
@@ -44,6 +48,7 @@ pub async fn authenticate(
     let mut response = match standing {
         Ok(_) => {
             request.extensions_mut().insert(owner);
+            request.extensions_mut().insert(IsOperator(is_operator));
             next.run(request).await
         }
         Err(standing) => {
@@ -56,8 +61,8 @@ pub async fn authenticate(
     response
 }
 
-/// The owner of the one key that a request presents.
-fn holder(keys: &KeyRing, headers: &HeaderMap) -> Result<(Owner, Arc<Quota>), Unauthorized> {
+/// The holder of the one key that a request presents.
+fn holder(keys: &KeyRing, headers: &HeaderMap) -> Result<Holder, Unauthorized> {
     let mut given = headers.get_all(AUTHORIZATION).iter();
     let (Some(only), None) = (given.next(), given.next()) else {
         return Err(match headers.contains_key(AUTHORIZATION) {

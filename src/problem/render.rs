@@ -162,3 +162,17 @@ impl Kind {
         document
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_503_and_507_says_when_to_try_again() {
+        for kind in Kind::ALL {
+            let is_passing = matches!(kind.status().as_u16(), 503 | 507);
+            let problem = Problem::new(*kind, "detail");
+            assert_eq!(problem.seconds_to_retry().is_some(), is_passing, "{}", kind.slug());
+        }
+    }
+}

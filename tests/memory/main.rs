@@ -5,6 +5,7 @@
 mod admission;
 #[path = "../service/client.rs"]
 mod client;
+mod idle;
 #[path = "../service/pictures.rs"]
 mod pictures;
 #[path = "../service/server.rs"]

@@ -20,8 +20,14 @@ impl KeysFile {
 
     /// Makes a key with the program, as an operator would.
     pub(crate) fn issue(&self, name: &str) -> String {
-        let output =
-            program().args(["key", "new", name, "--keys-file", self.path()]).output().unwrap();
+        self.issue_as(name, &[])
+    }
+
+    /// Makes a key with further flags.
+    pub(crate) fn issue_as(&self, name: &str, flags: &[&str]) -> String {
+        let mut command = program();
+        command.args(["key", "new", name, "--keys-file", self.path()]).args(flags);
+        let output = command.output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap().trim().to_owned()
     }

@@ -221,6 +221,10 @@ fn config_prints_the_settings_in_force() {
     let small = program().args(["config", "--memory-budget", "40MiB"]).output().unwrap();
     let settings = String::from_utf8(small.stdout).unwrap();
     assert!(settings.contains("--max-body 10MiB\n"), "no more is in force: {settings}");
+    assert!(settings.contains("--max-connections 1024\n"), "{settings}");
+    let large = program().args(["config", "--memory-budget", "2GiB"]).output().unwrap();
+    let settings = String::from_utf8(large.stdout).unwrap();
+    assert!(settings.contains("--max-connections 4096\n"), "two for each MiB: {settings}");
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod kept_images;
 mod keys;
 mod lifecycle;
 mod load;
+mod operating;
 mod operators;
 mod output;
 mod ownership;

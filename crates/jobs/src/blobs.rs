@@ -263,7 +263,7 @@ impl Blobs {
 
     /// The file that is locked by deletions, shared, and by a backup.
     fn lock_file(&self) -> io::Result<Option<File>> {
-        let path = self.folder.as_ref().map(|folder| folder.join("lock"));
+        let path = self.folder.as_ref().map(|folder| folder.with_extension("lock"));
         path.map(|path| OpenOptions::new().create(true).truncate(false).write(true).open(path))
             .transpose()
     }

@@ -102,7 +102,7 @@ pub(crate) async fn submit_picture(jobs: &Jobs, picture: &'static str) -> (JobId
 /// Blobs in a folder that is deleted with the second value.
 pub(crate) fn blobs() -> (Blobs, TempDir) {
     let folder = tempfile::tempdir().unwrap();
-    (Blobs::in_folder(folder.path()).unwrap(), folder)
+    (Blobs::in_folder(&folder.path().join("blobs")).unwrap(), folder)
 }
 
 /// Stores a blob.

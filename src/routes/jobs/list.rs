@@ -74,7 +74,7 @@ fn next_page(id: JobId, limit: usize, state: Option<JobState>) -> String {
     format!("/v1/jobs?limit={limit}{state}&cursor={id}")
 }
 
-fn state_named(name: &str) -> Result<JobState, Problem> {
+pub(in crate::routes) fn state_named(name: &str) -> Result<JobState, Problem> {
     JobState::named(name).ok_or_else(|| {
         let detail = format!("state must be one of {}", JobState::NAMES.join(", "));
         Problem::new(Kind::UnknownValue, detail).param("state").allowed(JobState::NAMES)
@@ -82,7 +82,7 @@ fn state_named(name: &str) -> Result<JobState, Problem> {
 }
 
 /// The job after which a page begins.
-fn cursor(text: &str) -> Result<JobId, Problem> {
+pub(in crate::routes) fn cursor(text: &str) -> Result<JobId, Problem> {
     JobId::parse(text).ok_or_else(|| {
         let detail = "cursor must be the cursor of an earlier page";
         Problem::new(Kind::ParameterMalformed, detail).param("cursor")

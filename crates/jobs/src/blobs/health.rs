@@ -33,16 +33,16 @@ mod tests {
     #[tokio::test]
     async fn failed_store_is_healthy_after_a_probe() {
         for content in [&b"a picture"[..], b""] {
-            let (blobs, folder) = blobs();
+            let (blobs, _folder) = blobs();
             assert!(blobs.is_healthy());
             let bytes = Bytes::from_static(content);
             let digest = Digest::of(&bytes);
             // No file can be renamed to the name of a folder.
-            fs::create_dir_all(folder.path().join(path_of(digest).as_ref())).unwrap();
+            fs::create_dir_all(blobs.folder_for_test().join(path_of(digest).as_ref())).unwrap();
             let pin = blobs.pin().await;
             assert!(blobs.put(&pin, digest, bytes).await.is_err());
             assert!(!blobs.is_healthy());
-            let in_the_way = folder.path().join(PROBE);
+            let in_the_way = blobs.folder_for_test().join(PROBE);
             fs::create_dir(&in_the_way).unwrap();
             blobs.probe().await;
             assert!(!blobs.is_healthy());

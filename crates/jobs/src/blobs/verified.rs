@@ -107,7 +107,7 @@ mod tests {
 
     #[tokio::test]
     async fn part_is_verified_by_its_chunks() {
-        let (blobs, folder) = blobs();
+        let (blobs, _folder) = blobs();
         let chunk = CHUNK_BYTES as usize;
         let bytes: Bytes = (0..2 * chunk + 1000).map(|i| ((i * 31) >> 3) as u8).collect();
         let chunks = chunk_digests(&bytes, || Ok(())).unwrap();
@@ -123,7 +123,8 @@ mod tests {
         }
         let mut changed = bytes.to_vec();
         changed[chunk + 7] ^= 1;
-        std::fs::write(folder.path().join(path_of(blob.digest).as_ref()), &changed).unwrap();
+        std::fs::write(blobs.folder_for_test().join(path_of(blob.digest).as_ref()), &changed)
+            .unwrap();
         let refused = |read: Result<Bytes, QueueError>| matches!(read, Err(QueueError::Damaged(_)));
         assert!(blobs.get_part(blob.clone(), 0..9).await.is_ok(), "another chunk");
         assert!(refused(blobs.get_part(blob.clone(), CHUNK_BYTES..CHUNK_BYTES + 1).await));
@@ -135,12 +136,12 @@ mod tests {
 
     #[tokio::test]
     async fn damaged_blob_is_refused_and_rewritten() {
-        let (blobs, folder) = blobs();
+        let (blobs, _folder) = blobs();
         let bytes = Bytes::from_static(b"what was stored");
         let digest = Digest::of(&bytes);
         let pin = blobs.pin().await;
         blobs.put(&pin, digest, bytes.clone()).await.unwrap();
-        let path = folder.path().join(path_of(digest).as_ref());
+        let path = blobs.folder_for_test().join(path_of(digest).as_ref());
         for changed in [&b"what Was stored"[..], b"what was", b"", b"what was stored, and more"] {
             std::fs::write(&path, changed).unwrap();
             assert!(matches!(blobs.get(digest).await, Err(QueueError::Damaged(_))));
