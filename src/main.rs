@@ -1,5 +1,5 @@
 //! The program `pixmesh`: with the feature `cli` the subcommands that work on files, `mesh`, `render`,
-//! `convert`, `compare`, `info`, `batch`, `completions` and `man`; with the feature `service` `serve`,
+//! `convert`, `compare`, `info`, `batch`, `presets`, `completions` and `man`; with the feature `service` `serve`,
 //! `worker`, `health`, `jobs`, `backup`, `check`, `doctor`, `config`, `key` and `openapi`.
 
 use clap::{Parser, Subcommand};

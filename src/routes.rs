@@ -12,6 +12,7 @@ pub mod methods;
 pub mod metrics;
 pub mod openapi;
 pub mod operating;
+pub mod presets;
 pub mod problems;
 pub mod studio;
 
@@ -95,6 +96,7 @@ fn documented() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(conversions::rebuild))
         .routes(routes!(comparisons::create))
         .routes(routes!(methods::list))
+        .routes(routes!(presets::list))
         .routes(routes!(problems::show))
         .routes(routes!(openapi::show))
         .routes(routes!(docs::show))

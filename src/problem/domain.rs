@@ -5,6 +5,7 @@ use pixmesh_codec::{
     DecodeError, EncodeError, MeshFileError, ModelDefect, ModelError, PmeshError, WeightsError,
 };
 use pixmesh_engine::error::Bound;
+use pixmesh_engine::params::nearest_name;
 use pixmesh_engine::{EngineError, InputError};
 use pixmesh_jobs::QueueError;
 use pixmesh_jobs::worker::AttemptError;
@@ -291,8 +292,11 @@ impl From<ParameterError> for Problem {
         use ParameterError as E;
         let detail = error.to_string();
         match error {
-            E::UnknownValue { parameter, allowed, .. } => {
-                Self::new(Kind::UnknownValue, detail).param(parameter).allowed(allowed)
+            E::UnknownValue { parameter, value, allowed } => {
+                let problem =
+                    Self::new(Kind::UnknownValue, detail).param(parameter).allowed(allowed);
+                let nearest = nearest_name(&value, allowed.iter().copied());
+                nearest.into_iter().fold(problem, Self::nearest)
             }
             E::NotFinite { parameter } => Self::new(Kind::NotFinite, detail).param(parameter),
             E::OutOfRange { parameter, value, minimum, maximum } => {

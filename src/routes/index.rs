@@ -21,6 +21,7 @@ pub(super) struct IndexLinks {
     reconstructions: &'static str,
     comparisons: &'static str,
     methods: &'static str,
+    presets: &'static str,
     openapi: &'static str,
     docs: &'static str,
 }
@@ -37,6 +38,7 @@ pub(super) async fn show() -> Json<Index> {
             reconstructions: "/v1/reconstructions",
             comparisons: "/v1/comparisons",
             methods: "/v1/methods",
+            presets: "/v1/presets",
             openapi: "/openapi.json",
             docs: "/docs",
         },

@@ -72,7 +72,7 @@ async fn make(service: &Service, owner: Owner, request: Request) -> Result<Respo
         service.scheduler.refuse_crowd(&owner)?;
     }
     let (upload, order) = source::receive(service, &owner, &IMAGE, &head, body).await?;
-    let representation = accept::choose(order.format, &head.headers)?;
+    let representation = accept::choose_rather(order.usual_format, order.format, &head.headers)?;
     if preference.is_for_job() {
         return jobs::prefer(service, owner, &head.headers, upload, &order, preference).await;
     }

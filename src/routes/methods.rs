@@ -98,7 +98,8 @@ pub(super) async fn list() -> Json<Methods> {
 impl From<Method> for MethodRow {
     fn from(method: Method) -> Self {
         let parameters = method.parameters(Target::Percent(DEFAULT_DENSITY));
-        let options = MeshOptions { method, parameters, output: Output::default(), format: None };
+        let output = Output::default();
+        let options = MeshOptions { method, parameters, output, format: None, usual_format: None };
         let mut defaults = options.object();
         defaults.shift_remove("method");
         Self { name: method.name(), components: method.component_count(), defaults }

@@ -81,7 +81,7 @@ export class Form {
     const groups = new Map([...Object.keys(GROUPS), "More"].map((title) => [title, make("div", { class: "fields" })]));
     for (const parameter of this.methods.parameters) {
       const { name } = parameter;
-      if (name === "method" || name in TARGETS || OF_OUTPUT.has(name)) continue;
+      if (name === "method" || name === "preset" || name in TARGETS || OF_OUTPUT.has(name)) continue;
       const control = controlOf(parameter);
       this.others.set(name, control);
       const about = make("p", { class: "note", id: `about-${name}` }, `${parameter.about}${boundsOf(parameter)} (${name})`);

@@ -22,6 +22,7 @@ mod output;
 mod ownership;
 mod parameters;
 mod pictures;
+mod presets;
 mod program;
 mod rejected_pictures;
 mod server;

@@ -2,14 +2,15 @@
 //! bytes as over HTTP.
 //!
 //! [`mesh`] makes one mesh and [`batch`] many, [`mesh_file`] converts and renders meshes, [`facts`]
-//! compares and describes files. [`parameters`] makes options of the engine's table, and [`work`]
-//! shows progress and tells results.
+//! compares and describes files. [`parameters`] makes options of the engine's table, [`presets`] lists its
+//! presets, and [`work`] shows progress and tells results.
 
 pub mod batch;
 pub mod facts;
 pub mod mesh;
 pub mod mesh_file;
 pub mod parameters;
+pub mod presets;
 pub mod work;
 
 use crate::{CliError, files};
@@ -19,6 +20,7 @@ use clap_complete::Shell;
 use facts::{CompareOrder, InfoOrder};
 use mesh::MeshOrder;
 use mesh_file::{ConvertOrder, RenderOrder};
+use presets::PresetsOrder;
 
 /// The subcommands that work on files.
 #[derive(Subcommand, Debug)]
@@ -41,6 +43,8 @@ pub enum FileCommand {
     /// Makes the meshes of many pictures; a bad one does not stop the others.
     #[command(after_long_help = EXIT)]
     Batch(BatchOrder),
+    /// Lists the presets: parameters for a purpose, which --preset names.
+    Presets(PresetsOrder),
     /// Prints a script that completes this program's options in a shell.
     Completions {
         /// Shell to print the script for
@@ -69,6 +73,7 @@ impl FileCommand {
             Self::Compare(order) => order.run(),
             Self::Info(order) => order.run(),
             Self::Batch(order) => order.run(),
+            Self::Presets(order) => order.run(),
             Self::Completions { shell } => {
                 let mut text = Vec::new();
                 clap_complete::generate(*shell, command, "pixmesh", &mut text);

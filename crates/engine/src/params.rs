@@ -8,12 +8,14 @@
 
 mod grammar;
 mod output;
+mod preset;
 mod sources;
 mod stored;
 mod table;
 
 pub use grammar::whole_between;
 pub use output::{Output, WRITING, WRITTEN_ALPHAS};
+pub use preset::{PRESETS, Preset};
 pub use sources::{MOST_MEMBERS, pairs_of_json, pairs_of_query, skip_rest};
 pub use table::{Parameter, TABLE, Takes};
 
@@ -28,7 +30,7 @@ use pixmesh_meshing::parameters::{
     PscTie, Reconstruction, Scan, Smoothing, SmoothingDirection, Startup, Values,
 };
 use pixmesh_meshing::{Method, ParameterError, Parameters, Target};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 /// The density in percent, where no other target is given.
 pub const DEFAULT_DENSITY: f64 = 2.0;
@@ -36,19 +38,28 @@ pub const DEFAULT_DENSITY: f64 = 2.0;
 /// The method, where none is given.
 pub const DEFAULT_METHOD: Method = Method::Mgprfs;
 
-/// Lengths of which each excludes the other.
-const EXCLUSIVE_LENGTHS: &[&[&str]] = &[&["height", "z_scale"], &["pixel_size", "width"]];
+/// Parameters that say what the mesh must be like, of which each excludes the others.
+const TARGETS: &[&str] = &["density", "size", "target_psnr", "target_error", "max_error"];
+
+/// Parameters of which each excludes the others.
+const EXCLUSIVE: [&[&str]; 4] = [
+    TARGETS,
+    &["gamma", "initial_density", "initial_size"],
+    &["height", "z_scale"],
+    &["pixel_size", "width"],
+];
 
 /// The parameters given so far, each at most once.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct ParameterSet {
     seen: Vec<&'static str>,
     choices: Choices,
 }
 
 /// The values given, by parameter.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Choices {
+    preset: Option<&'static Preset>,
     method: Option<Method>,
     density: Option<f64>,
     size: Option<usize>,
@@ -115,6 +126,8 @@ pub struct MeshOptions {
     pub output: Output,
     /// The format asked for by name.
     pub format: Option<Format>,
+    /// The format of the preset, where nothing else says one.
+    pub usual_format: Option<Format>,
 }
 
 impl ParameterSet {
@@ -132,17 +145,49 @@ impl ParameterSet {
         parameter.read(text, &mut self.choices)
     }
 
-    /// What the parameters mean together.
+    /// What the parameters mean together, with those of the preset.
     ///
     /// # Errors
     /// When there is more than one target or initial size, and whatever the methods refuse before
     /// they see an image.
     pub fn finish(&self) -> Result<MeshOptions, EngineError> {
-        self.at_most_one_of(&["density", "size", "target_psnr", "target_error", "max_error"])?;
-        self.at_most_one_of(&["gamma", "initial_density", "initial_size"])?;
-        for exclusive in EXCLUSIVE_LENGTHS {
+        for exclusive in EXCLUSIVE {
             self.at_most_one_of(exclusive)?;
         }
+        match self.choices.preset {
+            None => self.options(),
+            Some(preset) => {
+                let options = self.completed(preset.parameters.iter().copied())?.options()?;
+                Ok(MeshOptions { usual_format: preset.format, ..options })
+            }
+        }
+    }
+
+    /// These parameters, and those of the pairs that they leave open.
+    fn completed<'a>(
+        &self,
+        pairs: impl Iterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, EngineError> {
+        let mut set = self.clone();
+        for (name, text) in pairs.filter(|(name, _)| !self.settles(name)) {
+            set.add(name, text)?;
+        }
+        Ok(set)
+    }
+
+    /// Whether a parameter is given, or excluded by one that is, or set by the method given.
+    fn settles(&self, name: &str) -> bool {
+        let excluding = EXCLUSIVE.iter().filter(|names| names.contains(&name));
+        let is_beside = ["lenient", "format"].contains(&name);
+        let is_of_method = !TARGETS.contains(&name) && !WRITING.contains(&name) && !is_beside;
+        self.seen.contains(&name)
+            || excluding.flat_map(|names| *names).any(|other| self.seen.contains(other))
+            || self.choices.method.is_some() && is_of_method
+            || self.choices.texture == Some(Texturing::Embed) && name == "color"
+            || self.choices.color.is_some_and(|color| color != Coloring::Image) && name == "texture"
+    }
+
+    fn options(&self) -> Result<MeshOptions, EngineError> {
         if self.choices.texture == Some(Texturing::Embed)
             && self.choices.color.is_some_and(|color| color != Coloring::Image)
         {
@@ -156,7 +201,8 @@ impl ParameterSet {
         }
         let output = self.choices.output();
         let parameters = parameters.covers_alpha(output.alpha.is_cut());
-        Ok(MeshOptions { method, parameters, output, format: self.choices.format })
+        let format = self.choices.format;
+        Ok(MeshOptions { method, parameters, output, format, usual_format: None })
     }
 
     fn at_most_one_of(&self, names: &[&'static str]) -> Result<(), InputError> {
@@ -182,13 +228,12 @@ pub fn unknown(name: &str, known: &[&str]) -> InputError {
 }
 
 /// Names that are not known, and those that mean the same.
-const SYNONYMS: [(&str, &str); 6] = [
+const SYNONYMS: [(&str, &str); 5] = [
     ("vertices", "size"),
     ("points", "size"),
     ("count", "size"),
     ("percent", "density"),
     ("quality", "target_psnr"),
-    ("preset", "method"),
 ];
 
 /// The known name that means the same as an unknown one, or is most like it: that it is a part of,
@@ -253,6 +298,26 @@ impl Choices {
     }
 }
 
+impl Preset {
+    /// Its parameters as a JSON object, each value of its type.
+    #[must_use]
+    pub fn object(&self) -> Map<String, Value> {
+        let typed = |&(name, text): &(&str, &str)| {
+            let row = TABLE.iter().find(|row| row.name == name)?;
+            Some((name.to_owned(), row.json(text.to_owned())))
+        };
+        self.parameters.iter().filter_map(typed).collect()
+    }
+
+    /// All of it as a JSON object, as `GET /v1/presets` tells it.
+    #[must_use]
+    pub fn row(&self) -> Value {
+        let &Self { name, about, not_for, format, .. } = self;
+        let (format, parameters) = (format.map(Format::name), self.object());
+        json!({ "name": name, "about": about, "not_for": not_for, "format": format, "parameters": parameters })
+    }
+}
+
 impl MeshOptions {
     /// Checks the order against an image's header, and computes what it means for that image.
     ///
@@ -284,7 +349,6 @@ impl MeshOptions {
     ) -> Result<Self, EngineError> {
         let mut set = ParameterSet::default();
         pairs.into_iter().try_for_each(|(name, text)| set.add(name, text))?;
-        let given = set.seen.clone();
         if let Some(alpha) = set.choices.alpha
             && !WRITTEN_ALPHAS.contains(&alpha.to_string().as_str())
         {
@@ -296,17 +360,8 @@ impl MeshOptions {
             }
             .into());
         }
-        let is_replaced = |name: &str| {
-            let excluding = EXCLUSIVE_LENGTHS.iter().filter(|names| names.contains(&name));
-            given.contains(&name) || excluding.flat_map(|n| *n).any(|other| given.contains(other))
-        };
-        for pair in pairs_of_query(Some(&self.query())) {
-            let (name, text) = pair?;
-            if !is_replaced(&name) {
-                set.add(&name, &text)?;
-            }
-        }
-        set.finish()
+        let own: Vec<_> = pairs_of_query(Some(&self.query())).collect::<Result<_, _>>()?;
+        set.completed(own.iter().map(|(name, text)| (name.as_str(), text.as_str())))?.finish()
     }
 
     /// What was run, as a query that asks for the same.

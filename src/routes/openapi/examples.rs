@@ -7,7 +7,7 @@ use crate::problem::{Kind, Problem};
 use pixmesh_codec::{DecodeError, Limits, decode, write_model};
 use pixmesh_engine::EngineError;
 use pixmesh_engine::params::{
-    DEFAULT_DENSITY, DEFAULT_METHOD, MeshOptions, Parameter as Row, ParameterSet, Takes,
+    DEFAULT_DENSITY, DEFAULT_METHOD, MeshOptions, Parameter as Row, ParameterSet,
 };
 use pixmesh_meshing::{Target, mesh_image};
 use serde_json::Value;
@@ -33,11 +33,7 @@ pub(super) fn model() -> String {
 /// What a parameter is when it is not given; `None` for those that are nothing then, so that all
 /// examples together are an order.
 pub(super) fn value(row: &Row) -> Option<Value> {
-    let shown = row.show(&order(DEFAULT_DENSITY))?;
-    Some(match row.takes {
-        Takes::Word(_) => shown.into(),
-        _ => serde_json::from_str(&shown).unwrap_or(Value::String(shown)),
-    })
+    row.value(&order(DEFAULT_DENSITY))
 }
 
 fn order(density: f64) -> MeshOptions {
@@ -47,6 +43,7 @@ fn order(density: f64) -> MeshOptions {
         parameters,
         output: pixmesh_engine::params::Output::default(),
         format: None,
+        usual_format: None,
     }
 }
 

@@ -34,7 +34,7 @@ impl BatchOrder {
     /// When a parameter is refused, and after the others when a picture is.
     pub fn run(&self) -> Result<(), CliError> {
         let options = self.parameters.options()?;
-        let format = options.format.unwrap_or(Format::Model);
+        let format = options.format.or(options.usual_format).unwrap_or_default();
         std::fs::create_dir_all(&self.output)
             .map_err(|source| CliError::File { name: self.output.display().to_string(), source })?;
         let mut written = BTreeSet::new();

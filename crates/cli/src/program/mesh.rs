@@ -35,7 +35,7 @@ impl MeshOrder {
     pub fn run(&self) -> Result<(), CliError> {
         let options = self.parameters.options()?;
         let output = files::named(&self.output);
-        let format = format(options.format, output, Format::Model)?;
+        let format = format(options.format, output, options.usual_format.unwrap_or_default())?;
         let weights = self.weights.as_deref().map(|file| files::read(Some(file))).transpose()?;
         let answer = make(&self.input, weights, &options, format, &self.telling)?;
         files::replace(output, &answer.bytes)?;

@@ -106,6 +106,7 @@ fn argument(row: &Parameter) -> Arg {
         "size" => Some('n'),
         "method" => Some('m'),
         "format" => Some('f'),
+        "preset" => Some('p'),
         _ => None,
     };
     let option = Arg::new(row.name)
@@ -113,10 +114,14 @@ fn argument(row: &Parameter) -> Arg {
         .help_heading("Parameters, as over HTTP")
         .hide_short_help(short.is_none())
         .allow_negative_numbers(true);
-    let option = match row.name {
-        "format" => option.help("Format to write [default: by the ending of --output]"),
-        _ => option.help(row.about),
-    };
+    let option =
+        match row.name {
+            "format" => option
+                .help("Format to write [default: by the ending of --output, else the preset's]"),
+            "preset" => option
+                .help("Parameters for a purpose; those given beside it win. See pixmesh presets"),
+            _ => option.help(row.about),
+        };
     let option = short.into_iter().fold(option, Arg::short);
     match row.takes {
         Takes::Word(names) => option.value_parser(PossibleValuesParser::new(names)),

@@ -9,10 +9,11 @@ const VERSION: u32 = 1;
 
 impl MeshOptions {
     /// The options as a text that [`of_stored`](Self::of_stored) reads: the version, a semicolon and
-    /// the [`query`](Self::query).
+    /// the [`query`](Self::query). The format of a preset is stored as one that is asked for.
     #[must_use]
     pub fn stored(&self) -> String {
-        format!("{VERSION};{}", self.query())
+        let format = self.format.or(self.usual_format);
+        format!("{VERSION};{}", Self { format, ..self.clone() }.query())
     }
 
     /// Reads stored options. A text without a version is a query, as version 1 has it.

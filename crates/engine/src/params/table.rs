@@ -3,6 +3,7 @@
 //! The parser, `GET /v1/methods` and the OpenAPI document are all made from it.
 
 use super::grammar::{decimal, flag, malformed, whole_between};
+use super::preset::{NAMES, Preset};
 use super::{Choices, MeshOptions};
 use crate::error::EngineError;
 use pixmesh_codec::Format;
@@ -93,11 +94,15 @@ impl Parameter {
     /// The same as JSON of its type.
     #[must_use]
     pub fn value(&self, options: &MeshOptions) -> Option<Value> {
-        let text = self.show(options)?;
-        Some(match self.takes {
+        Some(self.json(self.show(options)?))
+    }
+
+    /// The text of a value as JSON of its type.
+    pub(super) fn json(&self, text: String) -> Value {
+        match self.takes {
             Takes::Word(_) => text.into(),
             _ => serde_json::from_str(&text).unwrap_or(Value::String(text)),
-        })
+        }
     }
 }
 
@@ -184,7 +189,17 @@ const MOST_SMOOTHING: u64 = MAX_SMOOTHING_ORDER as u64;
 const MAX_LENGTH: f64 = 1e9;
 const MIN_PIXEL_SIZE: f64 = 1e-9;
 /// Every parameter, in the order of their documentation.
-pub static TABLE: [Parameter; 53] = [
+pub static TABLE: [Parameter; 54] = [
+    Parameter {
+        name: "preset",
+        about: "Parameters for a purpose, as /v1/presets lists them; those given beside it win.",
+        takes: Takes::Word(&NAMES),
+        read: Reader::Word(|choices, text| {
+            choices.preset = Some(Preset::named(text)?);
+            Ok(())
+        }),
+        show: |_| None,
+    },
     Parameter {
         name: "method",
         about: "The method, which sets every other parameter; one given explicitly wins. The plus of med+ may be written as it is, as %2B, or as the blank that forms make of it. Default: mgprfs.",
