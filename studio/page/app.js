@@ -142,6 +142,7 @@ export class Studio {
     document.getElementById("stage-box")?.scrollIntoView({ block: "nearest" });
     await this.attempt(token, async () => {
       const looking = this.helpers.look(source, this.stage.renderer.maxSide).then(() => this.machine.isCurrent(token) && this.showSource(source));
+      source.looked = looking;
       // A JPEG is a photo; of others the pixels tell.
       if (!this.isChosen && file.type !== "image/jpeg") await looking;
       await this.connect();
@@ -169,6 +170,7 @@ export class Studio {
     stage.renderer.setSize(1, 1);
     this.reliefPath = "";
     this.source = source;
+    panels.showThumbnails({});
     const first = byId("first-sight", HTMLImageElement);
     if (first.src) URL.revokeObjectURL(first.src);
     first.removeAttribute("src");

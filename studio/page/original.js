@@ -8,7 +8,8 @@ import { bitmapOf, fromService, levelsOf, samplesOf } from "./picture.js";
 /** Finds them for a picture of more than 8 bits, and for one that the browser cannot show. @param {Studio} studio @param {import("./state.js").Token} token */
 export async function findSamples(studio, token) {
   const { source, form, machine, stage, tracks: [{ job }] } = studio;
-  if (!source || !job?.image) return;
+  await source?.looked;
+  if (!source || source !== studio.source || !job?.image) return;
   const shape = /** @type {Shape} */ (job.image);
   form?.allow(shape.components >= 3 ? 3 : 1);
   source.picture ??= source.bitmap && samplesOf(source.bitmap, shape);

@@ -124,14 +124,14 @@ export function showPresets(chosen, suited) {
   }
 }
 
-/** @param {Record<string, ImageBitmap>} images */
+/** Shows the outcomes of a picture; without any, those of the picture before are gone. @param {Record<string, ImageBitmap>} images */
 export function showThumbnails(images) {
   for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("#presets button"))) {
     const image = images[button.dataset.preset ?? ""];
     const canvas = button.querySelector("canvas");
+    const context = canvas?.getContext("2d");
+    if (canvas) context?.clearRect(0, 0, canvas.width, canvas.height);
     if (!image || !canvas) continue;
-    const context = canvas.getContext("2d");
-    context?.clearRect(0, 0, canvas.width, canvas.height);
     context?.drawImage(image, 0, 0, canvas.width, canvas.height);
     image.close();
   }

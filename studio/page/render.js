@@ -49,7 +49,7 @@ function showFigures({ tracks: [track], seen, source, machine, stage, curve }) {
   /** @param {string} id @param {string} text */
   const put = (id, text) => (byId(id, HTMLElement).textContent = text);
   put("figure-likeness", track.size ? likeness(track.psnr) : "–");
-  put("figure-psnr", decibels(track.size ? track.psnr : undefined));
+  put("figure-psnr", track.size ? decibels(track.psnr) : "");
   put("figure-vertices", track.size ? counted(track.size) : "–");
   put("figure-faces", track.faceCount ? counted(track.faceCount) : "–");
   const isWhole = machine.hasMesh && track.size > 0;
@@ -78,7 +78,7 @@ function noteOfSize(track, { phase }) {
   if (phase === "cancelled") return track.size ? "Stopped: this is a rough preview. Start again for the whole mesh." : "Stopped. Start again when you like.";
   if (track.stage === "preview") return "A rough preview: the mesh itself follows.";
   if (track.stage === "final" && !track.isProgressive) return "One size at a time: let go of the slider to make another.";
-  return "Drag to change the detail – it's instant.";
+  return track.size ? "Drag to change the detail – it's instant." : "";
 }
 
 /** @param {Studio} studio */

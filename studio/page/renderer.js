@@ -58,6 +58,7 @@ export class Renderer {
     /** The levels shown as black and white, 0 to 1. @type {[number, number]} */
     this.levels = [0, 1];
     this.hasAlpha = false;
+    this.hasDensity = false;
     /** JavaScript's part of the last frame, in milliseconds. */
     this.frameMs = 0;
     /** @type {(Drawn | null)[]} */
@@ -125,7 +126,7 @@ export class Renderer {
     const scale = Math.min(1, this.maxSide / Math.max(width, height));
     this.targetSize = [Math.max(1, Math.floor(width * scale)), Math.max(1, Math.floor(height * scale))];
     this.targets = [this.target(this.targetSize[0], this.targetSize[1]), this.target(1, 1)];
-    this.hasSecond = false;
+    this.hasSecond = this.hasDensity = false;
     for (const side of [0, 1]) this.clearMesh(side);
     gl.deleteTexture(this.original ?? null);
     this.original = textureOf(gl, 1, 1, new Uint8Array([14, 17, 23, 255]));
@@ -138,6 +139,7 @@ export class Renderer {
     const { gl } = this;
     gl.deleteTexture(this.density ?? null);
     this.density = textureOf(gl, width, height, map, true);
+    this.hasDensity = true;
   }
 
   /** @param {{ levels: Uint8Array, width: number, height: number }} weights */

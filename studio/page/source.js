@@ -16,6 +16,8 @@ export class Source {
     this.bitmap = null;
     /** @type {Nature | null} */
     this.nature = null;
+    /** What the browser sees is known then. @type {Promise<unknown>} */
+    this.looked = Promise.resolve();
     /** The samples as the service reads them. @type {Picture | null} */
     this.picture = null;
     /** The levels shown as black and as white. @type {[number, number]} */

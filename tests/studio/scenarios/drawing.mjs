@@ -75,6 +75,7 @@ export async function layers() {
   const mesh = await picture(page);
   const layer = async (name) => {
     await page.check(`input[name=layer][value=${name}]`, { force: true });
+    if (name === "density") await page.waitForFunction(() => studio.stage.renderer.hasDensity);
     await settled(page);
     return seen(page, place);
   };

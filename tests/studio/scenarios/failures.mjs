@@ -133,7 +133,7 @@ export async function races() {
   await page.waitForFunction(() => studio.source.sample === "bloom" && studio.source.bitmap);
   await page.waitForTimeout(100);
   assert.equal(await page.textContent("#figure-vertices"), "–");
-  assert.equal(await page.textContent("#figure-psnr"), "–");
+  assert.equal(await page.textContent("#figure-psnr"), "");
   assert.ok(await page.isVisible("#progress"));
   assert.match(await page.textContent("#progress-stage"), /Sen/);
   assert.ok(await page.isDisabled("#size-slider"));
