@@ -86,6 +86,7 @@ function noteOfPicture({ source, machine }) {
   if (!source) return "Your picture is processed on this server, kept for 24 hours and not shared.";
   if (machine.phase === "missing") return "The original picture is not here, only its mesh. Choose the file to compare or to make another.";
   const { bitmap } = source;
+  if (machine.phase === "failed") return `${source.name}.`;
   const sides = bitmap ? `, ${counted(bitmap.fullWidth)} × ${counted(bitmap.fullHeight)} pixels` : "";
   return `${source.name}${sides}. Processed on this server, kept for 24 hours and not shared.`;
 }

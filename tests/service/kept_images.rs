@@ -61,7 +61,7 @@ fn an_image_that_is_not_kept_or_is_another_keys_is_refused() {
     assert_eq!(problem["param"], "image_of");
     refused(&of, &image).problem(422, "conflicting-parameters");
     refused("image_of=nothing", &[]).problem(404, "not-found");
-    refused(&format!("{of}&{of}"), &[]).problem(422, "duplicate-parameter");
+    refused(&format!("{of}&{of}"), &[]).problem(400, "duplicate-parameter");
 
     let file = KeysFile::new("kept");
     let keys = [file.issue("one"), file.issue("other")];

@@ -140,7 +140,7 @@ export async function away() {
   assert.equal((await lines.next()).value, "gone");
   await page.waitForSelector("#progress-stage:has-text('Connection lost')");
   // What was there stays usable.
-  await page.click("#wireframe-button");
+  await page.click("#zoom-in");
   console.log("bring it back");
   assert.equal((await lines.next()).value, "back");
   // The work begins again, on a machine that may be busy.
