@@ -85,8 +85,9 @@ mod tests {
     #[test]
     fn silence_of_the_public_listener_is_noticed() {
         let began = Instant::now().checked_sub(2 * LONGEST_SILENCE).unwrap();
-        let (stage, last_beat_ms) = (AtomicU8::new(1), AtomicU64::new(0));
-        let lifecycle = Lifecycle(Arc::new(State { stage, began, last_beat_ms }));
+        let (is_ready, stop) = (AtomicBool::new(true), CancellationToken::new());
+        let state = State { is_ready, stop, began, last_beat_ms: AtomicU64::new(0) };
+        let lifecycle = Lifecycle(Arc::new(state));
         assert!(!lifecycle.is_alive());
         lifecycle.beat();
         assert!(lifecycle.is_alive());

@@ -119,7 +119,8 @@ impl Jobs {
             QueueEngine::Postgres(url) => {
                 let blobs = Blobs::shared(&settings.blobs).await?;
                 let opened = Postgres::open(url, &queue.postgres, terms).await;
-                let queue = Arc::new(opened.map_err(|error| format!("--queue {}: {error}", queue.queue))?);
+                let queue =
+                    Arc::new(opened.map_err(|error| format!("--queue {}: {error}", queue.queue))?);
                 Self::new(queue, blobs, terms)
             }
         };
