@@ -52,8 +52,8 @@ const LONG_BODY: u64 = 256 << 10;
         ),
     ),
     responses(
-        Mesh, Accepted, Problems, UploadProblems, ProblemsOf::<406>, ProblemsOf::<410>,
-        ProblemsOf::<507>,
+        Mesh, Accepted, Problems, UploadProblems, ProblemsOf::<404>, ProblemsOf::<406>,
+        ProblemsOf::<409>, ProblemsOf::<410>, ProblemsOf::<507>,
     ),
     security((), ("key" = [])),
 )]

@@ -9,7 +9,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 /// Commands that are not run here, by their first words, and why.
-const NOT_RUN: [(&str, &str); 14] = [
+const NOT_RUN: [(&str, &str); 17] = [
     ("./test", "it runs these tests"),
     ("cargo install --path .", "the program is on the path already"),
     ("cargo install --path crates/cli", "the programs are on the path already"),
@@ -24,6 +24,9 @@ const NOT_RUN: [(&str, &str); 14] = [
     ("rustup target add", "it installs a part of the compiler"),
     ("export CARGO_TARGET_AARCH64", "it serves the next command alone"),
     ("cargo build --bins --workspace --target", "it needs a compiler for ARM"),
+    ("pip install -r docs/terrain", "it installs programs of others"),
+    ("cargo build --release -p pixmesh-cli", "it builds everything anew"),
+    ("docs/terrain/compare.py", "it needs programs of others and runs for minutes"),
 ];
 
 /// Commands of many nodes: `tests/cluster/document.rs` runs them with a database and a store.
@@ -105,6 +108,8 @@ impl Reader {
             }
         }
         fs::write(folder.join("FIGURES.csv"), FIGURES).unwrap();
+        let heights = "crates/codec/tests/samples/elevation/f32_tiled.tif";
+        fs::copy(checkout(heights), folder.join("model.tif")).unwrap();
         run(Command::new("cp").arg("-r").args(["docs", "tools"].map(checkout)).arg(&folder));
         fs::create_dir(folder.join("target")).unwrap();
         std::os::unix::fs::symlink(built(), folder.join("target/release")).unwrap();
@@ -209,6 +214,7 @@ fn the_commands_of_the_other_documents_work_as_printed() {
     let quality = reader.text("docs/quality.md");
     assert!(quality != fs::read_to_string(checkout("docs/quality.md")).unwrap());
     assert!(reader.text("docs/quality/figures.csv").contains("kodim23-colour,"));
+    assert!(reader.file("model.glb").starts_with(b"glTF"));
     assert!(reader.printed.contains("| lena-colour | optimal 5 |"), "{}", reader.printed);
     assert_eq!(reader.file("gamma.toml"), fs::read(checkout("tools/mutants/gamma.toml")).unwrap());
 }

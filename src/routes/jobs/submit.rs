@@ -60,7 +60,10 @@ static PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-appl
             (inline(MeshObject) = "application/json"),
         ),
     ),
-    responses(Accepted, Problems, UploadProblems, ProblemsOf::<410>, ProblemsOf::<507>),
+    responses(
+        Accepted, Problems, UploadProblems, ProblemsOf::<404>, ProblemsOf::<409>,
+        ProblemsOf::<410>, ProblemsOf::<507>,
+    ),
     security((), ("key" = [])),
 )]
 pub(in crate::routes) async fn create(
