@@ -52,7 +52,7 @@ pub fn public(service: Arc<Service>) -> Router {
     let admit = from_fn_with_state(Arc::clone(&service.visitors), origin::admit);
     let (documented, document) = documented().split_for_parts();
     let routes = documented
-        .route("/studio/{asset}", get(studio::asset))
+        .route("/studio/{asset}", get(studio::asset).layer(compress::of_assets()))
         .route("/docs/", get(docs::show))
         .route("/docs/{asset}", get(docs::asset))
         .layer(Extension(DocumentText::of(&document)))

@@ -38,12 +38,19 @@ pub(super) fn layer() -> CompressionLayer<IsMarked> {
     CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(is_marked)
 }
 
+/// The layer for the small files of a page, which compresses them further. The layers around it leave
+/// their bytes as they are.
+pub(super) fn of_assets() -> CompressionLayer {
+    CompressionLayer::new()
+}
+
 /// The layer below it that marks text while few responses are being compressed.
 pub(super) async fn mark(request: Request, next: Next) -> Response {
     let accepts = request.headers().contains_key(ACCEPT_ENCODING);
     let mut response = next.run(request).await;
     let is_text = is_text(response.headers());
-    if is_text || response.status() == StatusCode::NOT_MODIFIED {
+    let is_compressed = response.headers().contains_key(CONTENT_ENCODING);
+    if is_text && !is_compressed || response.status() == StatusCode::NOT_MODIFIED {
         response.headers_mut().append(VARY, HeaderValue::from_static("Accept-Encoding"));
     }
     let is_short = response.body().size_hint().upper().is_some_and(|length| length < SHORTEST);

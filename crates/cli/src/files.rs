@@ -48,7 +48,7 @@ pub fn named(path: &Path) -> Option<&Path> {
     Some(path).filter(|path| path.as_os_str() != "-")
 }
 
-/// Writes a file whole as [`write`] does, but one that exists stays as it was until the new one is
+/// Writes a file whole as [`write()`] does, but one that exists stays as it was until the new one is
 /// complete.
 ///
 /// # Errors
