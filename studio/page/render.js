@@ -83,12 +83,12 @@ function noteOfSize(track, { phase }) {
 
 /** @param {Studio} studio */
 function noteOfPicture({ source, machine }) {
-  if (!source) return "Your picture is processed on this server and kept for 24 hours. Only who has its link sees it.";
+  if (!source) return "Your picture is processed on this server and kept for 24 hours. Only people with its link can see it.";
   if (machine.phase === "missing") return "The original picture is not here, only its mesh. Choose the file to compare or to make another.";
   const { bitmap } = source;
   if (machine.phase === "failed") return `${source.name}.`;
   const sides = bitmap ? `, ${counted(bitmap.fullWidth)} × ${counted(bitmap.fullHeight)} pixels` : "";
-  return `${source.name}${sides}. Processed on this server and kept for 24 hours. Only who has its link sees it.`;
+  return `${source.name}${sides}. Processed on this server and kept for 24 hours. Only people with its link can see it.`;
 }
 
 /** @param {Studio} studio */
