@@ -27,7 +27,6 @@ use pixmesh_jobs::Jobs;
 use pixmesh_jobs::retention;
 use pixmesh_jobs::worker::Worker;
 use std::error::Error;
-use std::hint::black_box;
 use std::io::{self, Write};
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -52,8 +51,6 @@ const REMAINING_THREADS: Duration = Duration::from_secs(1);
 const HEARTBEAT: Duration = Duration::from_millis(500);
 /// How often the samples of histograms are sorted into buckets, scraped or not.
 const UPKEEP: Duration = Duration::from_secs(5);
-/// Bytes that the allocator takes and frees as whole pages. They are never written, and so take none.
-const LARGE: usize = 4 << 20;
 
 /// What a node does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,15 +219,12 @@ impl OperationsThread {
 }
 
 /// Sorts the samples of histograms into their buckets for ever, because they would pile up where nobody
-/// asks for the metrics, and gives free memory back to the system.
+/// asks for the metrics.
 async fn keep_up(metrics: PrometheusHandle) {
     let mut ticks = tokio::time::interval(UPKEEP);
     loop {
         ticks.tick().await;
         metrics.run_upkeep();
-        // The allocator gives back to the system what became free before when it frees more, which an
-        // idle process does not.
-        drop(black_box(Vec::<u8>::with_capacity(LARGE)));
     }
 }
 

@@ -100,7 +100,9 @@ impl Embedded {
         write: impl FnOnce(&mut Write<'_>) -> rusqlite::Result<T> + Clone + Send + 'static,
     ) -> Result<T, QueueError> {
         match self.writer.write(write.clone()).await {
-            Err(QueueError::StorageFull(_)) if self.folder.release_reserve() => {
+            Err(QueueError::StorageFull(_)) => {
+                // Another write may have released the space since.
+                self.folder.release_reserve();
                 self.writer.write(write).await
             }
             written => written,

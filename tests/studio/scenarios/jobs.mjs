@@ -105,11 +105,14 @@ export async function slider() {
     const text = bytes < 1000 ? `${bytes} B` : `${(bytes / 1000).toFixed(1)} kB`;
     await page.waitForFunction((text) => document.getElementById("figure-bytes").textContent === text, text);
   }
-  // From the hand to the screen.
+  // From the hand to the drawing. Two frames between sizes: software that draws falls behind, and would be timed too.
   const took = await page.evaluate(async (most) => {
+    const frame = () => new Promise((resolve) => requestAnimationFrame(resolve));
     const times = [];
     for (let i = 1; i <= 40; i++) {
       const size = Math.round(4 + ((most - 5) * i) / 41);
+      await frame();
+      await frame();
       const began = performance.now();
       studio.setSize(size);
       while (studio.stage.renderer.meshes[0].geometry.vertexCount !== size) await new Promise((resolve) => setTimeout(resolve, 0));
@@ -118,9 +121,8 @@ export async function slider() {
     }
     return times.sort((a, b) => a - b);
   }, most);
-  // A busy machine lets the worker wait for its turn: what the page itself takes is the least.
-  console.log(`a size is drawn after ${took[0].toFixed(1)} ms at least, ${took[20].toFixed(1)} ms (median of 40), ${took[39].toFixed(1)} ms at most`);
-  assert.ok(took[3] < 100, took.join(" "));
+  console.log(`a size is drawn after ${took[20].toFixed(1)} ms (median of 40), ${took[39].toFixed(1)} ms at most`);
+  assert.ok(took[20] < 50, took.join(" "));
   // The curve is dragged like the slider, and rises.
   const box = await page.locator("#curve").boundingBox();
   await page.mouse.click(box.x + box.width / 2, box.y + box.height / 2);

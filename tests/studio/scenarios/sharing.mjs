@@ -18,6 +18,7 @@ export async function downloads() {
   const most = await choose(page);
   await setSize(page, 500);
   await page.click("#download-button");
+  await page.waitForSelector("#export-dialog button[data-format]");
   const formats = await page.locator("#export-dialog button[data-format]").evaluateAll((cards) => cards.map((card) => card.dataset.format));
   const { formats: known } = await (await fetch(`${service}/v1/methods`)).json();
   for (const { format } of known) assert.ok(formats.includes(format), `no card for ${format}`);
