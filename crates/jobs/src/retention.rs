@@ -168,11 +168,11 @@ mod tests {
     async fn one_sweep_removes_all_that_has_expired() {
         const COUNT: usize = 1500;
         let (jobs, _folder) = jobs(Terms { result_ttl: Duration::ZERO, ..terms() });
-        for number in 0..COUNT {
-            let text = Box::leak(format!("picture {number}").into_boxed_str());
-            let (id, _) = submit_picture(&jobs, text).await;
-            cancel(&jobs, id).await;
-        }
+        let cancelled = (0..COUNT).map(|number| {
+            let (jobs, text) = (&jobs, Box::leak(format!("picture {number}").into_boxed_str()));
+            async move { cancel(jobs, submit_picture(jobs, text).await.0).await }
+        });
+        futures_util::future::join_all(cancelled).await;
         assert_eq!(jobs.blobs.all().unwrap().len(), COUNT);
         let began = Instant::now();
         sweep(&jobs).await.unwrap();

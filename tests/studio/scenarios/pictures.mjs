@@ -1,7 +1,7 @@
 // The pictures of the page in the README: node browse.mjs pictures http://SERVICE FOLDER
 
 import { join } from "node:path";
-import { finished, opened, settled } from "../browser.mjs";
+import { choose, finished, opened, settled } from "../browser.mjs";
 
 export async function pictures(folder) {
   const looks = [
@@ -20,6 +20,19 @@ export async function pictures(folder) {
     await settled(page);
     await page.waitForTimeout(800);
     await page.screenshot({ path: join(folder, file), type: "jpeg", quality: 80 });
+    await page.context().close();
+  }
+  const solids = [["terrain.jpg", "/?preset=terrain&n=6000&relief=1", "elevation.png"], ["print.jpg", "/?preset=print&n=6000&relief=1", "picture.png"]];
+  for (const [file, path, picture] of solids) {
+    const page = await opened(path, { viewport: { width: 1360, height: 850 } });
+    await choose(page, join(folder, picture));
+    await page.waitForFunction(() => studio.stage.renderer.relief.count > 0);
+    await settled(page);
+    await page.waitForTimeout(800);
+    await page.evaluate(() => (document.getElementById("solid-control").style.visibility = "hidden"));
+    const { x, y, width, height } = await page.locator("#stage").boundingBox();
+    const clip = { x: x + width / 2 - 300, y: y + height / 2 - 165, width: 600, height: 400 };
+    await page.screenshot({ path: join(folder, file), type: "jpeg", quality: 85, clip });
     await page.context().close();
   }
 }

@@ -1,4 +1,4 @@
-//! Renders the README's picture, meshes it and draws its wireframe and its reconstruction:
+//! Renders the README's pictures, meshes one and draws its wireframe and its reconstruction:
 //!
 //! ```text
 //! cargo run --release -p pixmesh-cli --example demonstration -- docs/images
@@ -7,6 +7,7 @@
 //! Everything is computed with the four basic operations and square roots, so the files come out
 //! the same on every machine.
 
+mod elevation;
 mod picture;
 mod wireframe;
 
@@ -23,6 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let parameters = Method::Mgprfs.parameters(Target::Percent(2.0));
     let model = mesh_image(&picture, &parameters, &())?;
     save(&folder.join("picture.png"), &picture)?;
+    save(&folder.join("elevation.png"), &elevation::mountains()?)?;
     save(&folder.join("wireframe.png"), &wireframe::draw(&picture, &model.mesh, 2)?)?;
     save(&folder.join("rebuilt.png"), &rasterize(&model.mesh, &())?)?;
     let (vertices, faces) = (model.mesh.points().len(), model.mesh.faces().len());
