@@ -3,6 +3,8 @@
 use crate::pictures::disc;
 use crate::server::{Server, program};
 use crate::tools::{checkout, require, run, text};
+use pixmesh_engine::ParameterSet;
+use pixmesh_engine::params::{TABLE, Takes};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -217,6 +219,43 @@ fn the_commands_of_the_other_documents_work_as_printed() {
     assert!(reader.printed.contains("\"ssim\":0.9"), "{}", reader.printed);
     assert!(reader.file("rebuilt.ppm").starts_with(b"P6"));
     assert_eq!(reader.file("gamma.toml"), fs::read(checkout("tools/mutants/gamma.toml")).unwrap());
+}
+
+/// The guide's page of parameters, from the table that the parser works by.
+fn parameters_page() -> String {
+    let defaults = ParameterSet::of_query(None).unwrap().finish().unwrap();
+    let mut page = String::from(
+        "# Parameters\n\nThe names over HTTP and in forms; the program writes `-` for `_`. A default is that of the method \
+         `mgprfs`;\nwhere there is none, the parameter is not set.\n\n\
+         | parameter | values | default | what |\n|---|---|---|---|\n",
+    );
+    for row in TABLE.iter() {
+        let values = match row.takes {
+            Takes::Decimal { least, most } => format!("{least} to {most}"),
+            Takes::Whole { least, most } => format!("{least} to {most}, whole"),
+            Takes::Flag => "`true`, `false`".into(),
+            Takes::Word(words) => format!("`{}`", words.join("`, `")),
+            Takes::Pattern(pattern) => format!("`{}`", pattern.replace('|', "\\|")),
+        };
+        let default = row.show(&defaults).map(|value| format!("`{value}`")).unwrap_or_default();
+        let about = row.about.replace('|', "\\|");
+        page += &format!("| `{}` | {values} | {default} | {about} |\n", row.name);
+    }
+    page
+}
+
+/// `PIXMESH_WRITE_DOCUMENTS=1` writes the page.
+#[test]
+fn the_page_of_parameters_is_that_of_the_table() {
+    let path = checkout("docs/guide/parameters.md");
+    if std::env::var_os("PIXMESH_WRITE_DOCUMENTS").is_some() {
+        fs::write(&path, parameters_page()).unwrap();
+    }
+    let written = fs::read_to_string(&path).unwrap();
+    assert!(
+        written == parameters_page(),
+        "PIXMESH_WRITE_DOCUMENTS=1 cargo test --test clients parameters writes docs/guide/parameters.md anew"
+    );
 }
 
 /// The targets of a document's links and pictures, but those on the network.
