@@ -18,6 +18,8 @@ pub(super) struct Presets {
 #[derive(Serialize, ToSchema)]
 pub(super) struct PresetRow {
     name: &'static str,
+    /// Its name for people.
+    title: &'static str,
     /// What it is for.
     about: &'static str,
     /// What it is not for, with the preset that is.
@@ -47,7 +49,14 @@ pub(super) async fn list() -> Json<Presets> {
 
 impl From<&Preset> for PresetRow {
     fn from(preset: &Preset) -> Self {
-        let &Preset { name, about, not_for, format, .. } = preset;
-        Self { name, about, not_for, format: format.map(Format::name), parameters: preset.object() }
+        let &Preset { name, title, about, not_for, format, .. } = preset;
+        Self {
+            name,
+            title,
+            about,
+            not_for,
+            format: format.map(Format::name),
+            parameters: preset.object(),
+        }
     }
 }

@@ -7,6 +7,7 @@ import { ServiceError, errorOf, unreachable } from "./problems.js";
 /** @typedef {import("../api").components["schemas"]["Job"]} Job */
 /** @typedef {import("../api").components["schemas"]["JobEvent"]} JobEvent */
 /** @typedef {import("../api").components["schemas"]["Methods"]} Methods */
+/** @typedef {import("../api").components["schemas"]["PresetRow"]} PresetRow */
 /** @typedef {Record<string, string>} Parameters */
 
 const KEY = "pixmesh-key";
@@ -40,6 +41,11 @@ export async function request(path, options = {}) {
 /** Every method, parameter and format. @returns {Promise<Methods>} */
 export async function methods() {
   return (await request("/v1/methods")).json();
+}
+
+/** Parameters for every purpose. @returns {Promise<PresetRow[]>} */
+export async function presets() {
+  return (await (await request("/v1/presets")).json()).presets;
 }
 
 /** @param {Parameters} parameters */
@@ -128,10 +134,10 @@ export function meshPath(id, parameters) {
 
 /**
  * The mesh of a job: with every smaller size where the service keeps the order of its vertices.
- * @param {Job} job @param {AbortSignal} [signal]
+ * @param {string} id @param {boolean} isOrdered @param {AbortSignal} [signal]
  */
-export async function mesh({ id, links }, signal) {
-  if (links.progression) {
+export async function mesh(id, isOrdered, signal) {
+  if (isOrdered) {
     const response = await request(meshPath(id, { format: "progression" }), { signal });
     return readPmesh(await response.arrayBuffer());
   }

@@ -17,10 +17,11 @@ import { TARGETS } from "./methods.js";
 import * as panels from "./panels.js";
 import { findSamples, orderDensity } from "./original.js";
 import { bindPictures } from "./pictures.js";
-import { PRESETS, suited } from "./presets.js";
+import { mostVertices, presetsOf, suited } from "./presets.js";
 import { ServiceError } from "./problems.js";
 import { render, settled } from "./render.js";
 import { askForKey, bindSettings } from "./settings.js";
+import { FirstSight } from "./sight.js";
 import { showSolid } from "./solid.js";
 import { Helpers, Source } from "./source.js";
 import { Stage } from "./stage.js";
@@ -43,6 +44,8 @@ export class Studio {
     this.source = null;
     /** What is wanted; empty where something else is asked for. */
     this.preset = "";
+    /** What there is to want, once the service has said it. @type {Map<string, import("./presets.js").Preset>} */
+    this.presets = new Map();
     /** Whether the preset is chosen by hand: then it stays for the next picture. */
     this.isChosen = false;
     /** Whether the sizes have been touched: then nothing moves by itself. */
@@ -73,8 +76,11 @@ export class Studio {
     /** The dialog of what can be taken, loaded when it is opened first. @type {Promise<import("./export.js").Exporter> | null} */
     this.exporter = null;
     this.growth = new Growth(this);
+    this.sight = new FirstSight();
     /** @type {Form | null} */
     this.form = null;
+    /** @type {Promise<Form> | null} */
+    this.connecting = null;
   }
 
   /** The tracks that are seen. */
@@ -91,12 +97,18 @@ export class Studio {
     await this.openFirst(asked);
   }
 
-  /** Has what the service offers, once. */
-  async connect() {
-    if (this.form) return this.form;
-    const methods = await api.methods();
-    this.form ??= new Form(byId("form", HTMLFormElement), methods, (isAsked) => this.onForm(isAsked));
-    return this.form;
+  /** Has what the service offers, once. @returns {Promise<Form>} */
+  connect() {
+    this.connecting ??= Promise.all([api.methods(), api.presets()]).then(([methods, rows]) => {
+      this.presets = presetsOf(rows);
+      panels.makePresets(this.presets, (name) => this.choosePreset(name));
+      this.update();
+      return (this.form = new Form(byId("form", HTMLFormElement), methods, (isAsked) => this.onForm(isAsked)));
+    }).catch((error) => {
+      this.connecting = null;
+      throw error;
+    });
+    return this.connecting;
   }
 
   /** Opens what an address asks for; without anything the picture of the first visit. @param {URLSearchParams} asked */
@@ -111,10 +123,10 @@ export class Studio {
     const id = asked.get("job"), name = asked.get("sample");
     if (id) {
       await this.openJob(id, await history.entry(id).catch(() => undefined), preset);
-    } else if (name !== null || preset in PRESETS || asked.has("method")) {
+    } else if (name !== null || preset || asked.has("method")) {
       await this.attempt(this.machine.begin("uploading"), async () => {
         const form = await this.connect();
-        if (preset in PRESETS) this.setPreset(preset, true);
+        if (this.presets.has(preset)) this.setPreset(preset, true);
         form.fill(asked);
         this.isChosen ||= asked.has("method");
         await this.chooseSample(document.querySelector(`#samples [data-sample="${CSS.escape(name ?? "")}"]`) && name ? name : "lake");
@@ -141,7 +153,8 @@ export class Studio {
     this.setSource(source, token);
     document.getElementById("stage-box")?.scrollIntoView({ block: "nearest" });
     await this.attempt(token, async () => {
-      const looking = this.helpers.look(source, this.stage.renderer.maxSide).then(() => this.machine.isCurrent(token) && this.showSource(source));
+      // Decoding would hold up what is seen first.
+      const looking = source.pixels.then(() => this.helpers.look(source, this.stage.renderer.maxSide)).then(() => this.machine.isCurrent(token) && this.showSource(source));
       source.looked = looking;
       // A JPEG is a photo; of others the pixels tell.
       if (!this.isChosen && file.type !== "image/jpeg") await looking;
@@ -171,10 +184,8 @@ export class Studio {
     this.reliefPath = "";
     this.source = source;
     panels.showThumbnails({});
-    const first = byId("first-sight", HTMLImageElement);
-    if (first.src) URL.revokeObjectURL(first.src);
-    first.removeAttribute("src");
-    if (source.file) first.src = URL.createObjectURL(source.file);
+    this.sight.hide();
+    if (source.file) source.pixels = this.sight.show(source.file);
     stage.redraw();
     this.update();
   }
@@ -182,11 +193,13 @@ export class Studio {
   /** Shows what the browser, or the service, sees of a picture. @param {Source} source */
   showSource(source) {
     const { bitmap } = source;
-    byId("first-sight", HTMLImageElement).removeAttribute("src");
+    this.sight.hide();
     if (!bitmap) return;
+    source.pixels = Promise.resolve(bitmap.fullWidth * bitmap.fullHeight);
     this.stage.renderer.setOriginal(bitmap);
     this.center();
-    this.helpers.thumbnails(bitmap).then((images) => source === this.source && panels.showThumbnails(images));
+    Promise.all([this.helpers.thumbnails(bitmap), this.connect()])
+      .then(([images]) => source === this.source && panels.showThumbnails(images)).catch(() => {});
     this.stage.redraw();
     this.update();
   }
@@ -231,7 +244,7 @@ export class Studio {
         askForKey();
       }
       this.tracks.forEach((track) => track.stage !== "final" && track.clear());
-      byId("first-sight", HTMLImageElement).removeAttribute("src");
+      this.sight.hide();
       this.machine.become(token, "failed", error);
     }
   }
@@ -239,6 +252,8 @@ export class Studio {
   /** Makes the meshes that are asked for: jobs first, and a preview while they run. @param {Source} source @param {Token} token */
   async mesh(source, token) {
     const form = await this.connect();
+    const { size } = form.parameters(), most = this.preset && size ? mostVertices((await source.pixels) || Infinity) : Infinity;
+    if (Number(size) > most) form.ask("size", String(most));
     const parameters = form.parameters(), other = form.comparedMethod;
     const [first, second] = this.tracks;
     this.stage.setPanes(other ? 2 : 1);
@@ -246,7 +261,7 @@ export class Studio {
     source.weights = (await this.stage.weights?.picture()) ?? null;
     if (!this.machine.isCurrent(token)) return;
     await first.submit(source, form.ordered(parameters), token, (sent) => this.machine.send(token, sent));
-    if (other) await second.submit(source, form.ordered({ ...parameters, method: other }), token, () => {});
+    if (other) await second.submit(source, form.ordered(form.parameters(other)), token, () => {});
     this.machine.become(token, "working");
     findSamples(this, token);
     first.preview(token).catch(() => {});
@@ -266,9 +281,13 @@ export class Studio {
       this.machine.become(token, "cancelled");
       return;
     }
+    if (this.tracks[0].wasCloser && !this.isChosen) {
+      this.form?.reset({ ...this.tracks[0].reading(), method: "preview" });
+      return this.run();
+    }
     this.machine.become(token, source.bitmap || source.file ? "ready" : "missing");
     this.say(`The mesh is ready: ${counted(most)} vertices, ${decibels(job.mesh?.psnr_db)}.`);
-    const solid = PRESETS[this.preset]?.solid;
+    const solid = this.presets.get(this.preset)?.solid;
     if (this.asksRelief || (solid && !this.stage.scene.relief)) this.stage.setRelief(true);
     this.asksRelief = false;
     if (source.file) await rememberJob(this, source).catch((error) => this.machine.tell(new Error(`History could not keep this picture: ${error.message}`)));
@@ -289,7 +308,7 @@ export class Studio {
       if (source.file) await this.helpers.look(source, this.stage.renderer.maxSide);
       if (!this.machine.isCurrent(token)) return;
       if (source.bitmap) this.showSource(source);
-      this.preset = preset in PRESETS ? preset : "";
+      this.preset = this.presets.has(preset) ? preset : "";
       form.reset(Object.fromEntries(Object.entries(track.parameters).filter(([name]) => name === "method" || name in TARGETS)));
       findSamples(this, token);
       await track.follow(token);
@@ -334,9 +353,11 @@ export class Studio {
 
   /** @param {string} name @param {boolean} [isChosen] */
   setPreset(name, isChosen = false) {
+    const wanted = this.presets.get(name);
+    if (!wanted) return;
+    const { parameters, look, solid } = wanted;
     this.preset = name;
     this.isChosen ||= isChosen;
-    const { parameters, look, solid } = PRESETS[name];
     this.form?.reset(parameters);
     this.setLook({ ...PLAIN, ...look });
     this.stage.setSolid(solid ?? {});
@@ -413,7 +434,7 @@ export class Studio {
     if (this.machine.phase === "ready" && !this.tracks[0].job) await this.run();
     if (!this.machine.hasMesh) return;
     this.exporter ??= import("./export.js").then(({ Exporter }) => new Exporter(this));
-    (await this.exporter).open(PRESETS[this.preset]?.format ?? "svg");
+    (await this.exporter).open(this.presets.get(this.preset));
   }
 
   /** Draws everything anew after the graphics card has lost it. */
@@ -432,7 +453,6 @@ export class Studio {
 
   bindPage() {
     panels.bindCopying();
-    panels.makePresets((name) => this.choosePreset(name));
     panels.bindLook((look) => this.setLook(look));
     byId("cancel-button", HTMLButtonElement).addEventListener("click", () => {
       this.machine.cancel();

@@ -51,9 +51,10 @@ export class Exporter {
     }
   }
 
-  /** Opens the dialog at what is likely wanted. @param {string} format */
-  open(format) {
+  /** Opens the dialog at what is likely wanted. @param {{ format: string, isTextured: boolean }} [preset] */
+  open({ format, isTextured } = { format: "svg", isTextured: false }) {
     const { solid } = this.studio.stage;
+    byId("export-texture", HTMLInputElement).checked = isTextured;
     byId("export-failure", HTMLParagraphElement).hidden = true;
     byId("export-height", HTMLInputElement).value = String(solid.percent);
     byId("export-invert", HTMLInputElement).checked = solid.invert;
@@ -197,19 +198,30 @@ export class Exporter {
   /** @returns {Card[]} */
   solids() {
     const shown = () => {
-      const isTextured = byId("export-texture", HTMLInputElement).checked;
-      /** @type {api.Parameters} */
-      const parameters = { ...this.solidParameters(false), compression: byId("export-compression", HTMLSelectElement).value };
-      if (isTextured) return { ...parameters, color: "image", texture: "embed" };
-      return parameters;
+      return { ...this.solidParameters(false), compression: byId("export-compression", HTMLSelectElement).value };
     };
+    /** @param {string} format @returns {Pick<Card, "path" | "make">} */
+    const textured = (format) => ({
+      path: () => (byId("export-texture", HTMLInputElement).checked ? null : this.path(format, shown())),
+      make: () => this.textured({ ...shown(), format, color: "image", texture: "embed" }),
+    });
     return [
-      { format: "glb", title: "GLB", about: "For games, the web and Blender.", ending: "glb", path: () => this.path("glb", shown()) },
+      { format: "glb", title: "GLB", about: "For games, the web and Blender.", ending: "glb", ...textured("glb") },
       { format: "stl", title: "STL", about: "For 3D printers: a closed solid in millimetres.", ending: "stl", path: () => this.path("stl", this.solidParameters(true)) },
       { format: "obj", title: "OBJ", about: "For every 3D program.", ending: "obj", path: () => this.path("obj", this.solidParameters(false)) },
       { format: "ply", title: "PLY", about: "For mesh tools, with colours.", ending: "ply", path: () => this.path("ply", this.solidParameters(false)) },
-      { format: "gltf", title: "glTF", about: "GLB as text.", ending: "gltf", path: () => this.path("gltf", shown()) },
+      { format: "gltf", title: "glTF", about: "GLB as text.", ending: "gltf", ...textured("gltf") },
     ];
+  }
+
+  /** A file that shows the picture itself: of the mesh of this size, and the picture. @param {api.Parameters} parameters */
+  async textured(parameters) {
+    const path = this.path("pmesh", {}), picture = this.studio.source?.file;
+    if (!path || !picture) throw new Error("The original picture is not here. Choose its file, or take the file without it.");
+    const form = new FormData();
+    form.append("mesh", await (await api.request(path)).blob());
+    form.append("image", picture);
+    return (await api.request(`/v1/conversions?${api.query(parameters)}`, { method: "POST", body: form })).blob();
   }
 
   /** What the fields say is what is seen in 3D. */
@@ -245,7 +257,7 @@ export class Exporter {
 
   growthNote() {
     const track = this.studio.tracks[0];
-    if (!track.isProgressive) return "This mesh has one size, so that it cannot grow. Photo, Logo and Sprite can.";
+    if (!track.isProgressive) return "This mesh has one size, so that it cannot grow. Photo and Game sprite can.";
     return `From 8 to ${counted(this.grownSize())} vertices in ${FRAMES} steps.`;
   }
 
@@ -257,7 +269,7 @@ export class Exporter {
   /** The sizes of an animation, from a few vertices to those that are seen. */
   async stills() {
     const track = this.studio.tracks[0];
-    if (!track.isProgressive) throw new Error("This mesh has one size and cannot grow. Choose Photo, Logo or Sprite first.");
+    if (!track.isProgressive) throw new Error("This mesh has one size and cannot grow. Choose Photo or Game sprite first.");
     const stills = [];
     for (let i = 0; i < FRAMES; i++) {
       const size = Math.round(8 * (this.grownSize() / 8) ** (i / (FRAMES - 1)));

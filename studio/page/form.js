@@ -32,7 +32,9 @@ export class Form {
       event.preventDefault();
       onChange(true);
     });
-    form.addEventListener("change", () => {
+    form.addEventListener("change", ({ target }) => {
+      // Another method has its own parameters.
+      if (target === this.method) for (const [name, control] of this.others) if (!isOfPicture(name)) control.value = "";
       this.describe();
       if (form.checkValidity()) onChange(false);
     });
@@ -42,7 +44,6 @@ export class Form {
   methodSelect(name) {
     const select = make("select", { id: `${name}-select`, name });
     for (const { name: value } of this.methods.methods) {
-      if (value === "preview") continue;
       const known = METHODS[value]?.title;
       select.append(new Option(known ? `${known} (${value})` : value, value));
     }
@@ -130,11 +131,13 @@ export class Form {
     }
   }
 
-  /** What is asked for. @returns {Parameters} */
-  parameters() {
+  /** What is asked for; of a method that is not chosen, without the other's parameters. @returns {Parameters} */
+  parameters(method = this.method.value) {
     /** @type {Parameters} */
-    const parameters = { method: this.method.value, [this.target.value]: this.amount.value };
-    for (const [name, control] of this.others) if (control.value !== "") parameters[name] = control.value;
+    const parameters = { method, [this.target.value]: this.amount.value };
+    for (const [name, control] of this.others) {
+      if (control.value !== "" && (method === this.method.value || isOfPicture(name))) parameters[name] = control.value;
+    }
     return parameters;
   }
 
@@ -176,6 +179,9 @@ export class Form {
     this.bound();
   }
 }
+
+/** @param {string} name */
+const isOfPicture = (name) => name in GROUPS["The picture"];
 
 /** @param {HTMLSelectElement | HTMLInputElement} control @param {string | null} value */
 function put(control, value) {

@@ -4,7 +4,6 @@ import * as api from "./api.js";
 import { byId, copy, counted, decibels, listed, make, timed } from "./dom.js";
 import { PLAIN } from "./looks.js";
 import { METHODS, STAGES } from "./methods.js";
-import { PRESETS } from "./presets.js";
 
 /** @typedef {import("./track.js").Track} Track */
 /** @typedef {import("./history.js").Entry} Entry */
@@ -105,19 +104,20 @@ function historyItem(entry, actions) {
   return make("li", {}, open, forget);
 }
 
-/** Makes the cards of the outcomes. @param {(name: string) => void} onChoice */
-export function makePresets(onChoice) {
-  const cards = Object.entries(PRESETS).map(([name, { title, about }]) => {
+/** Makes the cards of the outcomes. @param {Map<string, import("./presets.js").Preset>} presets @param {(name: string) => void} onChoice */
+export function makePresets(presets, onChoice) {
+  const cards = [...presets].map(([name, { title, about }]) => {
     const canvas = make("canvas", { width: "112", height: "84", "aria-hidden": "true" });
-    const button = make("button", { type: "button", "data-preset": name, "aria-pressed": "false" }, canvas, make("strong", {}, title), make("span", { class: "about" }, about));
+    const button = make("button", { type: "button", "data-preset": name, "aria-pressed": "false", title: about }, canvas, make("strong", {}, title));
     button.addEventListener("click", () => onChoice(name));
     return button;
   });
   byId("presets", HTMLDivElement).replaceChildren(...cards);
 }
 
-/** @param {string} chosen  Empty where something else is asked for. @param {string} suited */
-export function showPresets(chosen, suited) {
+/** @param {Map<string, import("./presets.js").Preset>} presets @param {string} chosen  Empty where something else is asked for. @param {string} suited */
+export function showPresets(presets, chosen, suited) {
+  byId("preset-about", HTMLParagraphElement).textContent = presets.get(chosen)?.about ?? "";
   for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("#presets button"))) {
     button.setAttribute("aria-pressed", String(button.dataset.preset === chosen));
     button.classList.toggle("suited", button.dataset.preset === suited);

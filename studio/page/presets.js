@@ -1,55 +1,55 @@
-// What people want to make. Until the service lists its presets, their parameters stand here.
+// What people want to make: the presets of the service, with what the page adds to them.
 
+import { OF_OUTPUT } from "./methods.js";
+import { SOLID } from "./relief.js";
+
+/** @typedef {import("./api.js").Parameters} Parameters */
 /** @typedef {import("./looks.js").Look} Look */
 /**
  * @typedef {object} Preset
  * @property {string} title
  * @property {string} about
- * @property {import("./api.js").Parameters} parameters  Of the mesh.
+ * @property {Parameters} parameters  Of the mesh.
  * @property {Partial<Look>} look
  * @property {Partial<import("./relief.js").Solid> | null} solid  In three dimensions.
+ * @property {boolean} isTextured  Whether files in three dimensions show the picture itself.
  * @property {string} format  What is taken away first.
  */
 
-/** By the service's names; `glass` is a look of `lowpoly`. @type {Record<string, Preset>} */
-export const PRESETS = {
-  photo: {
-    title: "Photo", about: "Close to the picture, small and fast.",
-    parameters: { method: "mgprfs", density: "2" }, look: {}, solid: null, format: "svg",
-  },
-  lowpoly: {
-    title: "Low-poly", about: "Flat facets, as in illustrations.",
-    parameters: { method: "flat", size: "600" }, look: {}, solid: null, format: "svg",
-  },
-  glass: {
-    title: "Stained glass", about: "Facets with dark leading.",
-    parameters: { method: "flat", size: "350" }, look: { edges: 2.5, edgeColor: "#14110f" }, solid: null, format: "svg",
-  },
-  sprite: {
-    title: "Game sprite", about: "Cut out along its alpha.",
-    parameters: { method: "mgprfs", density: "3", initial: "insertion", alpha: "cut" }, look: {}, solid: null, format: "glb",
-  },
-  logo: {
-    title: "Logo", about: "Sharp edges and even areas.",
-    parameters: { method: "mgprfs", density: "2", initial: "insertion" }, look: {}, solid: null, format: "svg",
-  },
-  terrain: {
-    title: "Terrain", about: "Bright is high, with shaded slopes.",
-    parameters: { method: "mgprfs", density: "2" }, look: {}, solid: { color: "hillshade", percent: 12 }, format: "glb",
-  },
-  print: {
-    title: "Lithophane", about: "A plate to print and hold to the light.",
-    parameters: { method: "mgprfs", density: "5" }, look: {}, solid: { color: "none", invert: true, percent: 3, width: 100, base: 0.8 }, format: "stl",
-  },
-  placeholder: {
-    title: "Placeholder", about: "A few hundred bytes until a picture loads.",
-    parameters: { method: "mgprfs", size: "60" }, look: {}, solid: null, format: "svg",
-  },
-  draft: {
-    title: "Draft", about: "In a moment, less accurate.",
-    parameters: { method: "med", density: "2" }, look: {}, solid: null, format: "svg",
-  },
-};
+/** Another look of one of the service's presets. */
+const GLASS = { title: "Stained glass", about: "Facets with dark leading between them, as SVG.", look: { edges: 2.5, edgeColor: "#14110f" } };
+/** The height of hills in percent of the longer side, for pictures whose scale nobody knows. */
+const HILLS_PERCENT = 12;
+
+/** By their names. @param {import("./api.js").PresetRow[]} rows @returns {Map<string, Preset>} */
+export function presetsOf(rows) {
+  return new Map(rows.flatMap(({ name, title, about, format, parameters }) => {
+    const all = Object.entries(parameters).map(([name, value]) => [name, String(value)]);
+    /** @type {Parameters} */
+    const written = Object.fromEntries(all.filter(([name]) => OF_OUTPUT.has(name)));
+    /** @type {Preset} */
+    const preset = {
+      title, about, format: format ?? "svg", look: {}, solid: solidOf(written), isTextured: written.texture === "embed",
+      parameters: Object.fromEntries(all.filter(([name]) => !OF_OUTPUT.has(name))),
+    };
+    return name === "lowpoly" ? [[name, preset], ["glass", { ...preset, ...GLASS }]] : [[name, preset]];
+  }));
+}
+
+/** What is seen in three dimensions of parameters of the service; null where they have no height. @param {Parameters} written */
+function solidOf({ relief, color, invert_relief, width, height, base }) {
+  if (!relief) return null;
+  const percent = width && height ? (100 * Number(height)) / Number(width) : HILLS_PERCENT;
+  return {
+    percent, invert: invert_relief === "true", width: Number(width ?? SOLID.width), base: Number(base ?? SOLID.base),
+    color: /** @type {import("./relief.js").Solid["color"]} */ (color ?? "none"),
+  };
+}
+
+/** The most vertices of a preset for a picture, which may have fewer pixels than that. @param {number} pixels */
+export function mostVertices(pixels) {
+  return Math.max(4, Math.floor(pixels / 4));
+}
 
 /** What suits a picture. @param {import("./decode.js").Nature | null} nature */
 export function suited(nature) {

@@ -19,7 +19,8 @@ export const SOLID = Object.freeze({ percent: 10, invert: false, color: "image",
 
 /**
  * The service's parameters of a solid: lengths in pixels, or in millimetres for printers.
- * @param {Solid} solid @param {{ width: number, height: number }} size @param {[number, number]} levels @param {boolean} isPrinted
+ * @param {Solid} solid @param {{ width: number, height: number, hasAlpha: boolean }} size @param {[number, number]} levels
+ * @param {boolean} isPrinted
  * @returns {import("./api.js").Parameters}
  */
 export function parametersOf(solid, size, [low, high], isPrinted) {
@@ -28,6 +29,7 @@ export function parametersOf(solid, size, [low, high], isPrinted) {
   /** @type {import("./api.js").Parameters} */
   const parameters = { relief: "luma", height: height.toPrecision(6), invert_relief: String(solid.invert) };
   if (low > 0) parameters.z_offset = "min";
+  if (size.hasAlpha) parameters.alpha = "cut";
   return isPrinted ? { ...parameters, width: String(solid.width), base: String(solid.base), unit: "mm" } : { ...parameters, color: solid.color };
 }
 

@@ -17,13 +17,13 @@ export function render(studio) {
   const hasOriginal = Boolean(source?.bitmap), hasMesh = track.size > 0;
   stage.show({ hasOriginal, hasMesh, isCompared: seen.length > 1 });
   byId("empty", HTMLDivElement).hidden = hasOriginal || hasMesh || machine.isBusy;
-  byId("first-sight", HTMLImageElement).hidden = hasOriginal || hasMesh || !byId("first-sight", HTMLImageElement).hasAttribute("src");
+  byId("first-sight", HTMLImageElement).hidden = hasOriginal || hasMesh || !studio.sight.isThere;
   byId("stage-box", HTMLDivElement).dataset.phase = machine.phase;
   panels.showProgress(machine, seen.find(({ isWorking }) => isWorking) ?? track);
   showError(studio);
   showFigures(studio);
   showLabels(studio);
-  panels.showPresets(studio.preset, source ? suited(source.nature) : "");
+  panels.showPresets(studio.presets, studio.preset, source ? suited(source.nature) : "");
   panels.showLook(stage.scene.look);
   byId("download-button", HTMLButtonElement).disabled = !machine.hasMesh;
   byId("picture-note", HTMLParagraphElement).textContent = noteOfPicture(studio);

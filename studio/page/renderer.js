@@ -5,6 +5,7 @@
 // points are drawn over it at the screen's resolution. While sizes change, a mesh of a large picture
 // is drawn to the screen alone, so that a frame costs the screen's pixels and not the picture's.
 
+import { shownScale } from "./decode.js";
 import { bufferOf, compiled, textureOf } from "./gl.js";
 import { channels } from "./looks.js";
 import { Relief } from "./relief.js";
@@ -123,7 +124,7 @@ export class Renderer {
       gl.deleteTexture(texture);
       gl.deleteFramebuffer(framebuffer);
     }
-    const scale = Math.min(1, this.maxSide / Math.max(width, height));
+    const scale = shownScale(width, height, this.maxSide);
     this.targetSize = [Math.max(1, Math.floor(width * scale)), Math.max(1, Math.floor(height * scale))];
     this.targets = [this.target(this.targetSize[0], this.targetSize[1]), this.target(1, 1)];
     this.hasSecond = this.hasDensity = false;

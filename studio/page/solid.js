@@ -15,7 +15,7 @@ export async function showSolid(studio) {
   stage.redraw();
   const path = track.meshPath("glb", {
     ...parametersOf({ ...solid, percent: FETCHED_PERCENT }, renderer, renderer.levels, false),
-    ...(renderer.hasAlpha ? { alpha: "cut" } : null), compression: "none", texture: "none", center: "false", up: "z",
+    compression: "none", texture: "none", center: "false", up: "z",
   });
   if (path === null) {
     await studio.run();

@@ -16,6 +16,8 @@ export class Source {
     this.bitmap = null;
     /** @type {Nature | null} */
     this.nature = null;
+    /** How many pixels it has, 0 where nobody knows. */
+    this.pixels = Promise.resolve(0);
     /** What the browser sees is known then. @type {Promise<unknown>} */
     this.looked = Promise.resolve();
     /** The samples as the service reads them. @type {Picture | null} */

@@ -9,8 +9,10 @@ import * as jobs from "./scenarios/jobs.mjs";
 import * as outcomes from "./scenarios/outcomes.mjs";
 import * as pictures from "./scenarios/pictures.mjs";
 import * as sharing from "./scenarios/sharing.mjs";
+import * as sights from "./scenarios/sights.mjs";
+import * as times from "./scenarios/times.mjs";
 
-const scenarios = { ...access, ...drawing, ...failures, ...jobs, ...outcomes, ...pictures, ...sharing };
+const scenarios = { ...access, ...drawing, ...failures, ...jobs, ...outcomes, ...pictures, ...sharing, ...sights, ...times };
 for (const name of process.argv[2].split(",")) {
   const began = Date.now();
   try {

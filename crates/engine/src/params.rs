@@ -312,9 +312,9 @@ impl Preset {
     /// All of it as a JSON object, as `GET /v1/presets` tells it.
     #[must_use]
     pub fn row(&self) -> Value {
-        let &Self { name, about, not_for, format, .. } = self;
+        let &Self { name, title, about, not_for, format, .. } = self;
         let (format, parameters) = (format.map(Format::name), self.object());
-        json!({ "name": name, "about": about, "not_for": not_for, "format": format, "parameters": parameters })
+        json!({ "name": name, "title": title, "about": about, "not_for": not_for, "format": format, "parameters": parameters })
     }
 }
 

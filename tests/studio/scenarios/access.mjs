@@ -61,7 +61,7 @@ export async function keyboard() {
   await page.evaluate(() => (document.getElementById("advanced").open = true));
   await page.focus("#method-select");
   await page.keyboard.press("ArrowUp");
-  await page.waitForFunction(() => studio.tracks[0].parameters.method !== "mgprfs");
+  await page.waitForFunction(() => studio.tracks[0].parameters.method !== "optimal");
   assert.deepEqual(page.failures, []);
 }
 
@@ -179,11 +179,11 @@ export async function keys(key) {
   await page.fill("#key-input", key);
   await page.click("#key-dialog button[value=save]");
   // The picture that was chosen goes on.
-  assert.equal(await finished(page), 1966);
+  assert.equal(await finished(page), 2949);
   assert.ok(await page.isHidden("#failure"));
   assert.ok(!(await page.textContent("#curl")).includes(key), "the key is not shown");
   await page.click("#download-button");
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#export-dialog button[data-format=png]")]);
-  assert.equal(download.suggestedFilename(), "picture-1966.png");
+  assert.equal(download.suggestedFilename(), "picture-2949.png");
   assert.deepEqual(page.failures, []);
 }

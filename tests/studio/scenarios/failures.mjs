@@ -119,7 +119,7 @@ export async function races() {
   }, [[...noise(150, "first.ppm").buffer]]);
   await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
   await page.setInputFiles("#file", PICTURE);
-  assert.equal(await finished(page), 1966);
+  assert.equal(await finished(page), 2949);
   await page.waitForTimeout(500);
   assert.equal(await page.evaluate(() => `${studio.source.name} ${studio.stage.renderer.width}`), "picture.png 384");
   // While one comes, nothing of the one before is shown, and the picture is.

@@ -38,7 +38,7 @@ export async function outcomes() {
   const page = await opened();
   await choose(page);
   const names = await page.locator("#presets button").evaluateAll((all) => all.map(({ dataset }) => dataset.preset));
-  assert.deepEqual(names, ["photo", "lowpoly", "glass", "sprite", "logo", "terrain", "print", "placeholder", "draft"]);
+  assert.deepEqual(names, ["photo", "lowpoly", "glass", "print", "terrain", "sprite", "logo", "placeholder", "draft"]);
   // Each has a thumbnail of this very picture, unlike the others.
   await page.waitForFunction(() => [...document.querySelectorAll("#presets canvas")].every((canvas) => canvas.getContext("2d").getImageData(0, 0, 112, 84).data.some(Boolean)));
   const thumbnails = await page.locator("#presets canvas").evaluateAll((all) => all.map((canvas) => canvas.toDataURL()));

@@ -61,7 +61,7 @@ export async function compare() {
     return tracks.every(({ stage, size }) => stage === "final" && size > 0);
   });
   await settled(page);
-  assert.match(await page.textContent("#label-a"), /A: mgprfs/);
+  assert.match(await page.textContent("#label-a"), /A: optimal/);
   assert.match(await page.textContent("#label-b"), /B: med/);
   // Both move with the slider.
   await setSize(page, 640);
@@ -69,14 +69,14 @@ export async function compare() {
   assert.deepEqual(sizes, [640, 640]);
   const cells = await page.locator("#numbers tbody tr").evaluateAll((rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent)));
   const rows = Object.fromEntries(cells.map(([name, ...values]) => [name, values]));
-  assert.deepEqual(rows.Method, ["mgprfs", "med"]);
+  assert.deepEqual(rows.Method, ["optimal", "med"]);
   assert.deepEqual(rows.Vertices, ["640", "640"]);
   const [a, b] = rows["Likeness (PSNR)"].map((text) => Number.parseFloat(text));
-  assert.ok(a > b, `${a} dB of mgprfs, ${b} dB of med`);
+  assert.ok(a > b, `${a} dB of optimal, ${b} dB of med`);
   await page.evaluate(() => (document.getElementById("numbers-panel").open = true));
   await page.click("#copy-numbers");
   const copied = await page.evaluate(() => navigator.clipboard.readText());
-  assert.match(copied, /^Figure\tA\tB\nMethod\tmgprfs\tmed\nVertices\t640\t640\n/);
+  assert.match(copied, /^Figure\tA\tB\nMethod\toptimal\tmed\nVertices\t640\t640\n/);
   // Both are drawn, each in its half.
   const drawn = await page.evaluate(async () => {
     const { renderer } = studio.stage;
@@ -146,15 +146,15 @@ export async function history() {
   await finished(page);
   const entries = page.locator("#history .open:has-text('picture.png')");
   assert.equal(await entries.count(), 2);
-  await entries.filter({ hasText: "Balanced" }).click();
+  await entries.filter({ hasText: "Best" }).click();
   await page.waitForFunction(() => studio.source.name === "picture.png");
-  assert.equal(await finished(page), 1966);
+  assert.equal(await finished(page), 2949);
   // Without the picture in the address, the job is.
   assert.match(page.url(), /job=[0-9a-f-]{36}/);
   // One that the service no longer has says so.
   const id = new URL(page.url()).searchParams.get("job");
   assert.equal((await fetch(`${service}/v1/jobs/${id}`, { method: "DELETE" })).status, 204);
-  await entries.filter({ hasText: "Balanced" }).click();
+  await entries.filter({ hasText: "Best" }).click();
   await page.waitForSelector("#failure:not([hidden])");
   assert.match(await page.textContent("#failure"), /Choose the picture again/);
   await page.locator("#history li:has-text('picture.png') button[aria-label^=Forget]").first().click();

@@ -31,7 +31,7 @@ impl PresetsOrder {
 
 /// What a preset is for, what it is not for, and the options that it stands for.
 fn text(preset: &Preset) -> String {
-    let &Preset { name, about, not_for, format, parameters } = preset;
+    let &Preset { name, about, not_for, format, parameters, .. } = preset;
     let format = format.map(|format| ("format", format.name()));
     let options = parameters.iter().copied().chain(format);
     let options = options.map(|(name, text)| format!("--{}={text}", name.replace('_', "-")));

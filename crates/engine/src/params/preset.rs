@@ -18,6 +18,8 @@ use pixmesh_meshing::ParameterError;
 pub struct Preset {
     /// Its name.
     pub name: &'static str,
+    /// Its name for people.
+    pub title: &'static str,
     /// What it is for, in a sentence.
     pub about: &'static str,
     /// What it is not for, with the preset that is.
@@ -32,6 +34,7 @@ pub struct Preset {
 pub static PRESETS: [Preset; 8] = [
     Preset {
         name: "photo",
+        title: "Photo",
         about: "A photograph rebuilt well: vertices move to where they lower the error most.",
         not_for: "drawings of few plain colours (logo), nor for a first look (draft).",
         format: None,
@@ -39,13 +42,15 @@ pub static PRESETS: [Preset; 8] = [
     },
     Preset {
         name: "lowpoly",
+        title: "Low-poly",
         about: "Art of few large triangles, each in one colour, as SVG.",
-        not_for: "faithful pictures (photo); pictures of under 1000 pixels need a size.",
+        not_for: "faithful pictures (photo); pictures of under 600 pixels need a size.",
         format: Some(Format::Svg),
-        parameters: &[("method", "flat"), ("effort", "3"), ("size", "1000")],
+        parameters: &[("method", "flat"), ("effort", "3"), ("size", "600")],
     },
     Preset {
         name: "print",
+        title: "Lithophane",
         about: "A lithophane 100 mm wide for a 3D printer, thick where the picture is dark, as STL.",
         not_for: "elevations (terrain), nor for colours; pictures of under 20000 pixels need a size.",
         format: Some(Format::Stl),
@@ -64,8 +69,10 @@ pub static PRESETS: [Preset; 8] = [
     },
     Preset {
         name: "terrain",
-        about: "An elevation model of a metre a step and 30 metres a pixel, with shaded hills, as glTF.",
-        not_for: "pictures whose samples are no heights (photo); other spacings need pixel_size and z_scale.",
+        title: "Terrain",
+        about: "Hills from an elevation model, bright is high, with shaded slopes, as glTF.",
+        not_for: "pictures whose samples are no heights (photo); other spacings than a metre a step and \
+                  30 metres a pixel need z_scale and pixel_size.",
         format: Some(Format::Glb),
         parameters: &[
             ("method", "optimal"),
@@ -82,6 +89,7 @@ pub static PRESETS: [Preset; 8] = [
     },
     Preset {
         name: "sprite",
+        title: "Game sprite",
         about: "The picture on a mesh that follows the outline of what is not transparent, for game engines, as glTF.",
         not_for: "pictures without alpha (photo); sprites of under 400 pixels need a size.",
         format: Some(Format::Glb),
@@ -95,6 +103,7 @@ pub static PRESETS: [Preset; 8] = [
     },
     Preset {
         name: "logo",
+        title: "Logo",
         about: "Plain colours with sharp outlines, each triangle in one of them, as SVG.",
         not_for: "photographs and gradients (photo, or lowpoly); icons of under 100 by 100 pixels need a size.",
         format: Some(Format::Svg),
@@ -102,6 +111,7 @@ pub static PRESETS: [Preset; 8] = [
     },
     Preset {
         name: "placeholder",
+        title: "Placeholder",
         about: "An SVG of about a kilobyte, compressed, to show while a picture loads.",
         not_for: "pictures to be looked at for long (lowpoly, or photo).",
         format: Some(Format::Svg),
@@ -109,6 +119,7 @@ pub static PRESETS: [Preset; 8] = [
     },
     Preset {
         name: "draft",
+        title: "Draft",
         about: "A first look in the least time.",
         not_for: "meshes to keep: photo is 4 to 6 dB closer.",
         format: None,
