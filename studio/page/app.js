@@ -77,10 +77,7 @@ export class Studio {
     this.exporter = null;
     this.growth = new Growth(this);
     this.sight = new FirstSight();
-    /** @type {Form | null} */
-    this.form = null;
-    /** @type {Promise<Form> | null} */
-    this.connecting = null;
+    [this.form, this.connecting] = [/** @type {Form | null} */ (null), /** @type {Promise<Form> | null} */ (null)];
   }
 
   /** The tracks that are seen. */
@@ -153,7 +150,7 @@ export class Studio {
     this.setSource(source, token);
     document.getElementById("stage-box")?.scrollIntoView({ block: "nearest" });
     await this.attempt(token, async () => {
-      // Decoding would hold up what is seen first.
+      // Once something is seen, which decoding would hold up.
       const looking = source.pixels.then(() => this.helpers.look(source, this.stage.renderer.maxSide)).then(() => this.machine.isCurrent(token) && this.showSource(source));
       source.looked = looking;
       // A JPEG is a photo; of others the pixels tell.
@@ -280,10 +277,6 @@ export class Studio {
     if (job.state === "cancelled") {
       this.machine.become(token, "cancelled");
       return;
-    }
-    if (this.tracks[0].wasCloser && !this.isChosen) {
-      this.form?.reset({ ...this.tracks[0].reading(), method: "preview" });
-      return this.run();
     }
     this.machine.become(token, source.bitmap || source.file ? "ready" : "missing");
     this.say(`The mesh is ready: ${counted(most)} vertices, ${decibels(job.mesh?.psnr_db)}.`);

@@ -21,9 +21,6 @@ import { ServiceError } from "./problems.js";
 /** Sizes of the curve, at the most. */
 const CURVE_POINTS = 160;
 
-/** How much closer a preview is that takes the mesh's place. */
-const CLOSER_DB = 0.5;
-
 /** Problems after which the picture must be sent again. */
 const WITHOUT_IMAGE = ["not-found", "gone", "job-without-image"];
 
@@ -46,8 +43,6 @@ export class Track {
     this.size = 0;
     /** @type {number | null | undefined} */
     this.psnr = undefined;
-    /** The PSNR of the preview, where it has come. */
-    this.previewed = -Infinity;
     this.faceCount = 0;
     /** PSNR by size. @type {Map<number, number>} */
     this.curve = new Map();
@@ -85,7 +80,7 @@ export class Track {
   /** Forgets everything but the worker. */
   clear() {
     [this.job, this.stage, this.points, this.isLost] = [null, "none", null, false];
-    [this.size, this.psnr, this.faceCount, this.previewed] = [0, undefined, 0, -Infinity];
+    [this.size, this.psnr, this.faceCount] = [0, undefined, 0];
     this.generation++;
     if (this.worker) this.order({ kind: "points", points: null, generation: this.generation });
     this.curve.clear();
@@ -146,9 +141,7 @@ export class Track {
     const reading = this.reading();
     const asked = target ? { ...reading, [target]: this.parameters[target] } : reading;
     const { points, psnr } = await api.preview(job.id, asked, signal);
-    if (signal.aborted || this.job?.id !== job.id) return;
-    this.previewed = psnr;
-    if (this.stage !== "none") return;
+    if (signal.aborted || this.job?.id !== job.id || this.stage !== "none") return;
     this.stage = "preview";
     this.psnr = psnr;
     this.setPoints(points);
@@ -181,12 +174,6 @@ export class Track {
       this.setPoints(points);
     }
     this.onChange(this, { kind: "job" });
-  }
-
-  /** Whether the preview was closer than the mesh, as it may be for drawings: both have one colour at each vertex. */
-  get wasCloser() {
-    const { job, points, previewed } = this;
-    return !points?.faceSamples && previewed > (job?.mesh?.psnr_db ?? Infinity) + CLOSER_DB;
   }
 
   /** @param {boolean} isLost */

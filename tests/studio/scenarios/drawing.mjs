@@ -173,6 +173,19 @@ async function splitAndBlink(page, place, original, mesh) {
   const left = halves.filter((value, i) => column(i) < width / 2 - 2 && value !== original[i]).length;
   const right = halves.filter((value, i) => column(i) > width / 2 + 2 && i % 4 !== 3 && Math.abs(value - mesh[i]) > 1).length;
   assert.deepEqual([left, right], [0, 0]);
+  // The label says what is on the right, and the line is dragged wherever it is taken hold of.
+  await page.keyboard.press("Escape");
+  await page.check("input[name=layer][value=error]", { force: true });
+  await settled(page);
+  assert.equal(await page.textContent("#label-b"), "differences");
+  await page.check("input[name=layer][value=mesh]", { force: true });
+  const line = await page.locator("#divider-line").boundingBox();
+  await page.mouse.move(line.x + 2, line.y + 60);
+  await page.mouse.down();
+  await page.mouse.move(line.x - 98, line.y + 60, { steps: 2 });
+  await page.mouse.up();
+  const dragged = await page.evaluate(() => [studio.stage.scene.split, studio.stage.canvas.clientWidth, studio.stage.view.isFitted]);
+  assert.ok(Math.abs((0.5 - dragged[0]) * dragged[1] - 100) < 16, String(dragged));
   await page.locator("#divider").press("End");
   assert.equal(largestDifference(await seen(page, place), original), 0);
   await page.click("#split-button");
@@ -225,9 +238,36 @@ export async function relief() {
   assert.deepEqual(flat.failures, []);
 }
 
+/** How often a picture of 3 megapixels is drawn as a whole while its mesh changes, and once the hand rests. */
+function draggedWork(page) {
+  return page.evaluate(async () => {
+    const { stage, stage: { renderer, scene, view } } = studio;
+    const geometry = renderer.meshes[0].geometry;
+    renderer.setSize(2000, 1500);
+    stage.toggle("smooth", false);
+    view.fit();
+    let count = 0;
+    const { drawPicture } = renderer;
+    renderer.drawPicture = function (side) {
+      if (this.meshes[side] && !this.meshes[side].isPictured) count++;
+      drawPicture.call(this, side);
+    };
+    scene.moves = true;
+    for (let i = 0; i < 8; i++) {
+      renderer.setMesh(0, geometry, 8);
+      stage.draw();
+    }
+    const moving = count;
+    scene.moves = false;
+    for (let i = 0; i < 3; i++) stage.draw();
+    return { moving, atRest: count - moving };
+  });
+}
+
 export async function frames() {
-  const page = await opened("/?sample=lake");
+  const page = await opened("/?sample=lake&size=300");
   await finished(page);
+  assert.deepEqual(await draggedWork(page), { moving: 0, atRest: 1 });
   const measured = await page.evaluate(async () => {
     const { triangulate } = await import("/studio/triangulate.js");
     const { geometryOf } = await import("/studio/geometry.js");

@@ -97,6 +97,12 @@ export async function solids() {
     return (Math.max(...lumas) - Math.min(...lumas)) / 255;
   });
   assert.ok(Math.abs(tall - 0.2 * 384 * luma) < 0.02 * 384, `${tall} high`);
+  // And with the picture itself as its texture.
+  await page.check("#export-texture");
+  const [textured] = await Promise.all([page.waitForEvent("download"), page.click("#export-dialog button[data-format=glb]")]);
+  const model = readFileSync(await textured.path());
+  assert.equal(JSON.parse(model.subarray(20, 20 + model.readUInt32LE(12))).images.length, 1);
+  await page.uncheck("#export-texture");
   // Printers get millimetres.
   await page.fill("#export-width", "80");
   const [printed] = await Promise.all([page.waitForEvent("download"), page.click("#export-dialog button[data-format=stl]")]);

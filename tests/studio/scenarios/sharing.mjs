@@ -17,6 +17,10 @@ export async function downloads() {
   const page = await opened();
   const most = await choose(page);
   await setSize(page, 500);
+  // Wherever the page is, it is in sight.
+  await page.evaluate(() => scrollTo(0, 99999));
+  const button = await page.locator("#download-button").boundingBox();
+  assert.ok(button.y >= 0 && button.y + button.height <= 900, JSON.stringify(button));
   await page.click("#download-button");
   await page.waitForSelector("#export-dialog button[data-format]");
   const formats = await page.locator("#export-dialog button[data-format]").evaluateAll((cards) => cards.map((card) => card.dataset.format));

@@ -1,8 +1,8 @@
-// What is seen first of a picture, of one too large for the graphics, and of one that is easy to mesh.
+// What is seen first of a picture, of one too large for the graphics, and what drawings become.
 
 import { strict as assert } from "node:assert";
 import { jpegOf, withThumbnail } from "../camera.mjs";
-import { began, bytesOf, chosen, finished, opened } from "../browser.mjs";
+import { began, bytesOf, chosen, opened } from "../browser.mjs";
 
 /** The thumbnail of a camera's file is seen before the picture, turned as the picture is. */
 export async function camera() {
@@ -50,22 +50,20 @@ export async function large() {
   assert.deepEqual(page.failures, []);
 }
 
-/** A preview that is closer than the mesh stays: of a drawing, whose perfect copy is said so. */
-export async function closer() {
+/** A drawing of few colours gets what keeps its edges, and a copy without any error is called identical. */
+export async function drawing() {
   const page = await opened();
   await began(page);
-  const side = 64, head = Buffer.from(`P7\nWIDTH ${side}\nHEIGHT ${side}\nDEPTH 4\nMAXVAL 255\nTUPLTYPE RGB_ALPHA\nENDHDR\n`);
-  const body = Buffer.alloc(4 * side * side);
-  for (let y = 8; y < 56; y++) for (let x = 8; x < 56; x++) body.set(x > 30 ? [20, 120, 220, 255] : [220, 60, 20, 255], 4 * (y * side + x));
-  // The preview comes first, however quick the job is.
-  await page.route("**/events", async (route) => {
-    await page.waitForFunction(() => studio.tracks[0].previewed > 0 || studio.tracks[0].parameters.method === "preview");
-    await route.continue().catch(() => {});
+  const buffer = await bytesOf(page, async () => {
+    const canvas = new OffscreenCanvas(160, 120), context = canvas.getContext("2d");
+    context.fillStyle = "#fff";
+    context.fillRect(0, 0, 160, 120);
+    context.fillStyle = "#123";
+    for (let i = 0; i < 12; i++) context.fillRect(10 + 36 * (i % 4), 10 + 36 * Math.floor(i / 4), 20, 20);
+    return new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer());
   });
-  await page.setInputFiles("#file", { name: "drawing.pam", mimeType: "image/x-portable-anymap", buffer: Buffer.concat([head, body]) });
-  await page.waitForFunction(() => studio.source.name === "drawing.pam" && studio.machine.hasMesh && studio.tracks[0].parameters.method === "preview");
-  await finished(page);
-  console.log(`the preview is kept: ${await page.textContent("#figure-psnr")}`);
-  assert.match(await page.textContent("#figure-likeness"), /dentical/);
+  await chosen(page, { name: "drawing.png", mimeType: "image/png", buffer });
+  assert.equal(await page.getAttribute("[data-preset=logo]", "aria-pressed"), "true");
+  assert.equal(await page.textContent("#figure-likeness"), "Identical");
   assert.deepEqual(page.failures, []);
 }
