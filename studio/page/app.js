@@ -50,8 +50,7 @@ export class Studio {
     this.isChosen = false;
     /** Whether the sizes have been touched: then nothing moves by itself. */
     this.isTouched = false;
-    [this.settling, this.wantedSize, this.painting] = [0, 0, 0];
-    this.isUpdating = false;
+    [this.settling, this.wantedSize, this.painting, this.isUpdating] = [0, 0, 0, false];
     /** What an address asked to be in the middle, and how large. @type {number[]} */
     this.askedView = [];
     this.asksRelief = false;
@@ -77,7 +76,10 @@ export class Studio {
     this.exporter = null;
     this.growth = new Growth(this);
     this.sight = new FirstSight();
-    [this.form, this.connecting] = [/** @type {Form | null} */ (null), /** @type {Promise<Form> | null} */ (null)];
+    /** @type {Form | null} */
+    this.form = null;
+    /** @type {Promise<Form> | null} */
+    this.connecting = null;
   }
 
   /** The tracks that are seen. */
@@ -349,8 +351,7 @@ export class Studio {
     const wanted = this.presets.get(name);
     if (!wanted) return;
     const { parameters, look, solid } = wanted;
-    this.preset = name;
-    this.isChosen ||= isChosen;
+    [this.preset, this.isChosen] = [name, this.isChosen || isChosen];
     this.form?.reset(parameters);
     this.setLook({ ...PLAIN, ...look });
     this.stage.setSolid(solid ?? {});

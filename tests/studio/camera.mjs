@@ -8,7 +8,8 @@ export async function jpegOf(page, width, height, color = "") {
       context.fillStyle = color;
       context.fillRect(0, 0, width, height);
     } else {
-      context.drawImage(await createImageBitmap(await studio.helpers.painted("spheres", width, height)), 0, 0);
+      const painted = await createImageBitmap(await studio.helpers.painted("spheres", Math.min(width, 800), Math.min(height, 600)));
+      context.drawImage(painted, 0, 0, width, height);
     }
     const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/jpeg", quality: 0.92 })).arrayBuffer());
     let text = "";
