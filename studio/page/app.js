@@ -50,10 +50,9 @@ export class Studio {
     this.isChosen = false;
     /** Whether the sizes have been touched: then nothing moves by itself. */
     this.isTouched = false;
-    [this.settling, this.wantedSize, this.painting, this.isUpdating] = [0, 0, 0, false];
+    [this.settling, this.wantedSize, this.painting, this.isUpdating, this.asksRelief] = [0, 0, 0, false, false];
     /** What an address asked to be in the middle, and how large. @type {number[]} */
     this.askedView = [];
-    this.asksRelief = false;
     /** The mesh that is shown in three dimensions. */
     this.reliefPath = "";
     /** What the form asked for last. */
@@ -363,6 +362,7 @@ export class Studio {
     this.attempt(this.token, async () => {
       await this.connect();
       this.setPreset(name, true);
+      this.stage.toggle("wireframe", false);
       await this.run();
     }, () => this.choosePreset(name));
   }

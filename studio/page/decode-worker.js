@@ -2,8 +2,8 @@
 
 import { decoded, natureOf } from "./decode.js";
 
-addEventListener("message", async ({ data: { id, file, maxSide } }) => {
-  const bitmap = await decoded(file, maxSide).catch(() => null);
+addEventListener("message", async ({ data: { id, file, maxSide, maxPixels } }) => {
+  const bitmap = await decoded(file, maxSide, maxPixels).catch(() => null);
   const nature = bitmap && natureOf(bitmap);
   postMessage({ id, bitmap, nature }, bitmap ? { transfer: [bitmap.rgba.buffer] } : {});
 });

@@ -3,21 +3,13 @@
 /** What kind of picture it is. @typedef {{ hasAlpha: boolean, isGray: boolean, isGraphic: boolean }} Nature */
 /** @typedef {import("./picture.js").Bitmap} Bitmap */
 
-/** Pixels that are shown of a picture, at the most: four bytes each, in the page and on the graphics card. */
-const MOST_SHOWN = 40_000_000;
-
-/** How much smaller a picture is shown than it is. @param {number} width @param {number} height @param {number} maxSide  Of the graphics. */
-export function shownScale(width, height, maxSide) {
-  return Math.min(1, maxSide / Math.max(width, height), Math.sqrt(MOST_SHOWN / (width * height)));
-}
-
 /**
  * The pixels of a file, upright and without colour management, as the service reads them; null
  * where the browser does not know the format.
- * @param {Blob} file @param {number} [maxSide]  Of what is shown, which may be smaller than the picture; 0 for all of it.
+ * @param {Blob} file @param {number} [maxSide]  A larger picture is made smaller. @param {number} [maxPixels]
  * @returns {Promise<Bitmap | null>}
  */
-export async function decoded(file, maxSide = 0) {
+export async function decoded(file, maxSide = Infinity, maxPixels = Infinity) {
   let image;
   try {
     image = await createImageBitmap(file, { colorSpaceConversion: "none", premultiplyAlpha: "none", imageOrientation: "from-image" });
@@ -25,7 +17,7 @@ export async function decoded(file, maxSide = 0) {
     return null;
   }
   const { width: fullWidth, height: fullHeight } = image;
-  const scale = maxSide ? shownScale(fullWidth, fullHeight, maxSide) : 1;
+  const scale = Math.min(1, maxSide / Math.max(fullWidth, fullHeight), Math.sqrt(maxPixels / (fullWidth * fullHeight)));
   const width = Math.max(1, Math.round(fullWidth * scale)), height = Math.max(1, Math.round(fullHeight * scale));
   const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
   if (!context) return null;

@@ -117,7 +117,9 @@ export class Exporter {
       if (path === null) continue;
       const response = await api.request(path, { method: "HEAD", signal }).catch(() => null);
       if (signal.aborted) return;
-      size.textContent = response ? sized(Number(response.headers.get("content-length"))) : "";
+      // Text is compressed on its way, as long as nobody knows before.
+      const length = response?.headers.get("content-length");
+      size.textContent = length ? sized(Number(length)) : "";
       button.disabled = response === null;
     }
   }

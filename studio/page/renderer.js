@@ -5,7 +5,6 @@
 // points are drawn over it at the screen's resolution. While sizes change, a mesh of a large picture
 // is drawn to the screen alone, so that a frame costs the screen's pixels and not the picture's.
 
-import { shownScale } from "./decode.js";
 import { bufferOf, compiled, textureOf } from "./gl.js";
 import { channels } from "./looks.js";
 import { Relief } from "./relief.js";
@@ -45,6 +44,8 @@ import { EDGES, MARKS, MESH, PICTURE } from "./shaders.js";
 const LAYERS = { mesh: 0, original: 1, density: 2, error: 3, none: 4, ground: 5 };
 /** Pixels of a picture up to which it is drawn as a whole for each size. */
 const SMALL_PICTURE = 1_500_000;
+/** Pixels that are shown of a picture, at the most: four bytes each, in the page and on the graphics card. */
+export const MOST_SHOWN = 40_000_000;
 
 export class Renderer {
   /** @param {HTMLCanvasElement} canvas @param {() => void} onRestored */
@@ -124,7 +125,7 @@ export class Renderer {
       gl.deleteTexture(texture);
       gl.deleteFramebuffer(framebuffer);
     }
-    const scale = shownScale(width, height, this.maxSide);
+    const scale = Math.min(1, this.maxSide / Math.max(width, height), Math.sqrt(MOST_SHOWN / (width * height)));
     this.targetSize = [Math.max(1, Math.floor(width * scale)), Math.max(1, Math.floor(height * scale))];
     this.targets = [this.target(this.targetSize[0], this.targetSize[1]), this.target(1, 1)];
     this.hasSecond = this.hasDensity = false;

@@ -1,6 +1,8 @@
 // The picture that is meshed: its file, what the browser sees in it, and the job that the service
 // keeps it with, so that it is sent once.
 
+import { MOST_SHOWN } from "./renderer.js";
+
 /** @typedef {import("./picture.js").Bitmap} Bitmap */
 /** @typedef {import("./decode.js").Nature} Nature */
 /** @typedef {import("./picture.js").Picture} Picture */
@@ -59,7 +61,7 @@ export class Helpers {
 
   /** Finds out what the browser sees in a file. @param {Source} source @param {number} maxSide */
   async look(source, maxSide) {
-    const { bitmap, nature } = await this.ask(this.decoder, { file: source.file, maxSide });
+    const { bitmap, nature } = await this.ask(this.decoder, { file: source.file, maxSide, maxPixels: MOST_SHOWN });
     Object.assign(source, { bitmap, nature });
   }
 
