@@ -6,7 +6,7 @@ import { build } from "esbuild";
 import openapi, { astToString } from "openapi-typescript";
 
 const at = (path) => new URL(path, import.meta.url);
-const OF_STUDIO = ["model", "pmesh", "predicates", "triangulate"];
+const OF_STUDIO = ["compact", "model", "pmesh", "predicates", "triangulate"];
 const SCHEMAS = ["Job", "JobEvent", "Methods", "Presets", "Problem"];
 
 /** The schemas named and those that they refer to. */

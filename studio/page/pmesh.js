@@ -1,6 +1,8 @@
 // pmesh: a mesh or a whole progression of meshes in one small file. The service's documentation of
 // the format is that of its reader; this one reads the same bytes.
 
+import { readCompact } from "./compact.js";
+
 /**
  * Points of a picture by row, then column, with their samples, vertex by vertex. Rows count from
  * the bottom. The rank of a vertex is its place in the order of importance: the vertices of ranks
@@ -20,6 +22,9 @@
  */
 
 const HEADER_BYTES = 24;
+const COMPACT_VERSION = 3;
+/** More than any service takes by default. */
+const MOST_PIXELS = 2 ** 28;
 const STRIPS = 2;
 const LEAST_STRIP = 4;
 
@@ -28,6 +33,8 @@ const LEAST_STRIP = 4;
  * @returns {Promise<Points>}
  */
 export async function readPmesh(buffer) {
+  const start = new DataView(buffer, 0, 8);
+  if (start.getUint32(0) === 0x504d5348 && start.getUint8(4) === COMPACT_VERSION) return readCompact(buffer, MOST_PIXELS);
   const header = new DataView(buffer, 0, HEADER_BYTES);
   if (header.getUint32(0) !== 0x504d5348 || header.getUint8(4) !== 1) {
     throw new Error("The service sent a mesh that this page cannot read.");

@@ -35,11 +35,14 @@
 //! A sample is predicted by the nearest vertex before it among the last one of each strip of
 //! columns around; components after the first by that and by how the first one differs there.
 
+mod compact;
+mod error;
 mod read;
 mod write;
 
+pub use error::PmeshError;
 pub use read::{
-    PmeshError, probe_pmesh, read_pmesh, read_pmesh_while, read_progression, read_progression_while,
+    probe_pmesh, read_pmesh, read_pmesh_while, read_progression, read_progression_while,
 };
 pub use write::{write_pmesh, write_pmesh_while, write_progression};
 
@@ -56,6 +59,8 @@ const MAGIC: [u8; 4] = *b"PMSH";
 const VERSION: u8 = 1;
 /// The version of a mesh whose faces have colours.
 const FLAT_VERSION: u8 = 2;
+/// The version with context-modelled arithmetic coding.
+const COMPACT_VERSION: u8 = 3;
 const HEADER_BYTES: usize = 24;
 
 /// Bytes of a number of 64 bits in groups of 7.

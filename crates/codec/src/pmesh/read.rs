@@ -1,10 +1,11 @@
 //! The pmesh reader.
 
+use super::compact;
+use super::error::PmeshError;
 use super::{
-    FLAT_VERSION, HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES, VERSION,
-    mean_of_corners, ordered_faces, predicted,
+    COMPACT_VERSION, FLAT_VERSION, HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES,
+    VERSION, is_pmesh, mean_of_corners, ordered_faces, predicted,
 };
-use crate::error::DecodeError;
 use crate::leb128::{take, unfolded};
 use crate::limits::Limits;
 use crate::mesh_format::Format;
@@ -16,54 +17,12 @@ use pixmesh_meshing::{
     Cancelled, Face, Mesh, MeshError, Point, Progression, ProgressionError, Shape, triangulate_with,
 };
 use std::io::{self, Read};
-use thiserror::Error;
 
 /// Vertices between two polls of `wanted`.
 const POLL_VERTICES: usize = 1 << 12;
 
 /// Bytes of a gap at most.
 const GAP_BYTES: usize = 6;
-
-/// Why bytes are no pmesh.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum PmeshError {
-    /// The header does not begin as one does, or ends early.
-    #[error("this is no pmesh: the header is wrong")]
-    Header,
-    /// A later version of the format.
-    #[error("pmesh version {0} is not supported: 1 and 2 are")]
-    Version(u8),
-    /// The image is larger than the limits allow.
-    #[error(transparent)]
-    Size(#[from] DecodeError),
-    /// The number of vertices cannot be.
-    #[error("{count} vertices are announced, but 4 to {most} are possible")]
-    VertexCount {
-        /// Vertices announced.
-        count: usize,
-        /// Lattice points of the image.
-        most: usize,
-    },
-    /// The stream ends early, goes on too long, or is no deflate stream.
-    #[error("the stream of the pmesh is damaged")]
-    Stream,
-    /// The file does not hold the order of importance.
-    #[error(
-        "this file holds one mesh and keeps no order of its vertices, which smaller meshes and the \
-         format progression need: make it with the format progression"
-    )]
-    NoOrder,
-    /// The points and samples make no mesh.
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
-    /// The points make no progression.
-    #[error(transparent)]
-    Progression(#[from] ProgressionError),
-    /// The result is no longer wanted.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
 
 /// Reads a mesh from pmesh, vertices by row, then column, whether an order is kept or not.
 ///
@@ -82,6 +41,9 @@ pub fn read_pmesh_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Mesh, PmeshError> {
+    if is_compact(bytes) {
+        return compact::read(bytes, limits, wanted);
+    }
     let Contents { shape, points, mut samples, face_differences, .. } =
         read(bytes, limits, wanted)?;
     // Only points with the corners among them can be triangulated.
@@ -131,6 +93,9 @@ pub fn read_progression_while(
     limits: &Limits,
     wanted: &Wanted<'_>,
 ) -> Result<Progression, PmeshError> {
+    if is_compact(bytes) {
+        return probe_pmesh(bytes, limits).and(Err(PmeshError::NoOrder));
+    }
     let Contents { shape, points, mut samples, order, .. } = read(bytes, limits, wanted)?;
     premultiply(&mut samples, shape);
     let Order { ranks, squared_errors } = order.ok_or(PmeshError::NoOrder)?;
@@ -174,7 +139,15 @@ struct Order {
 /// # Errors
 /// When the bytes do not begin as a pmesh does, or announce one beyond the limits.
 pub fn probe_pmesh(bytes: &[u8], limits: &Limits) -> Result<MeshHeader, PmeshError> {
+    if is_compact(bytes) {
+        return compact::probe(bytes, limits);
+    }
     read_header(bytes, limits).map(|(header, ..)| header)
+}
+
+/// Whether the header is that of the compact version.
+fn is_compact(bytes: &[u8]) -> bool {
+    is_pmesh(bytes) && bytes.get(MAGIC.len()) == Some(&COMPACT_VERSION)
 }
 
 /// What the header says, the length of the stream once inflated, and the stream.

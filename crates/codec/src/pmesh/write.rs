@@ -1,15 +1,14 @@
 //! The pmesh writer.
 
-use super::{
-    FLAT_VERSION, MAGIC, Predictor, RANK_BYTES, VERSION, mean_of_corners, ordered_faces, predicted,
-};
+use super::compact;
+use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
 use crate::error::EncodeError;
 use crate::leb128::{append, folded};
 use crate::wanted::{Wanted, While, always};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use pixmesh_meshing::alpha::{has_alpha, straighten_vectors};
-use pixmesh_meshing::{Face, Mesh, Point, Progression, Shape};
+use pixmesh_meshing::{Mesh, Point, Progression, Shape};
 use std::borrow::Cow;
 use std::io::Write;
 
@@ -39,7 +38,16 @@ pub fn write_pmesh_while(
     if !mesh.is_preferred_delaunay(&While(wanted))? {
         return Err(EncodeError::Connectivity { format: NAME });
     }
-    write(mesh.shape(), mesh.points(), &mesh.straight_samples(), Beside::Faces(mesh), out)
+    let component_count = mesh.shape().component_count;
+    components_of(component_count)?;
+    let bytes = compact::written(mesh, &vec![compact::EXACT; component_count], wanted)?;
+    Ok(out.write_all(&bytes)?)
+}
+
+/// The number of components as the header has it.
+fn components_of(actual: usize) -> Result<u8, EncodeError> {
+    let too_many = EncodeError::ComponentCount { format: NAME, actual, maximum: u8::MAX.into() };
+    u8::try_from(actual).map_err(|_| too_many)
 }
 
 /// Writes a progression as pmesh, its order and squared errors kept: about seven bytes a vertex
@@ -52,22 +60,13 @@ pub fn write_progression(
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let errors = progression.squared_errors();
-    let (shape, beside) = (progression.shape(), Beside::Order(errors));
+    let shape = progression.shape();
     let mut samples = Cow::Borrowed(progression.samples());
     if has_alpha(shape.component_count) {
         let largest = u16::MAX >> (16 - shape.precision);
         straighten_vectors(samples.to_mut(), shape.component_count, largest);
     }
-    write(shape, progression.points(), &samples, beside, out)
-}
-
-/// What a pmesh keeps beside vertices.
-#[derive(Clone, Copy)]
-enum Beside<'a> {
-    /// The samples of the faces of this mesh, if there are any.
-    Faces(&'a Mesh),
-    /// The order of the points, and the squared errors of all sizes.
-    Order(&'a [u64]),
+    write(shape, progression.points(), &samples, errors, out)
 }
 
 /// Writes header and stream of points in any order.
@@ -75,38 +74,24 @@ fn write(
     shape: Shape,
     points: &[Point],
     samples: &[u16],
-    beside: Beside<'_>,
+    errors: &[u64],
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
-    let actual = shape.component_count;
-    let too_many = EncodeError::ComponentCount { format: NAME, actual, maximum: u8::MAX.into() };
-    let components = u8::try_from(actual).map_err(|_| too_many)?;
+    let components = components_of(shape.component_count)?;
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_unstable_by_key(|&v| points[v]);
     let mut stream = gaps(shape, points, &order);
     append_samples(shape, points, samples, &order, &mut stream);
-    let (mut version, mut is_ordered) = (VERSION, 0);
-    match beside {
-        Beside::Order(errors) => {
-            is_ordered = 1;
-            for byte in 0..RANK_BYTES {
-                stream.extend(order.iter().map(|&rank| (rank >> (8 * byte)) as u8));
-            }
-            append_errors(errors, &mut stream);
-        }
-        Beside::Faces(mesh) => {
-            if let Some(of_faces) = mesh.straight_face_samples() {
-                version = FLAT_VERSION;
-                append_face_samples(mesh, samples, &of_faces, &order, &mut stream);
-            }
-        }
+    for byte in 0..RANK_BYTES {
+        stream.extend(order.iter().map(|&rank| (rank >> (8 * byte)) as u8));
     }
+    append_errors(errors, &mut stream);
     let fits = |number: usize| {
         let (bytes, limit) = (number as u64, u32::MAX.into());
         u32::try_from(number).map_err(|_| EncodeError::TooLarge { format: NAME, bytes, limit })
     };
     let mut header = MAGIC.to_vec();
-    header.extend([version, is_ordered, shape.precision, components]);
+    header.extend([VERSION, 1, shape.precision, components]);
     for number in [shape.width, shape.height, points.len(), stream.len()] {
         header.extend(fits(number)?.to_le_bytes());
     }
@@ -157,30 +142,6 @@ fn append_samples(
         }
     }
     append_planes(&differences, shape, stream);
-}
-
-/// Appends how the samples of the faces differ from the means of their vertices, component by
-/// component.
-fn append_face_samples(
-    mesh: &Mesh,
-    vertices: &[u16],
-    samples: &[u16],
-    order: &[usize],
-    stream: &mut Vec<u8>,
-) {
-    let shape = mesh.shape();
-    let (count, modulus) = (shape.component_count, 1u32 << shape.precision);
-    let mut numbers = vec![0; order.len()];
-    order.iter().zip(0..).for_each(|(&v, number)| numbers[v] = number);
-    let faces = ordered_faces(mesh.faces(), |v| numbers[v as usize]);
-    let of_component = |c: usize| {
-        let difference = |&(_, face): &(Face, usize)| {
-            let corners = mesh.faces()[face].map(|v| vertices[v as usize * count + c]);
-            difference(samples[face * count + c], mean_of_corners(corners), modulus)
-        };
-        faces.iter().map(difference).collect()
-    };
-    append_planes(&(0..count).map(of_component).collect::<Vec<_>>(), shape, stream);
 }
 
 /// How a sample differs from the one expected, the shorter way around, folded.
