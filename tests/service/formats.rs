@@ -19,7 +19,7 @@ const FORMATS: [(&str, &str, &str, &[u8]); 11] = [
     ("obj", "model/obj", "mesh.obj", b"# lengths in m\n"),
     ("stl", "model/stl", "mesh.stl", b"binary STL, lengths in mm "),
     ("json", "application/json", "mesh.json", b"{\"width\":60,\"height\":40,"),
-    ("pmesh", "application/vnd.pixmesh.pmesh", "mesh.pmesh", b"PMSH\x01\0\x08\x03"),
+    ("pmesh", "application/vnd.pixmesh.pmesh", "mesh.pmesh", b"PMSH\x03\0\x08\x03"),
 ];
 
 #[test]

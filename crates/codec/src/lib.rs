@@ -10,7 +10,7 @@
 //! | PNM: PBM, PGM, PPM, PAM | [`decode`] | [`write_pnm`] |
 //! | JPEG, WebP, GIF, TIFF, BMP | [`decode`] | |
 //! | MODEL | [`read_model`] | [`write_model`] |
-//! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_pmesh_while`], [`write_progression`] |
+//! | pmesh | [`read_pmesh`], [`read_progression`] | [`write_pmesh`], [`write_pmesh_while`], [`write_rounded_pmesh`], [`write_progression`] |
 //! | MODEL or pmesh, by the content | [`probe_mesh`], [`read_mesh_while`] | |
 //! | every [`Format`] of meshes | | [`encode`] |
 //!
@@ -108,7 +108,7 @@ pub use model::{
 };
 pub use pmesh::{
     PmeshError, is_pmesh, probe_pmesh, read_pmesh, read_pmesh_while, read_progression,
-    read_progression_while, write_pmesh, write_pmesh_while, write_progression,
+    read_progression_while, write_pmesh, write_pmesh_while, write_progression, write_rounded_pmesh,
 };
 pub use png::{write_png, write_png_while};
 pub use pnm::write_pnm;

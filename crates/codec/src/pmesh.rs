@@ -44,7 +44,7 @@ pub use error::PmeshError;
 pub use read::{
     probe_pmesh, read_pmesh, read_pmesh_while, read_progression, read_progression_while,
 };
-pub use write::{write_pmesh, write_pmesh_while, write_progression};
+pub use write::{write_pmesh, write_pmesh_while, write_progression, write_rounded_pmesh};
 
 use pixmesh_meshing::{Face, Point, Shape};
 

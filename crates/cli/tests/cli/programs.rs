@@ -466,7 +466,7 @@ fn the_ending_of_the_output_and_the_option_choose_the_format() {
         ("obj", b"# lengths"),
         ("stl", b"binary STL"),
         ("json", b"{\"width\":48"),
-        ("pmesh", b"PMSH\x01\0\x08\x01"),
+        ("pmesh", b"PMSH\x03\0\x08\x01"),
         ("png", b"\x89PNG"),
         ("pgm", b"P5\n48 32"),
     ];

@@ -19,7 +19,7 @@ use arithmetic::{Coder, Reader, Stop, Writer};
 use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Face, Mesh, MeshError, Point, Shape, triangulate_with};
 use places::code_places;
-use samples::{numbers_of, samples_of};
+use samples::{EXACT, numbers_of, samples_of};
 use values::{Neighbour, Values};
 
 /// Bytes before the numbers of the header.
@@ -28,7 +28,7 @@ const FIXED_BYTES: usize = 8;
 /// Bytes of a number in the header.
 const NUMBER_BYTES: usize = 5;
 
-pub(super) use samples::EXACT;
+pub(super) use samples::steps_of;
 
 /// The largest step, in eighths.
 const MOST_STEP: i64 = 1 << 19;

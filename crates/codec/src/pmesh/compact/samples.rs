@@ -5,7 +5,25 @@
 //! rounded to a multiple of its step; with steps of 1 nothing is lost.
 
 /// The step that loses nothing: steps are in eighths of a sample's.
-pub(in crate::pmesh) const EXACT: i64 = 8;
+pub(super) const EXACT: i64 = 8;
+
+/// The largest step of luma.
+const MOST: f64 = 4096.0;
+
+/// Step of the differences of colours to that of luma.
+const COLOR_STEP: f64 = 1.6;
+
+/// The steps of components: `step` of luma, alpha and others, a larger one of differences of colours.
+/// A step of 1 loses nothing.
+pub(in crate::pmesh) fn steps_of(step: f64, component_count: usize) -> Vec<i64> {
+    let step = step.clamp(1.0, MOST);
+    let in_eighths = |step: f64| (step * EXACT as f64).round() as i64;
+    let mut steps = vec![in_eighths(step); component_count];
+    if has_colors(component_count) && step > 1.0 {
+        steps[1..3].fill(in_eighths(step * COLOR_STEP));
+    }
+    steps
+}
 
 /// Whether the first three components are red, green and blue.
 fn has_colors(component_count: usize) -> bool {
