@@ -162,7 +162,8 @@ fn bytes_of_colored_face(format: Format, component_count: usize) -> usize {
         _ if format.repeats_vertices() => 3 * vertex,
         Format::Model => 3 + 6 * component_count,
         Format::Json => 16 + 6 * component_count,
-        Format::Pmesh => 2 * component_count,
+        // Its numbers twice, beside how they differ, its neighbours and its place.
+        Format::Pmesh => 132 + 18 * component_count,
         _ => 0,
     }
 }
@@ -181,7 +182,8 @@ fn bytes_of(format: Format, shading: Shading, component_count: usize) -> [usize;
         Format::Obj => [55, 24, 51],
         Format::Stl => [0, 50, 0],
         Format::Json => [40 + 6 * component_count, 24, 42],
-        Format::Pmesh => [14 + 2 * component_count, 0, 18 + 6 * component_count],
+        // Order, neighbours, numbers and how they differ.
+        Format::Pmesh => [12 + 2 * component_count, 0, 160 + 20 * component_count],
         Format::Progression => [14 + 2 * component_count, 0, 136 + 6 * component_count],
         Format::Png | Format::Pnm => [0, 0, 0],
     }

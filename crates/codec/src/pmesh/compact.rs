@@ -94,7 +94,7 @@ pub(super) fn written(
 }
 
 /// The vectors of numbers in an order.
-fn reordered(numbers: &[i64], order: impl Iterator<Item = usize>, components: usize) -> Vec<i64> {
+fn reordered(numbers: &[i32], order: impl Iterator<Item = usize>, components: usize) -> Vec<i32> {
     order.flat_map(|i| &numbers[i * components..][..components]).copied().collect()
 }
 
@@ -103,7 +103,7 @@ fn code_vertices<C: Coder>(
     values: &mut Values,
     points: &[Point],
     faces: &[Face],
-    numbers: &[i64],
+    numbers: &[i32],
     coder: &mut C,
 ) -> Result<(), Stop> {
     let mut edges = Vec::with_capacity(3 * faces.len());
@@ -129,7 +129,7 @@ fn code_faces<C: Coder>(
     values: &mut Values,
     vertex_count: usize,
     faces: &[Face],
-    numbers: &[i64],
+    numbers: &[i32],
     coder: &mut C,
 ) -> Result<(), Stop> {
     let before = faces_before(faces);

@@ -184,7 +184,10 @@ fn a_header_beyond_the_limits_is_refused() {
     assert!(probe_pmesh(&header(&[10, 10, 4, 8]), &limits).is_ok());
     assert!(matches!(refused(&[20, 6, 4, 8]), PmeshError::Size(_)));
     assert!(matches!(refused(&[30, 3, 4, 8]), PmeshError::Size(_)));
-    assert!(matches!(refused(&[10, 10, 101, 8]), PmeshError::VertexCount { count: 101, most: 100 }));
+    assert!(matches!(
+        refused(&[10, 10, 101, 8]),
+        PmeshError::VertexCount { count: 101, most: 100 }
+    ));
     assert!(matches!(refused(&[10, 10, 3, 8]), PmeshError::VertexCount { count: 3, most: 100 }));
     assert!(matches!(refused(&[10, 10, 4, 7]), PmeshError::Header));
     assert!(matches!(refused(&[10, 10, 4]), PmeshError::Header));

@@ -265,8 +265,10 @@ fn read_mesh(header: &MeshHeader, file: u64, size: u64) -> u64 {
     if format == Format::Model {
         return read_model_bytes(file);
     }
-    let read = written(Format::Progression, shape, vertices as u64, is_flat);
-    file.saturating_add(read).saturating_add(size.saturating_mul(POINT + VERTEX))
+    let read = written(format, shape, vertices as u64, is_flat);
+    // Which points are vertices, a bit each, while they are read.
+    let places = shape.width as u64 * shape.height as u64 / 4;
+    file.saturating_add(read + places).saturating_add(size.saturating_mul(POINT + VERTEX))
 }
 
 /// Bytes that comparing a picture takes: both decoded, one after the other, and rows of sums.

@@ -31,8 +31,8 @@ fn has_colors(component_count: usize) -> bool {
 }
 
 /// The numbers of steps nearest to sample vectors, one after the other.
-pub(super) fn numbers_of(samples: &[u16], steps: &[i64]) -> Vec<i64> {
-    let mut numbers: Vec<i64> = samples.iter().map(|&sample| sample.into()).collect();
+pub(super) fn numbers_of(samples: &[u16], steps: &[i64]) -> Vec<i32> {
+    let mut numbers: Vec<i32> = samples.iter().map(|&sample| sample.into()).collect();
     for vector in numbers.chunks_exact_mut(steps.len()) {
         if has_colors(steps.len()) {
             let [red, green, blue] = [vector[0], vector[1], vector[2]];
@@ -42,19 +42,19 @@ pub(super) fn numbers_of(samples: &[u16], steps: &[i64]) -> Vec<i64> {
             vector[..3].copy_from_slice(&[middle + (green >> 1), orange, green]);
         }
         for (number, &step) in vector.iter_mut().zip(steps) {
-            *number = (2 * EXACT * *number + step).div_euclid(2 * step);
+            *number = (2 * EXACT * i64::from(*number) + step).div_euclid(2 * step) as i32;
         }
     }
     numbers
 }
 
 /// The samples of numbers of steps, 0 at least and `largest` at most.
-pub(super) fn samples_of(numbers: &[i64], steps: &[i64], largest: u16) -> Vec<u16> {
+pub(super) fn samples_of(numbers: &[i32], steps: &[i64], largest: u16) -> Vec<u16> {
     let mut samples = Vec::with_capacity(numbers.len());
     let mut vector = vec![0; steps.len()];
     for numbers in numbers.chunks_exact(steps.len()) {
         for ((value, number), step) in vector.iter_mut().zip(numbers).zip(steps) {
-            *value = (number * step + EXACT / 2).div_euclid(EXACT);
+            *value = (i64::from(*number) * step + EXACT / 2).div_euclid(EXACT);
         }
         if has_colors(steps.len()) {
             let [luma, orange, green] = [vector[0], vector[1], vector[2]];

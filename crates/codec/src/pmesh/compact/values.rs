@@ -45,8 +45,8 @@ pub(super) type Neighbour = (i64, usize);
 /// Numbers of nodes, node by node, `components` of each, and how they differ from the predicted ones.
 pub(super) struct Values {
     components: usize,
-    pub(super) numbers: Vec<i64>,
-    differences: Vec<i64>,
+    pub(super) numbers: Vec<i32>,
+    differences: Vec<i32>,
 }
 
 impl Values {
@@ -59,7 +59,7 @@ impl Values {
     pub(super) fn code<C: Coder>(
         &mut self,
         count: usize,
-        numbers: &[i64],
+        numbers: &[i32],
         mut neighbours: impl FnMut(usize, &mut Vec<Neighbour>),
         coder: &mut C,
     ) -> Result<(), Stop> {
@@ -75,7 +75,8 @@ impl Values {
             near.sort_unstable();
             for component in 0..self.components {
                 let context = Surroundings::new(self, &near, component);
-                let difference = numbers.next().map_or(0, |number| number - context.predicted);
+                let difference =
+                    numbers.next().map_or(0, |&number| i64::from(number) - context.predicted);
                 let mixture = &mut mixtures[component.min(KINDS - 1)];
                 let bases = context.bases();
                 let decide = |at: usize, decision: bool| {
@@ -86,8 +87,9 @@ impl Values {
                 if number.abs() > MOST {
                     return Err(Stop::Damaged);
                 }
-                self.numbers.push(number);
-                self.differences.push(difference);
+                self.numbers.push(number as i32);
+                // Less than twice the largest number.
+                self.differences.push(difference as i32);
             }
         }
         Ok(())
@@ -114,26 +116,27 @@ struct Surroundings {
 
 impl Surroundings {
     fn new(known: &Values, near: &[Neighbour], component: usize) -> Self {
-        let at = |node: usize| node * known.components + component;
+        let number_of = |node: usize| i64::from(known.numbers[node * known.components + component]);
+        let difference = |at: usize| i64::from(known.differences[at]);
+        let difference_of = |node: usize| difference(node * known.components + component);
         let (mut sum, mut weights, mut activity) = (0, 0, 0);
         let (mut least, mut most) = (i64::MAX, i64::MIN);
         for &(distance, node) in near {
-            let (number, weight) = (known.numbers[at(node)], distance.min(MOST_DISTANCE));
+            let (number, weight) = (number_of(node), distance.min(MOST_DISTANCE));
             sum += weight * number;
             weights += weight;
             least = least.min(number);
             most = most.max(number);
-            activity += known.differences[at(node)].abs();
+            activity += difference_of(node).abs();
         }
         let neighbours = near.len() as i64;
         let predicted =
             if near.is_empty() { 0 } else { (2 * sum + weights).div_euclid(2 * weights) };
-        let nearest = [0, 1].map(|i: usize| {
-            near.get(i).map_or(0, |&(_, node)| known.numbers[at(node)] - predicted)
-        });
+        let nearest =
+            [0, 1].map(|i: usize| near.get(i).map_or(0, |&(_, node)| number_of(node) - predicted));
         let before = [0, 1].map(|i: usize| {
             let place = known.differences.len() + i;
-            if i < component { known.differences[place - component] } else { 0 }
+            if i < component { difference(place - component) } else { 0 }
         });
         Self {
             predicted,
@@ -142,7 +145,7 @@ impl Surroundings {
             neighbours,
             nearest,
             nearest_distance: near.first().map_or(MOST_DISTANCE, |&(distance, _)| distance),
-            nearest_difference: near.first().map_or(0, |&(_, node)| known.differences[at(node)]),
+            nearest_difference: near.first().map_or(0, |&(_, node)| difference_of(node)),
             activity: if near.is_empty() {
                 0
             } else {
@@ -235,7 +238,7 @@ mod tests {
             numbers in prop::collection::vec(-MOST..=MOST, 60),
             shift in 0u32..18,
         ) {
-            let numbers: Vec<i64> = numbers.iter().map(|number| number >> shift).collect();
+            let numbers: Vec<i32> = numbers.iter().map(|number| (number >> shift) as i32).collect();
             let count = numbers.len() / components;
             let numbers = &numbers[..count * components];
             let neighbours = |node: usize, near: &mut Vec<Neighbour>| {
