@@ -97,6 +97,10 @@ for (let chance = 0, odds = -MOST_ODDS; chance < 4096; chance++) {
   ODDS[chance] = odds;
 }
 
+/** By the decisions that a context met: how far it is trusted and how fast it follows, of 65536. */
+const TRUST = Int32Array.from({ length: MOST_MET + 1 }, (_, met) => Math.floor((65536 * met) / (met + 2)));
+const RATE = Int32Array.from({ length: MOST_MET + 1 }, (_, met) => Math.floor(65536 / (met + 2)));
+
 /** Contexts of several inputs, and the weights of their mixtures. */
 class Mixture {
   /** @param {Decoder} coder @param {number[]} sizes @param {number} sets */
@@ -115,8 +119,8 @@ class Mixture {
     const inputs = contexts.length, first = set * inputs;
     let sum = 0;
     for (let i = 0; i < inputs; i++) {
-      const context = contexts[i], count = met[i][context];
-      odds[i] = (ODDS[chances[i][context] >> 4] * count) / (count + 2);
+      const context = contexts[i];
+      odds[i] = (ODDS[chances[i][context] >> 4] * TRUST[met[i][context]]) >> 16;
       sum += odds[i] * weights[first + i];
     }
     const mean = Math.floor(sum / 65536);
@@ -128,7 +132,7 @@ class Mixture {
       const weight = weights[first + i] + ((odds[i] * error + 8192) >> 14);
       weights[first + i] = Math.min(Math.max(weight, -MOST_WEIGHT), MOST_WEIGHT);
       const context = contexts[i], known = chances[i], count = met[i][context];
-      known[context] += ((target - known[context]) / (count + 2)) | 0;
+      known[context] += ((target - known[context]) * RATE[count]) >> 16;
       if (count < MOST_MET) met[i][context]++;
     }
     return decision;
@@ -143,26 +147,27 @@ class Grid {
   constructor(width, height, size) {
     this.width = ((width - 1) >> size) + 1;
     this.height = ((height - 1) >> size) + 1;
-    this.bytesEach = (this.width + 7) >> 3;
-    this.bytes = new Uint8Array(this.bytesEach * this.height);
+    // A bit for each column from -3 on, and two bytes more than there are columns.
+    this.stride = (this.width >> 3) + 3;
+    this.bytes = new Uint8Array(this.stride * this.height);
+  }
+
+  /** A bit for each of the columns x - 3 to x + 4 of a row, where it is occupied. @param {number} x @param {number} y */
+  around(x, y) {
+    if (y < 0 || y >= this.height) return 0;
+    const at = y * this.stride + (x >> 3);
+    return ((this.bytes[at] | (this.bytes[at + 1] << 8)) >> (x & 7)) & 255;
   }
 
   /** @param {number} x @param {number} y */
   at(x, y) {
-    if (x < 0 || y < 0 || x >= this.width || y >= this.height) return 0;
-    return (this.bytes[y * this.bytesEach + (x >> 3)] >> (x & 7)) & 1;
+    return (this.around(x, y) >> 3) & 1;
   }
 
   /** @param {number} x @param {number} y */
   occupy(x, y) {
-    this.bytes[y * this.bytesEach + (x >> 3)] |= 1 << (x & 7);
-  }
-
-  /** @param {number} from @param {number} y @param {number} count */
-  sum(from, y, count) {
-    let sum = 0;
-    for (let x = from; x < from + count; x++) sum += this.at(x, y);
-    return sum;
+    const bit = x + 3;
+    this.bytes[y * this.stride + (bit >> 3)] |= 1 << (bit & 7);
   }
 
   /** Whether a cell holds a corner of the picture, or is the last of four and the others are empty. @param {number} x @param {number} y */
@@ -216,18 +221,21 @@ function readPlaces(coder, width, height, count) {
  */
 function setContexts(contexts, cells, parents, size, x, y) {
   const px = x >> 1, py = y >> 1, place = (x & 1) | ((y & 1) << 1);
-  const w = cells.at(x - 1, y), s = cells.at(x, y - 1), sw = cells.at(x - 1, y - 1), se = cells.at(x + 1, y - 1);
-  const siblings = [0, 1 + w, 3 + s + 2 * se, 7 + w + 2 * s + 4 * sw][place];
-  const around = w | (s << 1) | (sw << 2) | (se << 3);
-  const farther = cells.at(x - 2, y) | (cells.at(x, y - 2) << 1) | (cells.at(x - 2, y - 1) << 2) | (cells.at(x + 2, y - 1) << 3)
-    | (cells.at(x - 1, y - 2) << 4) | (cells.at(x + 1, y - 2) << 5) | (cells.at(x - 3, y) << 6) | (cells.at(x, y - 3) << 7);
-  const east = parents.at(px + 1, py), north = parents.at(px, py + 1);
-  const northEast = parents.at(px + 1, py + 1), northWest = parents.at(px - 1, py + 1);
-  const parentsAround = parents.at(px - 1, py) | (east << 1) | (parents.at(px, py - 1) << 2) | (north << 3)
-    | (parents.at(px - 1, py - 1) << 4) | (parents.at(px + 1, py - 1) << 5) | (northWest << 6) | (northEast << 7);
-  const parentsAhead = parents.at(px + 2, py) | (parents.at(px, py + 2) << 1) | (east << 2) | (north << 3) | (northEast << 4) | (northWest << 5);
-  const before = cells.sum(x - 3, y - 1, 7) + cells.sum(x - 3, y - 2, 7) + cells.sum(x - 3, y - 3, 7) + cells.sum(x - 3, y, 3);
-  const ahead = parents.sum(px + 1, py, 2) + parents.sum(px - 2, py + 1, 5) + parents.sum(px - 2, py + 2, 5);
+  // Rows from that of the cell downwards, and from that below the parent upwards; bit 3 is its column.
+  const a = cells.around(x, y), b = cells.around(x, y - 1), c = cells.around(x, y - 2), d = cells.around(x, y - 3);
+  const e = parents.around(px, py - 1), f = parents.around(px, py), g = parents.around(px, py + 1), h = parents.around(px, py + 2);
+  const west = (a >> 2) & 1, south = (b >> 3) & 1, southWest = (b >> 2) & 1, southEast = (b >> 4) & 1;
+  const siblings = place === 0 ? 0 : place === 1 ? 1 + west
+    : place === 2 ? 3 + south + 2 * southEast : 7 + west + 2 * south + 4 * southWest;
+  const around = west | (south << 1) | (southWest << 2) | (southEast << 3);
+  const farther = ((a >> 1) & 1) | (((c >> 3) & 1) << 1) | (((b >> 1) & 1) << 2) | (((b >> 5) & 1) << 3)
+    | (((c >> 2) & 1) << 4) | (((c >> 4) & 1) << 5) | ((a & 1) << 6) | (((d >> 3) & 1) << 7);
+  const east = (f >> 4) & 1, north = (g >> 3) & 1, northEast = (g >> 4) & 1, northWest = (g >> 2) & 1;
+  const parentsAround = ((f >> 2) & 1) | (east << 1) | (((e >> 3) & 1) << 2) | (north << 3)
+    | (((e >> 2) & 1) << 4) | (((e >> 4) & 1) << 5) | (northWest << 6) | (northEast << 7);
+  const parentsAhead = ((f >> 5) & 1) | (((h >> 3) & 1) << 1) | (east << 2) | (north << 3) | (northEast << 4) | (northWest << 5);
+  const before = ONES[a & 7] + ONES[b & 127] + ONES[c & 127] + ONES[d & 127];
+  const ahead = ONES[f & 48] + ONES[g & 62] + ONES[h & 62];
   const level = Math.min(size, SIZES - 1), sized = level * SIBLINGS + siblings;
   contexts[0] = sized * 16 + around;
   contexts[1] = (Math.min(level, 2) * SIBLINGS + siblings) * 256 + parentsAround;
@@ -238,6 +246,9 @@ function setContexts(contexts, cells, parents, size, x, y) {
   return level * 4 + place;
 }
 
+/** How many bits of a number are 1. */
+const ONES = Uint8Array.from({ length: 128 }, (_, number) => number.toString(2).replaceAll("0", "").length);
+
 /** How many of ascending numbers a number reaches. @param {number[]} least @param {number} number */
 const reached = (least, number) => {
   let count = 0;
@@ -245,10 +256,11 @@ const reached = (least, number) => {
   return count;
 };
 
+const COUNTS = [1, 2, 3, 5, 8, 13], MAGNITUDES = [1, 2, 3, 5, 8, 12, 18, 28, 44, 71];
 /** @param {number} number */
-const countClass = (number) => reached([1, 2, 3, 5, 8, 13], number);
+const countClass = (number) => reached(COUNTS, number);
 /** @param {number} number */
-const magnitudeClass = (number) => reached([1, 2, 3, 5, 8, 12, 18, 28, 44, 71], Math.abs(number));
+const magnitudeClass = (number) => reached(MAGNITUDES, Math.abs(number));
 /** @param {number} number */
 const signedClass = (number) => {
   const bits = Math.min(32 - Math.clz32(Math.abs(number)), 6);

@@ -106,19 +106,28 @@ fn code_vertices<C: Coder>(
     numbers: &[i32],
     coder: &mut C,
 ) -> Result<(), Stop> {
-    let mut edges = Vec::with_capacity(3 * faces.len());
-    for &[a, b, c] in faces {
-        edges.extend([(a, b), (b, c), (c, a)].map(|(p, q)| (p.max(q), p.min(q))));
+    let edges = || {
+        let edges = faces.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+        edges.map(|(p, q)| (p.max(q) as usize, p.min(q)))
+    };
+    // The neighbours of vertex v are before[from[v]..from[v + 1]], twice where an edge has two faces.
+    let mut from = vec![0; points.len() + 1];
+    edges().for_each(|(later, _)| from[later + 1] += 1);
+    for vertex in 0..points.len() {
+        from[vertex + 1] += from[vertex];
     }
-    edges.sort_unstable();
-    edges.dedup();
-    let mut edges = edges.into_iter().peekable();
+    let mut before = vec![0; 3 * faces.len()];
+    let mut next = from.clone();
+    for (later, earlier) in edges() {
+        before[next[later]] = earlier;
+        next[later] += 1;
+    }
     let neighbours = |node: usize, near: &mut Vec<Neighbour>| {
-        while let Some((_, other)) = edges.next_if(|&(later, _)| later as usize == node) {
+        near.extend(before[from[node]..from[node + 1]].iter().map(|&other| {
             let (p, q) = (points[node], points[other as usize]);
             let [dx, dy] = [p.x - q.x, p.y - q.y].map(i64::from);
-            near.push((dx * dx + dy * dy, other as usize));
-        }
+            (dx * dx + dy * dy, other as usize)
+        }));
     };
     values.code(points.len(), numbers, neighbours, coder)
 }
@@ -201,10 +210,10 @@ pub(super) fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result
     let mut reader = Reader::new(stream, wanted);
     let points = code_places(shape, vertices, &[], &mut reader)?;
     let faces = triangulate_with(&points, &While(wanted))?;
-    let ordered = ordered_faces(&faces, |v| v);
-    let corners: Vec<Face> = ordered.iter().map(|&(face, _)| face).collect();
     let mut values = Values::new(shape.component_count);
-    code_vertices(&mut values, &points, &corners, &[], &mut reader)?;
+    code_vertices(&mut values, &points, &faces, &[], &mut reader)?;
+    let ordered = if is_flat { ordered_faces(&faces, |v| v) } else { Vec::new() };
+    let corners: Vec<Face> = ordered.iter().map(|&(face, _)| face).collect();
     if is_flat {
         code_faces(&mut values, vertices, &corners, &[], &mut reader)?;
     }

@@ -24,7 +24,24 @@ const MOST_WEIGHT: i32 = 1 << 20;
 const LEARNING: i32 = 10;
 
 /// Decisions after which a context's probability follows at a constant speed.
-const MOST_MET: i32 = 255;
+const MOST_MET: u16 = 255;
+
+/// How far a context's odds are trusted, of 65536, by the decisions that it met.
+const TRUST: [i32; MOST_MET as usize + 1] = by_met(true);
+
+/// How fast a context's probability follows, of 65536, by the decisions that it met.
+const RATE: [i32; MOST_MET as usize + 1] = by_met(false);
+
+/// 65536 times `met / (met + 2)` or `1 / (met + 2)`, rounded down.
+const fn by_met(times_met: bool) -> [i32; MOST_MET as usize + 1] {
+    let mut table = [0; MOST_MET as usize + 1];
+    let mut met = 0;
+    while met < table.len() {
+        table[met] = ((if times_met { met } else { 1 }) * 65536 / (met + 2)) as i32;
+        met += 1;
+    }
+    table
+}
 
 /// The probability, of 4096, of logarithmic odds in 256ths.
 fn probability(odds: i32) -> i32 {
@@ -81,8 +98,7 @@ impl<const N: usize> Mixture<N> {
         let mut sum = 0i64;
         for (i, context) in contexts.into_iter().enumerate() {
             let Context { chance, met } = self.inputs[i][context];
-            let met = i32::from(met);
-            odds[i] = self.odds[usize::from(chance >> 4)] * met / (met + 2);
+            odds[i] = (self.odds[usize::from(chance >> 4)] * TRUST[usize::from(met)]) >> 16;
             sum += i64::from(odds[i]) * i64::from(weights[i]);
         }
         let most = i64::from(MOST_ODDS);
@@ -94,9 +110,9 @@ impl<const N: usize> Mixture<N> {
             weights[i] = (weights[i] + change).clamp(-MOST_WEIGHT, MOST_WEIGHT);
             let Context { chance, met } = &mut self.inputs[i][context];
             let target = if decision { i32::from(u16::MAX) } else { 0 };
-            let step = (target - i32::from(*chance)) / (i32::from(*met) + 2);
+            let step = ((target - i32::from(*chance)) * RATE[usize::from(*met)]) >> 16;
             *chance = (i32::from(*chance) + step) as u16;
-            *met = (*met + 1).min(MOST_MET as u16);
+            *met = (*met + 1).min(MOST_MET);
         }
         Ok(decision)
     }

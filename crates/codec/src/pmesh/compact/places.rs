@@ -15,46 +15,51 @@ const SIZES: usize = 15;
 /// Places within the parent with what is known of the parent's other cells: 1 + 2 + 4 + 8.
 const SIBLINGS: usize = 15;
 
-const WORD: usize = u64::BITS as usize;
+/// Columns at the left of a grid that are never occupied.
+const LEFT: i32 = 3;
 
 /// Which cells of one size are occupied.
 struct Grid {
     width: i32,
     height: i32,
-    words_each: usize,
-    words: Vec<u64>,
+    /// Bytes of a row: a bit for each column from -3 on, and two bytes more than there are columns.
+    stride: usize,
+    bytes: Vec<u8>,
 }
 
 impl Grid {
     /// The grid of cells of 2^`size` columns and rows.
     fn new(shape: Shape, size: u32) -> Self {
         let [width, height] = [shape.width, shape.height].map(|side| ((side - 1) >> size) + 1);
-        let words_each = width.div_ceil(WORD);
-        let words = vec![0; words_each * height];
-        Self { width: width as i32, height: height as i32, words_each, words }
+        let stride = width / 8 + 3;
+        let bytes = vec![0; stride * height];
+        Self { width: width as i32, height: height as i32, stride, bytes }
     }
 
     fn is_inside(&self, x: i32, y: i32) -> bool {
         (0..self.width).contains(&x) && (0..self.height).contains(&y)
     }
 
-    /// 1 where a cell is occupied, 0 where it is not, and outside the image.
-    fn at(&self, x: i32, y: i32) -> usize {
-        if !self.is_inside(x, y) {
+    /// Which cells of a row are occupied, a bit for each of the columns `x - 3` to `x + 4`, for `x` from
+    /// 0 to `width`; none outside the image.
+    fn around(&self, x: i32, y: i32) -> usize {
+        if !(0..self.height).contains(&y) {
             return 0;
         }
-        let (x, y) = (x as usize, y as usize);
-        (self.words[y * self.words_each + x / WORD] >> (x % WORD) & 1) as usize
+        // The column x - 3 is the bit x.
+        let at = y as usize * self.stride + x as usize / 8;
+        let both = u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]]);
+        usize::from(both) >> (x % 8) & 0xff
+    }
+
+    /// 1 where a cell is occupied, 0 where it is not.
+    fn at(&self, x: i32, y: i32) -> usize {
+        self.around(x, y) >> LEFT & 1
     }
 
     fn occupy(&mut self, x: i32, y: i32) {
-        let (x, y) = (x as usize, y as usize);
-        self.words[y * self.words_each + x / WORD] |= 1 << (x % WORD);
-    }
-
-    /// Occupied cells of a part of a row, the columns `from` and after, `count` of them.
-    fn sum(&self, from: i32, y: i32, count: i32) -> usize {
-        (from..from + count).map(|x| self.at(x, y)).sum()
+        let bit = (x + LEFT) as usize;
+        self.bytes[y as usize * self.stride + bit / 8] |= 1 << (bit % 8);
     }
 
     fn holds_corner(&self, x: i32, y: i32) -> bool {
@@ -97,7 +102,7 @@ pub(super) fn code_places<C: Coder>(
                 }
                 let is_occupied = cells.holds_corner(x, y) || cells.is_only(x, y) || {
                     let (contexts, set) = contexts_of(&cells, &parents, size, x, y);
-                    mixture.code(coder, contexts, set, truth.at(x, y) == 1)?
+                    mixture.code(coder, contexts, set, !C::READS && truth.at(x, y) == 1)?
                 };
                 if is_occupied && next.len() == count {
                     return Err(Stop::Damaged);
@@ -133,28 +138,33 @@ fn contexts_of(
     x: i32,
     y: i32,
 ) -> ([usize; INPUT_SIZES.len()], usize) {
+    let row = |dy: i32| cells.around(x, y + dy);
+    let parent_row = |dy: i32| parents.around(x >> 1, (y >> 1) + dy);
+    let cells = [row(0), row(-1), row(-2), row(-3)];
+    let parents = [parent_row(-1), parent_row(0), parent_row(1), parent_row(2)];
     // Cells and parents by their distance in columns and rows.
-    let near = |dx: i32, dy: i32| cells.at(x + dx, y + dy);
-    let beyond = |dx: i32, dy: i32| parents.at((x >> 1) + dx, (y >> 1) + dy);
+    let near = |dx: i32, dy: usize| cells[dy] >> (LEFT + dx) & 1;
+    let beyond = |dx: i32, dy: i32| parents[(dy + 1) as usize] >> (LEFT + dx) & 1;
     let bits = |cells: &[usize]| cells.iter().rev().fold(0, |bits, &cell| bits << 1 | cell);
+    let sum = |row: usize, columns: usize| (row & columns).count_ones() as usize;
 
     let place = (x & 1 | (y & 1) << 1) as usize;
     let siblings = match place {
         0 => 0,
         1 => 1 + near(-1, 0),
-        2 => 3 + bits(&[near(0, -1), near(1, -1)]),
-        _ => 7 + bits(&[near(-1, 0), near(0, -1), near(-1, -1)]),
+        2 => 3 + bits(&[near(0, 1), near(1, 1)]),
+        _ => 7 + bits(&[near(-1, 0), near(0, 1), near(-1, 1)]),
     };
-    let around = bits(&[near(-1, 0), near(0, -1), near(-1, -1), near(1, -1)]);
+    let around = bits(&[near(-1, 0), near(0, 1), near(-1, 1), near(1, 1)]);
     let farther = bits(&[
         near(-2, 0),
-        near(0, -2),
-        near(-2, -1),
-        near(2, -1),
-        near(-1, -2),
-        near(1, -2),
+        near(0, 2),
+        near(-2, 1),
+        near(2, 1),
+        near(-1, 2),
+        near(1, 2),
         near(-3, 0),
-        near(0, -3),
+        near(0, 3),
     ]);
     let parents_around = bits(&[
         beyond(-1, 0),
@@ -174,12 +184,11 @@ fn contexts_of(
         beyond(1, 1),
         beyond(-1, 1),
     ]);
+    // Seven columns around the cell, five and the two next around the parent.
     let before =
-        (1..4).map(|dy| cells.sum(x - 3, y - dy, 7)).sum::<usize>() + cells.sum(x - 3, y, 3);
-    let (px, py) = (x >> 1, y >> 1);
-    let ahead = parents.sum(px + 1, py, 2)
-        + parents.sum(px - 2, py + 1, 5)
-        + parents.sum(px - 2, py + 2, 5);
+        sum(cells[0], 0b111) + cells[1..].iter().map(|&row| sum(row, 0b111_1111)).sum::<usize>();
+    let ahead =
+        sum(parents[1], 0b11_0000) + sum(parents[2], 0b11_1110) + sum(parents[3], 0b11_1110);
 
     let size = (size as usize).min(SIZES - 1);
     let sized = size * SIBLINGS + siblings;

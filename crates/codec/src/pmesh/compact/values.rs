@@ -55,7 +55,7 @@ impl Values {
     }
 
     /// Codes the numbers of the next `count` nodes, `numbers` of a writer. `neighbours` tells those of
-    /// a node that come before it.
+    /// a node that come before it, once or more.
     pub(super) fn code<C: Coder>(
         &mut self,
         count: usize,
@@ -73,6 +73,7 @@ impl Values {
             near.clear();
             neighbours(node, &mut near);
             near.sort_unstable();
+            near.dedup();
             for component in 0..self.components {
                 let context = Surroundings::new(self, &near, component);
                 let difference =
