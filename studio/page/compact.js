@@ -4,7 +4,6 @@
 import { triangulate } from "./triangulate.js";
 
 /** @typedef {import("./pmesh.js").Points} Points */
-/** @typedef {(at: number) => boolean} Decide */
 
 const HEADER_BYTES = 8;
 const EXACT = 8, MOST_STEP = 2 ** 19;
@@ -281,6 +280,8 @@ class Values {
     this.numbers = new Int32Array(nodes * components);
     this.differences = new Int32Array(nodes * components);
     this.bases = new Int32Array(INPUTS.length);
+    /** @type {Mixture[]} */
+    this.mixtures = [];
     this.begin();
   }
 

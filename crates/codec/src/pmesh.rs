@@ -1,7 +1,10 @@
 //! pmesh: meshes in few bytes, optionally with the order of vertices that gives every smaller size.
 //!
 //! The connectivity is that of the preferred-directions Delaunay triangulation, which the points
-//! alone determine, so only points and samples are kept. A header of 24 bytes, numbers little-endian:
+//! alone determine, so only points and samples are kept. A mesh is written as version 3, which
+//! `compact` codes and docs/pmesh.md specifies, a progression as version 1. Versions 1 and 2 are read.
+//!
+//! These have a header of 24 bytes, numbers little-endian:
 //!
 //! | bytes | what |
 //! |---|---|
