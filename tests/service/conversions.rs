@@ -125,9 +125,10 @@ fn a_texture_comes_with_the_mesh_or_is_kept_by_the_job() {
 fn damaged_mesh_files_are_refused_by_name() {
     let server = Server::start(&[]);
     let pmesh = server.mesh("size=60&format=pmesh", &[], &disc(60, 50, 3)).body;
-    let announced = |at: usize, value: u8| {
+    // The header has a byte each for the width, the height and the vertices, from the eighth on.
+    let announced = |at: usize, number: &[u8]| {
         let mut file = pmesh.clone();
-        file[at] = value;
+        file.splice(at..=at, number.iter().copied());
         file
     };
     for (file, status, slug) in [
@@ -135,9 +136,9 @@ fn damaged_mesh_files_are_refused_by_name() {
         (b"nonsense".to_vec(), 422, "mesh-invalid"),
         (pmesh[..20].to_vec(), 422, "mesh-invalid"),
         (pmesh[..pmesh.len() - 9].to_vec(), 422, "mesh-invalid"),
-        (announced(4, 9), 422, "mesh-invalid"),
-        (announced(11, 9), 422, "image-too-large"),
-        (announced(17, 200), 422, "mesh-too-large"),
+        (announced(4, &[9]), 422, "mesh-invalid"),
+        (announced(8, &[0xff, 0xff, 0xff, 9]), 422, "image-too-large"),
+        (announced(10, &[0xff, 0x7f]), 422, "mesh-too-large"),
     ] {
         for target in ["conversions", "reconstructions"] {
             let answer = send(server.public, "POST", &format!("/v1/{target}"), &[], &file);
