@@ -74,8 +74,8 @@ pub struct EncodeOptions<'a> {
 
 /// Writes a mesh in a format, for as long as the file is wanted.
 ///
-/// Only the PNG, the rebuilt picture, the colours of glTF and the check of pmesh that the points alone
-/// determine the faces poll `wanted`; the other formats stop when `out` fails.
+/// Only the PNG, the rebuilt picture, the colours of glTF and pmesh poll `wanted`; the other formats stop
+/// when `out` fails.
 ///
 /// # Errors
 /// When the format cannot hold the mesh, writing fails, or the file is no longer wanted.

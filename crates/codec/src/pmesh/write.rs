@@ -25,8 +25,7 @@ pub fn write_pmesh(mesh: &Mesh, out: &mut impl Write) -> Result<(), EncodeError>
     write_pmesh_while(mesh, out, &always)
 }
 
-/// Writes a mesh as [`write_pmesh`] does, for as long as it is wanted. Only the check of its faces
-/// polls `wanted`.
+/// Writes a mesh as [`write_pmesh`] does, for as long as it is wanted.
 ///
 /// # Errors
 /// As [`write_pmesh`], and [`EncodeError::Cancelled`] when it is no longer wanted.
