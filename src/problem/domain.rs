@@ -21,6 +21,7 @@ impl From<EngineError> for Problem {
             E::Decode(error) => error.into(),
             E::Weights(error) => error.into(),
             E::MeshFile(error) => error.into(),
+            E::NoHeights => Self::new(Kind::ShapeMismatch, detail).param("approximation"),
             E::OtherSize { .. } => Self::new(Kind::ShapeMismatch, detail).param("image"),
             E::Meshing(error) => error.into(),
             E::Encode(error) => error.into(),
@@ -352,6 +353,7 @@ impl From<EncodeError> for Problem {
             EncodeError::ComponentCount { .. }
             | EncodeError::TooLarge { .. }
             | EncodeError::Connectivity { .. }
+            | EncodeError::NotInDegrees
             | EncodeError::NotOfPointsAlone { .. } => {
                 Self::new(Kind::FormatNotPossible, error.to_string()).param("format")
             }

@@ -202,8 +202,9 @@ problems! {
          allows."
         "Wait for the seconds in Retry-After before the next request.";
     ShapeMismatch = UNPROCESSABLE_ENTITY "shape-mismatch" "The pictures are not of the same shape"
-        "Two pictures differ in columns, rows, components or precision."
-        "Make both of the same shape. The detail names the two shapes.";
+        "Two pictures differ in columns, rows, components or precision, or an elevation model is compared \
+         with what has no heights."
+        "Make both of the same shape, which the detail names; send the mesh of an elevation model as it was made.";
     MeshInvalid = UNPROCESSABLE_ENTITY "mesh-invalid" "The file is not a mesh"
         "The file breaks the rules of its format. In a MODEL, 'line' is the first such line."
         "Send a file as the service or make_model writes it.";

@@ -10,9 +10,9 @@ use crate::service::Service;
 use axum::Extension;
 use axum::Json;
 use axum::extract::{Request, State};
-use pixmesh_codec::{DecodeError, Header, Limits, MeshHeader, is_pmesh, probe_mesh};
+use pixmesh_codec::{DecodeError, Header, Limits, MeshHeader, PictureFormat, is_pmesh, probe_mesh};
 use pixmesh_engine::Owner;
-use pixmesh_engine::pipeline::{self, Comparison, Pair};
+use pixmesh_engine::pipeline::{self, Comparison, HeightErrors, Pair};
 use pixmesh_engine::task::{Compared, Cost};
 use pixmesh_meshing::Shape;
 use serde::Serialize;
@@ -29,7 +29,8 @@ use utoipa::ToSchema;
     summary = "How close a picture, or a mesh, is to a picture",
     description = "A form with the parts `image` and `approximation`; the latter is a picture or a \
                    mesh, as MODEL or pmesh, of the same width, height, components and precision. The service recognises \
-                   it by its content.",
+                   it by its content. Of an elevation model the heights are compared, in their units and \
+                   not rounded: with those of a mesh of it, or of another elevation model.",
     request_body(content = inline(ComparisonForm), content_type = "multipart/form-data"),
     responses(
         (status = 200, description = "The figures", body = Figures),
@@ -56,7 +57,14 @@ async fn compare(
     let [picture, approximation] = receiving.await?;
     let header = pixmesh_codec::probe(&picture.bytes, &service.pictures)?;
     let other = probe(&approximation.bytes, &service.pictures).map_err(of_approximation)?;
-    refuse_other_shape(header.shape(), other.shape())?;
+    let mut shape = other.shape();
+    if header.format == PictureFormat::Tiff {
+        // Elevation models are compared by their heights, whatever their samples: the work refuses
+        // others.
+        let Shape { component_count, precision, .. } = header.shape();
+        shape = Shape { component_count, precision, ..shape };
+    }
+    refuse_other_shape(header.shape(), shape)?;
     let comparison = run(service, owner, picture, approximation, &header, other).await?;
     Ok(Json(Figures::new(&header, comparison)))
 }
@@ -152,28 +160,63 @@ pub(super) struct Figures {
     /// Bits per sample.
     precision: u8,
     identical: bool,
-    /// Mean squared error.
+    /// Mean squared error; of heights in the square of their units.
     #[schema(minimum = 0)]
     mse: f64,
-    /// PSNR in decibels; null for equal pictures.
+    /// PSNR in decibels; null for equal pictures. Of heights the peak is the difference between the
+    /// highest and the lowest.
     psnr_db: Option<f64>,
-    /// Mean structural similarity; null for pictures with a side under 11.
+    /// Mean structural similarity; null for pictures with a side under 11, and for elevation models.
     #[schema(minimum = -1, maximum = 1)]
     ssim: Option<f64>,
+    /// The errors of the heights of an elevation model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    elevation: Option<Elevation>,
+}
+
+/// Errors of heights, in their units.
+#[derive(Serialize, ToSchema)]
+#[schema(as = ComparedElevation)]
+struct Elevation {
+    /// The largest difference of a height.
+    #[schema(minimum = 0)]
+    max_error: f64,
+    /// Root mean squared difference.
+    #[schema(minimum = 0)]
+    rmse: f64,
+    /// The step that the heights of the mesh are multiples of; null for elevation models.
+    step: Option<f64>,
+    /// The largest difference that rounding to the step made; null for elevation models.
+    rounding: Option<f64>,
+    /// Pixels that have a height in both.
+    compared: u64,
+    /// Pixels that have a height in one of them only.
+    unmatched: u64,
+}
+
+impl From<HeightErrors> for Elevation {
+    fn from(errors: HeightErrors) -> Self {
+        let HeightErrors { max_error, rmse, steps, compared, unmatched } = errors;
+        let (step, rounding) = steps.unzip();
+        Self { max_error, rmse, step, rounding, compared, unmatched }
+    }
 }
 
 impl Figures {
     fn new(header: &Header, comparison: Comparison) -> Self {
-        let Comparison { mse, psnr_db, ssim } = comparison;
+        let Comparison { mse, psnr_db, ssim, heights } = comparison;
+        let is_matched = heights.is_none_or(|heights| heights.unmatched == 0);
         Self {
             width: header.width,
             height: header.height,
             components: header.component_count,
             precision: header.precision,
-            identical: mse == 0.0,
+            identical: mse == 0.0 && is_matched,
             mse,
             psnr_db: Some(psnr_db).filter(|psnr| psnr.is_finite()),
             ssim,
+            elevation: heights.map(Elevation::from),
         }
     }
 }

@@ -128,7 +128,7 @@ async fn convert<const N: usize>(
     let deadline = Instant::now() + service.deadline;
     let ticket = service.scheduler.admit(owner, cost, deadline).await?;
     let output = options.output;
-    let conversion = Conversion { file, shown, size, format, output, fidelity: None };
+    let conversion = Conversion { file, shown, size, format, output, mse: None };
     let (made, memory, timing) = run(service, ticket, deadline, conversion).await?;
     let tag = answer::tag(Digest::of(&made.bytes));
     let mut headers = answer::headers_of(representation, &tag)?;

@@ -12,7 +12,7 @@ const DAMAGED = "The mesh is damaged.";
 /** Reads a mesh. @param {ArrayBuffer} buffer @param {number} mostPixels @returns {Points} */
 export function readCompact(buffer, mostPixels) {
   const bytes = new Uint8Array(buffer);
-  const isFlat = bytes[5] === 1, precision = bytes[6], components = bytes[7];
+  const isFlat = (bytes[5] & 1) === 1, precision = bytes[6], components = bytes[7];
   let at = HEADER_BYTES;
   const number = () => {
     let sum = 0, weight = 1, byte;
@@ -25,11 +25,13 @@ export function readCompact(buffer, mostPixels) {
     return sum;
   };
   const width = number(), height = number(), count = number();
-  const isPossible = bytes[5] <= 1 && precision >= 1 && precision <= 16 && components >= 1 && width >= 2
+  const isPossible = bytes[5] <= 3 && precision >= 1 && precision <= 16 && components >= 1 && width >= 2
     && height >= 2 && width * height <= mostPixels && count >= 4 && count <= width * height;
   if (!isPossible) throw new Error(DAMAGED);
   const steps = Array.from({ length: components }, number);
   if (steps.some((step) => step < EXACT || step > MOST_STEP)) throw new Error(DAMAGED);
+  // The text of an elevation model.
+  if (bytes[5] & 2) at += 2 + bytes[at] + 256 * bytes[at + 1];
   const coder = new Decoder(bytes.subarray(at));
   const { xs, ys } = readPlaces(coder, width, height, count);
   const { origins } = triangulate(xs, ys);

@@ -23,6 +23,8 @@ import { readCompact } from "./compact.js";
 
 const HEADER_BYTES = 24;
 const COMPACT_VERSION = 3;
+/** Of a progression of an elevation model. */
+const TERRAIN_VERSION = 4;
 /** More than any service takes by default. */
 const MOST_PIXELS = 2 ** 28;
 const STRIPS = 2;
@@ -33,17 +35,19 @@ const LEAST_STRIP = 4;
  * @returns {Promise<Points>}
  */
 export async function readPmesh(buffer) {
-  const start = new DataView(buffer, 0, 8);
-  if (start.getUint32(0) === 0x504d5348 && start.getUint8(4) === COMPACT_VERSION) return readCompact(buffer, MOST_PIXELS);
-  const header = new DataView(buffer, 0, HEADER_BYTES);
-  if (header.getUint32(0) !== 0x504d5348 || header.getUint8(4) !== 1) {
+  const header = new DataView(buffer);
+  const isPmesh = header.getUint32(0) === 0x504d5348, version = header.getUint8(4), kept = header.getUint8(5);
+  if (isPmesh && version === COMPACT_VERSION) return readCompact(buffer, MOST_PIXELS);
+  if (!isPmesh || (version !== 1 && version !== TERRAIN_VERSION) || kept > 1) {
     throw new Error("The service sent a mesh that this page cannot read.");
   }
-  const isOrdered = header.getUint8(5) === 1;
+  // Of an elevation model a text follows the header.
+  const textBytes = version === TERRAIN_VERSION ? 2 + header.getUint16(HEADER_BYTES, true) : 0;
+  const isOrdered = kept === 1;
   const precision = header.getUint8(6), components = header.getUint8(7);
   const width = header.getUint32(8, true), height = header.getUint32(12, true);
   const count = header.getUint32(16, true);
-  const bytes = await inflated(buffer.slice(HEADER_BYTES));
+  const bytes = await inflated(buffer.slice(HEADER_BYTES + textBytes));
   const { xs, ys, end } = readPlaces(bytes, count, width);
   const planes = components * (precision > 8 ? 2 : 1);
   const differences = bytes.subarray(end, end + planes * count);

@@ -29,7 +29,7 @@ const NOT_RUN: [(&str, &str); 19] = [
     ("export CARGO_TARGET_AARCH64", "it serves the next command alone"),
     ("cargo build --bins --workspace --target", "it needs a compiler for ARM"),
     ("pip install -r docs/terrain", "it installs programs of others"),
-    ("cargo build --release -p pixmesh-cli", "it builds everything anew"),
+    ("cargo build --release", "it builds everything anew"),
     ("docs/terrain/compare.py", "it needs programs of others and runs for minutes"),
 ];
 

@@ -27,6 +27,7 @@ mod program;
 mod rejected_pictures;
 mod server;
 mod sizes;
+mod terrain;
 mod transport;
 mod uploads;
 mod weights;

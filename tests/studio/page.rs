@@ -48,7 +48,9 @@ fn browse_afresh(scenarios: &[&str]) {
 #[test]
 fn pictures_become_meshes_that_are_seen_in_every_size() {
     // The visit comes first: it asks whether the service has any job.
-    browse_afresh(&["visit", "upload", "cancel", "slider", "once", "races", "camera", "large", "drawing"]);
+    browse_afresh(&[
+        "visit", "upload", "cancel", "slider", "once", "races", "camera", "large", "drawing",
+    ]);
 }
 
 #[test]

@@ -78,7 +78,7 @@ pub enum CliError {
     /// No format has the ending of the file to write.
     #[error(
         "--output: no format has the ending .{ending}: use one of model, glb, gltf, svg, ply, obj, \
-         stl, json, pmesh, png, pnm, pgm, ppm and pam, or name the format with --format"
+         stl, json, pmesh, terrain, png, pnm, pgm, ppm and pam, or name the format with --format"
     )]
     Ending {
         /// The ending, without its dot.

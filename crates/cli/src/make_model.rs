@@ -178,7 +178,7 @@ impl MakeModel {
             ..Encodable::from(&model)
         };
         let encoding = self.write(&model, &source, format, texture.as_ref(), terrain)?;
-        self.write_compact(&model, progression.as_ref())?;
+        self.write_compact(&model, progression.as_ref(), terrain.as_ref())?;
         if self.stats {
             let ssim = structural_similarity(&image, &rasterize(&model.mesh, &())?, &())?;
             // Statistics that nobody can read are no reason to fail.
@@ -219,15 +219,16 @@ impl MakeModel {
         &self,
         model: &Approximation,
         progression: Option<&Progression>,
+        terrain: Option<&Terrain>,
     ) -> Result<(), CliError> {
         if let Some(file) = &self.pmesh {
             let mut bytes = Vec::new();
-            pixmesh_codec::write_pmesh(&model.mesh, &mut bytes)?;
+            pixmesh_codec::write_pmesh_while(&model.mesh, terrain, &mut bytes, &|| Ok(()))?;
             files::write(Some(file), &bytes)?;
         }
         if let (Some(file), Some(progression)) = (&self.progressive, progression) {
             let mut bytes = Vec::new();
-            pixmesh_codec::write_progression(progression, &mut bytes)?;
+            pixmesh_codec::write_progression(progression, terrain, &mut bytes)?;
             files::write(Some(file), &bytes)?;
         }
         Ok(())

@@ -4,7 +4,7 @@ use crate::document::DocumentOptions;
 use crate::output::OutputOptions;
 use crate::{CliError, files};
 use clap::{CommandFactory, Parser};
-use pixmesh_codec::{Alpha, Encodable, Format, PmeshError, Texture};
+use pixmesh_codec::{Alpha, Encodable, Format, PmeshError, Terrain, Texture};
 use pixmesh_meshing::{Fidelity, Mesh, Progression, ProgressionError};
 use std::path::PathBuf;
 
@@ -66,6 +66,7 @@ struct Source {
     mesh: Mesh,
     progression: Option<Progression>,
     fidelity: Option<Fidelity>,
+    terrain: Option<Terrain>,
 }
 
 impl RasterizeModel {
@@ -80,7 +81,7 @@ impl RasterizeModel {
         // A wrong ending is refused before any work.
         let format = self.written.format(self.output.as_deref(), Format::Pnm)?;
         let bytes = files::read(self.input.as_deref())?;
-        let Source { mesh, progression, fidelity } = self.source(&bytes, format)?;
+        let Source { mesh, progression, fidelity, terrain } = self.source(&bytes, format)?;
         drop(bytes);
         self.written.check(mesh.shape().component_count)?;
         let texture = self.texture(&mesh, format)?;
@@ -91,7 +92,7 @@ impl RasterizeModel {
         };
         files::write(
             self.output.as_ref(),
-            &self.written.write(&source, format, texture.as_ref(), self.alpha, None)?,
+            &self.written.write(&source, format, texture.as_ref(), self.alpha, terrain)?,
         )
     }
 
@@ -106,15 +107,17 @@ impl RasterizeModel {
                 return Err(damaged(PmeshError::NoOrder.into()));
             }
             let mesh = pixmesh_codec::read_mesh_while(bytes, &files::LIMITS, &|| Ok(()));
-            return Ok(Source { mesh: mesh.map_err(damaged)?, progression: None, fidelity: None });
+            let (mesh, terrain) = (mesh.map_err(damaged)?, header.terrain);
+            return Ok(Source { mesh, progression: None, fidelity: None, terrain });
         }
         let damaged = |source: PmeshError| damaged(source.into());
         let read = pixmesh_codec::read_progression(bytes, &files::LIMITS).map_err(damaged)?;
-        let size = self.size.unwrap_or(read.points().len());
+        let size = self.size.unwrap_or(header.vertices);
+        let terrain = header.terrain.map(|terrain| terrain.of_size(size, header.vertices));
         let cut = || {
             let progression = read.shortened(size)?;
             let (mesh, fidelity) = (progression.mesh(size, &())?, progression.fidelity(size)?);
-            Ok(Source { mesh, progression: Some(progression), fidelity: Some(fidelity) })
+            Ok(Source { mesh, progression: Some(progression), fidelity: Some(fidelity), terrain })
         };
         cut().map_err(|error: ProgressionError| damaged(error.into()))
     }

@@ -11,6 +11,8 @@ use crate::terrain::{Nodata, Terrain};
 use crate::wanted::{Wanted, always};
 use crate::{bmp, gif, jpeg, png, pnm, tiff, webp};
 use pixmesh_meshing::Image;
+use pixmesh_meshing::alpha::has_alpha;
+use pixmesh_terrain::Heights;
 
 /// The most bytes that a decoder may allocate for a file's metadata.
 pub(crate) const METADATA_BYTES: usize = 8 << 20;
@@ -106,15 +108,44 @@ impl DecodeOptions {
         let format = PictureFormat::sniff(bytes)?;
         let canvas = guarded(format, wanted, |wanted| {
             let Opened { header, decode } = self.open(format, bytes, wanted)?;
-            let (needed, allowed) = (self.needed_bytes(&header), self.max_bytes);
-            match allowed.filter(|&allowed| needed > allowed) {
-                Some(allowed) => Err(DecodeError::TooMuchMemory { needed, allowed }),
-                None => decode(),
-            }
+            self.check_memory(&header)?;
+            decode()
         });
         let canvas = canvas?;
         let terrain = canvas.terrain;
-        Ok((canvas.into_image(self.alpha, wanted)?, terrain))
+        let image = canvas.into_image(self.alpha, wanted)?;
+        // Holes need the alpha that says where they are.
+        let has_alpha = has_alpha(image.component_count());
+        let of_image =
+            |terrain: Terrain| Terrain { has_holes: terrain.has_holes && has_alpha, ..terrain };
+        Ok((image, terrain.map(of_image)))
+    }
+
+    /// The heights of an elevation model in the units of the file, with what it says of them; `None`
+    /// where the file is a picture.
+    ///
+    /// # Errors
+    /// As [`Self::decode_while`].
+    pub fn heights_while(
+        &self,
+        bytes: &[u8],
+        wanted: &Wanted<'_>,
+    ) -> Result<Option<Heights>, DecodeError> {
+        wanted()?;
+        let format = PictureFormat::sniff(bytes)?;
+        if format != PictureFormat::Tiff {
+            return Ok(None);
+        }
+        guarded(format, wanted, |wanted| tiff::heights(bytes, self, wanted))
+    }
+
+    /// Checks that decoding a picture of this stored header takes no more memory than it may.
+    pub(crate) fn check_memory(&self, stored: &Header) -> Result<(), DecodeError> {
+        let needed = self.needed_bytes(stored);
+        match self.max_bytes.filter(|&allowed| needed > allowed) {
+            Some(allowed) => Err(DecodeError::TooMuchMemory { needed, allowed }),
+            None => Ok(()),
+        }
     }
 
     fn open<'a>(

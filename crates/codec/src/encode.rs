@@ -11,6 +11,7 @@ use crate::ply::write_ply;
 use crate::pmesh::{write_pmesh_while, write_progression};
 use crate::png::write_png_while;
 use crate::pnm::write_pnm;
+use crate::quantized_mesh::write_quantized_mesh;
 use crate::shown::Shown;
 use crate::stl::write_stl;
 use crate::surface::Geometry;
@@ -65,8 +66,8 @@ pub struct EncodeOptions<'a> {
     /// Whether faces that show nothing are left out, by the formats that need not cover the
     /// picture's rectangle: all but MODEL, pmesh, and pictures.
     pub cut: bool,
-    /// What the heights of an elevation model mean, and whether it has holes, which the same formats
-    /// leave out.
+    /// What the heights of an elevation model mean, which MODEL and pmesh keep, and whether it has
+    /// holes, which the other formats but pictures leave out.
     pub terrain: Option<Terrain>,
     /// How much time a PNG may take.
     pub png_compression: PngCompression,
@@ -91,7 +92,11 @@ pub fn encode(
     let has_holes = terrain.is_some_and(|terrain| terrain.has_holes);
     let shown = || Shown::new(mesh, cut, has_holes);
     match format {
-        Format::Model => Ok(write_model_with_comments(mesh, comments, out)?),
+        Format::Model => {
+            let terrain = terrain.map(|terrain| terrain.to_string());
+            let comments: Vec<&str> = comments.iter().copied().chain(terrain.as_deref()).collect();
+            Ok(write_model_with_comments(mesh, &comments, out)?)
+        }
         Format::Glb => write_glb(&shown(), options, out, wanted),
         Format::Gltf => write_gltf(&shown(), options, out, wanted),
         Format::Svg => write_svg(&shown(), shading, out),
@@ -99,9 +104,10 @@ pub fn encode(
         Format::Obj => write_obj(&shown(), &geometry, out),
         Format::Stl => write_stl(&shown(), &geometry, out),
         Format::Json => write_json(&shown(), fidelity, &geometry, out),
-        Format::Pmesh => write_pmesh_while(mesh, out, wanted),
+        Format::Terrain => write_quantized_mesh(&shown(), terrain.as_ref(), out),
+        Format::Pmesh => write_pmesh_while(mesh, terrain.as_ref(), out, wanted),
         Format::Progression => match progression {
-            Some(progression) => write_progression(progression, out),
+            Some(progression) => write_progression(progression, terrain.as_ref(), out),
             None => Err(EncodeError::NotOfPointsAlone { format: format.name() }),
         },
         Format::Png => {
@@ -182,6 +188,8 @@ fn bytes_of(format: Format, shading: Shading, component_count: usize) -> [usize;
         Format::Obj => [55, 24, 51],
         Format::Stl => [0, 50, 0],
         Format::Json => [40 + 6 * component_count, 24, 42],
+        // Positions, normals and heights are kept beside the vertices in another order.
+        Format::Terrain => [12, 12, 150],
         // Order, neighbours, numbers and how they differ.
         Format::Pmesh => [12 + 2 * component_count, 0, 160 + 20 * component_count],
         Format::Progression => [14 + 2 * component_count, 0, 136 + 6 * component_count],

@@ -119,6 +119,13 @@ pub enum EncodeError {
         /// Name of the format.
         format: &'static str,
     },
+    /// The format holds meshes of elevation models in degrees only.
+    #[error(
+        "terrain is for elevation models in degrees of EPSG:4326 whose rows go to the south and columns \
+         to the east: reproject yours first, for example with `gdalwarp -t_srs EPSG:4326 model.tif \
+         degrees.tif`"
+    )]
+    NotInDegrees,
     /// A relief is to follow a component that the image does not have.
     #[error("the relief is to follow component {component} (counted from 0) of {count}")]
     NoSuchComponent {

@@ -17,7 +17,9 @@
 //! [`DecodeOptions`] choose what becomes of alpha and of files that end early, and limit the memory
 //! of decoding. [`EncodeOptions`] choose how a mesh is stored. [`Geometry`] places a mesh in space:
 //! flat, as a relief of its luma or of a component, or as a solid on a base.
-//! [`DecodeOptions::decode_terrain_while`] tells the heights and the place of an elevation model.
+//! [`DecodeOptions::decode_terrain_while`] tells the place of an elevation model and what its samples
+//! mean, which MODEL and pmesh keep: [`MeshHeader::terrain`]. [`DecodeOptions::heights_while`] gives its
+//! heights.
 //! [`DecodeOptions::decode_while`] and the other functions ending in `_while` stop when their result
 //! is no longer [`Wanted`]. [`read_weights`] reads a picture that weighs the points of another.
 //!
@@ -73,6 +75,7 @@ mod ply;
 mod pmesh;
 mod png;
 mod pnm;
+mod quantized_mesh;
 mod raster;
 mod rounding;
 mod shown;
@@ -106,6 +109,7 @@ pub use model::{
     ModelDefect, ModelError, model_comments, probe_model, read_model, read_model_bytes,
     read_model_while, write_model, write_model_with_comments,
 };
+pub use pixmesh_terrain::Heights;
 pub use pmesh::{
     PmeshError, is_pmesh, probe_pmesh, read_pmesh, read_pmesh_while, read_progression,
     read_progression_while, write_pmesh, write_pmesh_while, write_progression, write_rounded_pmesh,

@@ -39,6 +39,8 @@ named_values! {
         Pmesh = "pmesh",
         /// A pmesh whose vertices are in the order of their importance: every smaller mesh at once.
         Progression = "progression",
+        /// Quantized-mesh 1.0: a tile of terrain, of elevation models in degrees.
+        Terrain = "terrain",
     }
 }
 
@@ -57,6 +59,7 @@ impl Format {
             Self::Obj => &["model/obj"],
             Self::Stl => &["model/stl"],
             Self::Json => &["application/json"],
+            Self::Terrain => &["application/vnd.quantized-mesh"],
             Self::Pmesh | Self::Progression => &["application/vnd.pixmesh.pmesh"],
         }
     }

@@ -1,10 +1,11 @@
 //! What is known of a mesh file before its vertices.
 
 use crate::mesh_format::Format;
+use crate::terrain::Terrain;
 use pixmesh_meshing::Shape;
 
 /// What a mesh file's header says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshHeader {
     /// [`Format::Model`], [`Format::Pmesh`], or [`Format::Progression`] for a pmesh that keeps the
     /// order of its vertices.
@@ -15,4 +16,6 @@ pub struct MeshHeader {
     pub vertices: usize,
     /// Whether the faces may have colours: always for MODEL, whose header does not say.
     pub is_flat: bool,
+    /// What the samples mean, where the mesh is that of an elevation model.
+    pub terrain: Option<Terrain>,
 }

@@ -2,14 +2,15 @@
 //!
 //! The connectivity is that of the preferred-directions Delaunay triangulation, which the points
 //! alone determine, so only points and samples are kept. A mesh is written as version 3, which
-//! `compact` codes and docs/pmesh.md specifies, a progression as version 1. Versions 1 and 2 are read.
+//! `compact` codes and docs/pmesh.md specifies, a progression as version 1, or 4 for an elevation model.
+//! Versions 1 and 2 are read.
 //!
 //! These have a header of 24 bytes, numbers little-endian:
 //!
 //! | bytes | what |
 //! |---|---|
 //! | 4 | `PMSH` |
-//! | 1 | version: 2 when faces have colours, else 1 |
+//! | 1 | version: 4 for a progression of an elevation model, 2 when faces have colours, else 1 |
 //! | 1 | 1 when the order of importance is kept, else 0 |
 //! | 1 | bits per sample |
 //! | 1 | number of components |
@@ -17,6 +18,9 @@
 //! | 4 | height |
 //! | 4 | number of vertices |
 //! | 4 | bytes of what follows once inflated |
+//!
+//! In version 4 the number of bytes of a text, as 16 bits, and the text follow: what the samples of
+//! the [elevation model](crate::Terrain) mean, in words and numbers.
 //!
 //! Then a deflate stream (RFC 1951). In it, for the vertices by row, then column: the number of
 //! lattice points skipped before each, in groups of 7 bits from the lowest, the high bit set in all but the
@@ -29,7 +33,7 @@
 //! lowers that sum, as 2d or -2d - 1 as above. From these and the number of pixels, components and bits
 //! follows the PSNR of every size.
 //!
-//! Version 2 then has the samples of the faces, like those of the vertices, component by component:
+//! Where faces have colours, then come the samples of the faces, like those of the vertices, component by component:
 //! how each differs from the mean of the face's vertices, rounded down. Each face begins with its
 //! first vertex, by row, then column, and the faces ascend.
 //!
@@ -49,6 +53,7 @@ pub use read::{
 };
 pub use write::{write_pmesh, write_pmesh_while, write_progression, write_rounded_pmesh};
 
+use crate::terrain::Terrain;
 use pixmesh_meshing::{Face, Point, Shape};
 
 /// Whether bytes begin as a pmesh does.
@@ -64,6 +69,8 @@ const VERSION: u8 = 1;
 const FLAT_VERSION: u8 = 2;
 /// The version with context-modelled arithmetic coding.
 const COMPACT_VERSION: u8 = 3;
+/// The version of a progression of an elevation model.
+const TERRAIN_VERSION: u8 = 4;
 const HEADER_BYTES: usize = 24;
 
 /// Bytes of a number of 64 bits in groups of 7.
@@ -77,6 +84,22 @@ const LEAST_STRIP: usize = 4;
 
 /// Strips looked at to each side.
 const STRIPS: usize = 2;
+
+/// Appends the text of an elevation model: its bytes, as 16 bits, and itself.
+fn append_terrain(terrain: &Terrain, bytes: &mut Vec<u8>) {
+    let text = terrain.to_string();
+    bytes.extend((text.len() as u16).to_le_bytes());
+    bytes.extend(text.into_bytes());
+}
+
+/// What the text says of an elevation model, and the bytes after it.
+fn read_terrain(shape: Shape, bytes: &[u8]) -> Result<(Terrain, &[u8]), PmeshError> {
+    let (length, bytes) = bytes.split_first_chunk().ok_or(PmeshError::Header)?;
+    let length = u16::from_le_bytes(*length).into();
+    let (text, rest) = bytes.split_at_checked(length).ok_or(PmeshError::Header)?;
+    let terrain = Terrain::of_text(text, shape).ok_or(PmeshError::Header)?;
+    Ok((terrain.map_err(PmeshError::Terrain)?, rest))
+}
 
 /// Tells for each vertex the one before it that its samples are predicted by.
 struct Predictor {

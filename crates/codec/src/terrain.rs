@@ -1,12 +1,14 @@
 //! What the samples of an elevation model mean, and what a mesh of it is by default: a relief at its
 //! true size, within a bound on its heights.
 
+mod text;
+
 use crate::choices::ReliefSource;
 use crate::surface::{Geometry, Relief, ReliefHeight, ZOffset};
 use pixmesh_meshing::alpha::has_alpha;
 use pixmesh_meshing::parameters::MAX_DISTANCE;
 use pixmesh_meshing::{ParameterError, Parameters, Target, named_values};
-use pixmesh_terrain::{Elevation, Steps};
+use pixmesh_terrain::{Elevation, Georeference, Steps};
 use serde_json::{Value, json};
 
 named_values! {
@@ -40,21 +42,42 @@ pub struct Terrain {
     pub steps: Steps,
     /// Metres of a unit of the heights.
     pub unit: f64,
-    /// Metres from a column and from a row to the next, where the file tells its place.
-    pub pixel_metres: Option<[f64; 2]>,
-    /// The coordinates of the lower left pixel's middle and the EPSG code of their system, if known.
-    pub origin: Option<([f64; 2], Option<u32>)>,
+    /// The largest error of the mesh's heights in their units, where it was asked for.
+    pub bound: Option<f64>,
+    /// Its place on the Earth, where the file tells it.
+    pub georeference: Option<Georeference>,
     /// Whether samples are missing: pixels of alpha 0.
     pub has_holes: bool,
 }
 
 impl Terrain {
     /// An elevation model of these steps.
-    pub(crate) fn new(elevation: &Elevation, steps: Steps, has_holes: bool) -> Self {
+    pub(crate) fn new(
+        elevation: &Elevation,
+        steps: Steps,
+        bound: Option<f64>,
+        has_holes: bool,
+    ) -> Self {
         let Elevation { width, height, unit, georeference, .. } = *elevation;
-        let pixel_metres = georeference.map(|place| place.pixel_metres(width, height));
-        let origin = georeference.map(|place| (place.at(0.0, (height - 1) as f64), place.epsg));
-        Self { width, height, steps, unit, pixel_metres, origin, has_holes }
+        Self { width, height, steps, unit, bound, georeference, has_holes }
+    }
+
+    /// The model of a mesh of `size` of `all` vertices, for which the bound holds where it has all.
+    #[must_use]
+    pub fn of_size(self, size: usize, all: usize) -> Self {
+        Self { bound: self.bound.filter(|_| size == all), ..self }
+    }
+
+    /// West, south, east and north of the middles of the outermost pixels in degrees of WGS 84, where
+    /// rows and columns follow them.
+    #[must_use]
+    pub fn degrees(&self) -> Option<[f64; 4]> {
+        self.georeference.and_then(|place| place.degrees(self.width, self.height))
+    }
+
+    /// Metres from a column and from a row to the next.
+    fn pixel_metres(&self) -> Option<[f64; 2]> {
+        self.georeference.map(|place| place.pixel_metres(self.width, self.height))
     }
 
     /// The parameters of a mesh whose heights are at most `bound` from those of the file, in its
@@ -98,7 +121,8 @@ impl Terrain {
             geometry.relief = Some(Relief { source: ReliefSource::First, height, invert: false });
             geometry.z_offset = ZOffset::Length(0.0 - base);
         }
-        let metres = self.pixel_metres.filter(|metres| metres.iter().all(|m| LENGTHS.contains(m)));
+        let metres =
+            self.pixel_metres().filter(|metres| metres.iter().all(|m| LENGTHS.contains(m)));
         if let Some([column, row]) = metres
             && given.pixel_size == unlike.pixel_size
             && given.width.is_none()
@@ -108,13 +132,16 @@ impl Terrain {
         geometry
     }
 
-    /// What a file says of the model: where its first pixel lies, and how its heights were made.
+    /// What a file says of the model: where its local origin, the middle of the lower left pixel,
+    /// lies, and how its heights were made.
     pub(crate) fn extras(&self) -> Value {
-        let (origin, epsg) = self.origin.unzip();
+        let origin = self.georeference.map(|place| place.at(0.0, (self.height - 1) as f64));
         json!({ "elevation": {
-            "epsg": epsg.flatten(),
+            "degrees": self.degrees(),
+            "epsg": self.georeference.and_then(|place| place.epsg),
+            "max_error": self.bound,
             "origin": origin,
-            "pixel_metres": self.pixel_metres,
+            "pixel_metres": self.pixel_metres(),
             "rounding": self.steps.rounding,
             "step": self.steps.step,
             "unit_metres": self.unit,

@@ -23,10 +23,23 @@ use crate::error::DecodeError;
 use crate::format::PictureFormat;
 use crate::wanted::{Wanted, WantedBytes};
 use page::Page;
-use pixmesh_terrain::Elevation;
+use pixmesh_terrain::{Elevation, Heights};
 use samples::Samples;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::{TiffError, TiffUnsupportedError};
+
+/// The heights of a file that is an elevation model, as it has them.
+pub(crate) fn heights(
+    bytes: &[u8],
+    options: &DecodeOptions,
+    wanted: &Wanted<'_>,
+) -> Result<Option<Heights>, DecodeError> {
+    let mut decoder = Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
+    let Some(elevation) = Elevation::open(&mut decoder).map_err(refusal)? else { return Ok(None) };
+    let header = elevation::header(&elevation, options)?;
+    options.check_memory(&header)?;
+    elevation::heights(elevation, header, bytes, wanted).map(Some)
+}
 
 /// Reads the first page's directory.
 pub(crate) fn open<'a>(

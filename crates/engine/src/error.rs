@@ -26,9 +26,9 @@ pub enum EngineError {
     /// The file of a mesh cannot be read.
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
-    /// The picture to show is not of the mesh's width and height.
+    /// The picture to show, or to compare, is not of the mesh's width and height.
     #[error(
-        "the picture to show has {} by {} pixels and the mesh {} by {}: send the picture that the \
+        "the picture has {} by {} pixels and the mesh {} by {}: send the picture that the \
          mesh was made of",
         picture.0, picture.1, mesh.0, mesh.1
     )]
@@ -38,6 +38,12 @@ pub enum EngineError {
         /// Width and height of the mesh's image.
         mesh: (usize, usize),
     },
+    /// An elevation model is compared with what has no heights.
+    #[error(
+        "the image is an elevation model, and the approximation has no heights: send its mesh as MODEL, \
+         pmesh or progression, made from the elevation model itself, or another elevation model"
+    )]
+    NoHeights,
     /// The order of the vertices does not give a mesh of that size.
     #[error(transparent)]
     Progression(#[from] ProgressionError),

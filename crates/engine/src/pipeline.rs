@@ -7,7 +7,7 @@ mod compare;
 mod convert;
 mod encode;
 
-pub use compare::{Comparison, Pair, compare};
+pub use compare::{Comparison, HeightErrors, Pair, compare};
 pub use convert::{Conversion, Converted, Shown, convert};
 
 use crate::context::Context;
@@ -18,8 +18,8 @@ use crate::task::{Weighed, image_bytes};
 use crate::telemetry;
 use encode::{encode, encoded};
 use pixmesh_codec::{
-    DecodeOptions, Encodable, Format, Limits, Terrain, Texture, Texturing, model_comments,
-    read_weights_while, write_progression,
+    DecodeOptions, Encodable, EncodeError, Format, Limits, Terrain, Texture, Texturing,
+    model_comments, read_weights_while, write_progression,
 };
 use pixmesh_meshing::parameters::Weights;
 use pixmesh_meshing::{Image, Progression, mesh_image};
@@ -58,7 +58,7 @@ pub fn mesh(
 ) -> Result<Answer, EngineError> {
     let ordered = format == Format::Progression;
     let made = Making { format, ordered, shows_image: options.output.shows_image(format) };
-    make(source, options, &made, limits, context).map(|(answer, ..)| answer)
+    make(source, options, &made, limits, context).map(|made| made.answer)
 }
 
 /// What a job keeps.
@@ -85,9 +85,12 @@ pub fn mesh_of_job(
 ) -> Result<JobMesh, EngineError> {
     let shows_image = options.output.texture == Texturing::Embed;
     let made = Making { format: Format::Model, ordered: keeps_progression, shows_image };
-    let (answer, progression, texture) = make(source, options, &made, limits, context)?;
-    let progression = progression
-        .map(|progression| encoded(0, context, |bytes| write_progression(&progression, bytes)));
+    let Made { answer, progression, texture, terrain } =
+        make(source, options, &made, limits, context)?;
+    let written = |progression: Progression| {
+        encoded(0, context, |bytes| write_progression(&progression, terrain.as_ref(), bytes))
+    };
+    let progression = progression.map(written);
     let texture = texture.map(Texture::into_bytes);
     Ok(JobMesh { answer, progression: progression.transpose()?, texture })
 }
@@ -101,19 +104,30 @@ struct Making {
     shows_image: bool,
 }
 
+/// A mesh, and what was made beside it.
+struct Made {
+    answer: Answer,
+    progression: Option<Progression>,
+    texture: Option<Texture>,
+    terrain: Option<Terrain>,
+}
+
 fn make(
     source: Weighed<impl AsRef<[u8]>>,
     options: &MeshOptions,
     made: &Making,
     limits: &Limits,
     context: &Context,
-) -> Result<(Answer, Option<Progression>, Option<Texture>), EngineError> {
+) -> Result<Made, EngineError> {
     let Making { format, ordered, shows_image } = *made;
     context.check()?;
     context.begin("decode");
     let Weighed { image: file, weights } = source;
     let reading = options.output.reading(limits);
     let (image, terrain) = decode(file.as_ref(), reading, 0, context)?;
+    if format == Format::Terrain && terrain.and_then(|terrain| terrain.degrees()).is_none() {
+        return Err(EncodeError::NotInDegrees.into());
+    }
     let texture = shows_image.then(|| texture(file.as_ref(), &image, context)).transpose()?;
     drop(file);
     let weights = read_weights(&image, weights, limits, context)?;
@@ -149,7 +163,7 @@ fn make(
     };
     telemetry::meshed(pixels, answer.vertices);
     tracing::info!(pixels, vertices = answer.vertices, stages = answer.server_timing(), "meshed");
-    Ok((answer, progression, texture))
+    Ok(Made { answer, progression, texture, terrain })
 }
 
 /// The picture that glTF shows, of a file and the image that was decoded from it.

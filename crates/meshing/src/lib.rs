@@ -49,7 +49,7 @@
 //!   within a bound.
 //! - `dynamic_mesh`: a triangulation with the errors of its faces, for vertices that move.
 //! - `removal`: greedy point removal; `refinement`: vertices moved and exchanged, edges flipped.
-//! - `model`: the [`Mesh`], its picture, flat colours and what is seen of it, [`Buffers`] and
+//! - `model`: the [`Mesh`], its picture and surface, flat colours and what is seen of it, [`Buffers`] and
 //!   [`Progression`].
 //! - `quality`: [`Fidelity`] and structural similarity.
 //! - `guide`, `search`, `pipeline`: all of it in order; `error`; `serialize`: serde.
@@ -97,6 +97,7 @@ pub use model::buffers::Buffers;
 pub use model::mesh::{Mesh, MeshError};
 pub use model::progression::{Progression, ProgressionError};
 pub use model::rasterize::rasterize;
+pub use model::surface::visit_surface;
 pub use parameters::{Method, ParameterError, Parameters, Target};
 pub use pipeline::{Approximation, mesh_image};
 pub use points::sample_points;

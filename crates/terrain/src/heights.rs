@@ -44,6 +44,22 @@ impl Heights {
         (y * width..(y + 1) * width).map(|i| self.height(i))
     }
 
+    /// The height at a column and a row, counted from the top; `None` where there is none.
+    ///
+    /// # Panics
+    /// When there is no such column or row.
+    #[must_use]
+    pub fn at(&self, column: usize, row: usize) -> Option<f64> {
+        assert!(column < self.elevation.width, "column {column}");
+        self.height(row * self.elevation.width + column)
+    }
+
+    /// Bytes that the samples take.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.count() as u64 * u64::from(self.elevation.bits / 8)
+    }
+
     /// All heights, row by row from the top.
     pub(crate) fn all(&self) -> impl Iterator<Item = Option<f64>> {
         (0..self.elevation.width * self.elevation.height).map(|i| self.height(i))

@@ -23,16 +23,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! - `tags`: the directory's tags; `georeference`: what those of GeoTIFF mean.
+//! - `tags`: the directory's tags; `georeference`: what those of GeoTIFF mean; `ellipsoid`: places on
+//!   the Earth in metres.
 //! - `heights`: decoded samples as heights; `steps`: heights in whole steps.
 //! - `holes`: heights in the place of missing ones.
 
+mod ellipsoid;
 mod georeference;
 mod heights;
 mod holes;
 mod steps;
 mod tags;
 
+pub use ellipsoid::{HALF_AXES, earth_centered};
 pub use georeference::Georeference;
 pub use heights::Heights;
 pub use holes::filled;

@@ -63,7 +63,7 @@ impl Elevation {
         }
         let nodata = text(decoder, Tag::GdalNodata)?.and_then(|text| text.trim().parse().ok());
         let metadata = text(decoder, GDAL_METADATA)?.unwrap_or_default();
-        let georeference = Georeference::read(decoder)?;
+        let (georeference, vertical_unit) = Georeference::read(decoder)?.unzip();
         let of_band = |role| item(&metadata, role);
         let [scale, offset] = ["scale", "offset"].map(|role| of_band(role)?.parse().ok());
         let is_scaled = scale.is_some() || offset.is_some();
@@ -74,7 +74,7 @@ impl Elevation {
         let unit = match of_band("unittype").unwrap_or_default() {
             "ft" | "foot" | "feet" => FOOT,
             "US survey foot" | "ftUS" | "us-ft" => SURVEY_FOOT,
-            _ => georeference.as_ref().map_or(1.0, |georeference| georeference.vertical_unit),
+            _ => vertical_unit.unwrap_or(1.0),
         };
         Ok(Some(Self {
             width: width as usize,

@@ -31,8 +31,8 @@ use pixmesh_engine::pipeline::{Conversion, Shown};
 use pixmesh_engine::task::Cost;
 use pixmesh_jobs::blobs::chunks::ChunkedBlob;
 use pixmesh_jobs::record::{MeshFigures, PictureShape, Record, State as JobState};
+use pixmesh_meshing::Shape;
 use pixmesh_meshing::parameters::MIN_SIZE;
-use pixmesh_meshing::{Fidelity, Shape};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -242,7 +242,8 @@ impl Finished<'_> {
             Some(_) => (Format::Progression, mesh.place_of_progression()),
             None => (Format::Model, 0..mesh.bytes),
         };
-        let header = MeshHeader { format: stored, shape, vertices: mesh.vertices, is_flat };
+        let vertices = mesh.vertices;
+        let header = MeshHeader { format: stored, shape, vertices, is_flat, terrain: None };
         let size_written = size.unwrap_or(mesh.vertices);
         let texture = if output.shows_image(format) { mesh.place_of_texture() } else { 0..0 };
         let held = place.end - place.start + 2 * (texture.end - texture.start);
@@ -260,7 +261,7 @@ impl Finished<'_> {
             size,
             format,
             output,
-            fidelity: Some(Fidelity::of_mse(mesh.mse, shape)),
+            mse: Some(mesh.mse),
         };
         let (made, memory, timing) =
             conversions::run(service, ticket, deadline, conversion).await?;

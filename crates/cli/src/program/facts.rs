@@ -4,7 +4,7 @@ use super::work::{Telling, print};
 use crate::{CliError, files};
 use clap::Args;
 use pixmesh_codec::{probe, probe_mesh};
-use pixmesh_engine::pipeline::{self, Comparison, Pair};
+use pixmesh_engine::pipeline::{self, Comparison, HeightErrors, Pair};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -30,7 +30,8 @@ pub struct InfoOrder {
 }
 
 impl CompareOrder {
-    /// Prints PSNR, mean squared error and structural similarity.
+    /// Prints PSNR, mean squared error and structural similarity; of elevation models the errors of
+    /// heights.
     ///
     /// # Errors
     /// When a file cannot be read, or the shapes differ.
@@ -44,9 +45,24 @@ impl CompareOrder {
         let is_mesh = probe_mesh(&approximation, &files::LIMITS).is_ok();
         let pair = Pair { picture, approximation, is_mesh };
         let made = self.telling.work(|context| pipeline::compare(pair, &files::LIMITS, context));
-        let Comparison { mse, psnr_db, ssim } = made?;
+        let Comparison { mse, psnr_db, ssim, heights } = made?;
         if self.telling.json {
-            return print(&json!({ "psnr_db": psnr_db, "mse": mse, "ssim": ssim }).to_string());
+            let mut facts = json!({ "psnr_db": psnr_db, "mse": mse, "ssim": ssim });
+            if let Some(HeightErrors { max_error, rmse, steps, compared, unmatched }) = heights {
+                let (step, rounding) = steps.unzip();
+                facts["elevation"] = json!({
+                    "max_error": max_error, "rmse": rmse, "step": step, "rounding": rounding,
+                    "compared": compared, "unmatched": unmatched,
+                });
+            }
+            return print(&facts.to_string());
+        }
+        if let Some(HeightErrors { max_error, rmse, steps, compared, unmatched }) = heights {
+            let step = steps.map_or(String::new(), |(step, _)| format!(", step {step}"));
+            return print(&format!(
+                "largest error {max_error:.4}, RMSE {rmse:.4}, PSNR {psnr_db:.4} dB{step}, {compared} \
+                 heights compared, {unmatched} in one file only"
+            ));
         }
         let ssim = ssim.map_or("none".to_owned(), |ssim| format!("{ssim:.4}"));
         print(&format!("PSNR {psnr_db:.4} dB, MSE {mse:.4}, SSIM {ssim}"))

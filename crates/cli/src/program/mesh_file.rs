@@ -62,7 +62,7 @@ impl ConvertOrder {
         };
         let file = files::read(input)?;
         let size = self.size(&file).map_err(|source| CliError::of_file(input, source))?;
-        let order = Conversion { file, shown, size, format, output: written, fidelity: None };
+        let order = Conversion { file, shown, size, format, output: written, mse: None };
         let made = self.telling.work(|context| pipeline::convert(order, &files::LIMITS, context));
         let made = made.map_err(|source| CliError::of_file(input, source))?;
         files::replace(output, &made.bytes)?;

@@ -9,6 +9,7 @@ use super::tokens::Tokens;
 use crate::limits::Limits;
 use crate::mesh_format::Format;
 use crate::mesh_header::MeshHeader;
+use crate::terrain::Terrain;
 use crate::wanted::{Wanted, While, always};
 use pixmesh_meshing::alpha::premultiply_vectors;
 use pixmesh_meshing::{Face, ImageError, Mesh, MeshError, Point, Shape};
@@ -74,6 +75,7 @@ pub fn read_model_while(
     let mut tokens = Tokens::new(bytes, wanted);
     let shape = read_shape(&mut tokens, limits)?;
     read_keyword(&mut tokens)?;
+    read_terrain(&mut tokens, shape)?;
     let (vertex_count, face_count) = read_counts(&mut tokens, shape)?;
     let (points, mut samples) = read_vertices(&mut tokens, shape, vertex_count)?;
     let faces = read_faces(&mut tokens, vertex_count, face_count)?;
@@ -116,8 +118,21 @@ pub fn probe_model(bytes: &[u8], limits: &Limits) -> Result<MeshHeader, ModelErr
     let mut tokens = Tokens::new(bytes, &always);
     let shape = read_shape(&mut tokens, limits)?;
     read_keyword(&mut tokens)?;
+    let terrain = read_terrain(&mut tokens, shape)?;
     let (vertices, _) = read_counts(&mut tokens, shape)?;
-    Ok(MeshHeader { format: Format::Model, shape, vertices, is_flat: true })
+    Ok(MeshHeader { format: Format::Model, shape, vertices, is_flat: true, terrain })
+}
+
+/// Reads what the comments after the word `OFF` say of an elevation model.
+fn read_terrain(tokens: &mut Tokens<'_>, shape: Shape) -> Result<Option<Terrain>, ModelError> {
+    let mut terrain = None;
+    while let Some(comment) = tokens.comment()? {
+        if let Some(read) = Terrain::of_text(comment.rest(), shape) {
+            let damaged = |defect| comment.error(ModelDefect::Malformed(defect));
+            terrain = Some(read.map_err(damaged)?);
+        }
+    }
+    Ok(terrain)
 }
 
 /// Reads width, height, number of components and precision, and checks them against the limits.

@@ -37,9 +37,14 @@ impl<'a> Tokens<'a> {
         Self { bytes, position: 0, line: 1, wanted, poll_at: 0 }
     }
 
-    /// Bytes that are not read yet.
+    /// How many bytes are not read yet.
     pub(super) fn remaining(&self) -> usize {
         self.bytes.len() - self.position
+    }
+
+    /// The bytes that are not read yet.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        &self.bytes[self.position..]
     }
 
     /// The next token, which must be there.

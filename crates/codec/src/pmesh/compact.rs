@@ -8,12 +8,13 @@ mod samples;
 mod values;
 
 use super::error::PmeshError;
-use super::{COMPACT_VERSION, MAGIC, ordered_faces};
+use super::{COMPACT_VERSION, MAGIC, append_terrain, ordered_faces, read_terrain};
 use crate::error::EncodeError;
 use crate::leb128::{append, take};
 use crate::limits::Limits;
 use crate::mesh_format::Format;
 use crate::mesh_header::MeshHeader;
+use crate::terrain::Terrain;
 use crate::wanted::{Wanted, While};
 use arithmetic::{Coder, Reader, Stop, Writer};
 use pixmesh_meshing::alpha::premultiply_vectors;
@@ -21,6 +22,12 @@ use pixmesh_meshing::{Face, Mesh, MeshError, Point, Shape, triangulate_with};
 use places::code_places;
 use samples::{EXACT, numbers_of, samples_of};
 use values::{Neighbour, Values};
+
+/// Faces have samples of their own.
+const FLAT: u8 = 1;
+
+/// The text of an elevation model ends the header.
+const TERRAIN: u8 = 2;
 
 /// Bytes before the numbers of the header.
 const FIXED_BYTES: usize = 8;
@@ -50,18 +57,23 @@ impl From<Stop> for PmeshError {
 pub(super) fn written(
     mesh: &Mesh,
     steps: &[i64],
+    terrain: Option<&Terrain>,
     wanted: &Wanted<'_>,
 ) -> Result<Vec<u8>, EncodeError> {
     let shape = mesh.shape();
     let components = steps.len();
     let of_faces = mesh.straight_face_samples();
     let mut bytes = MAGIC.to_vec();
-    let flags = u8::from(of_faces.is_some());
+    let flags =
+        if of_faces.is_some() { FLAT } else { 0 } | if terrain.is_some() { TERRAIN } else { 0 };
     bytes.extend([COMPACT_VERSION, flags, shape.precision, components as u8]);
     for number in [shape.width, shape.height, mesh.points().len()] {
         append(number as u64, &mut bytes);
     }
     steps.iter().for_each(|&step| append(step as u64, &mut bytes));
+    if let Some(terrain) = terrain {
+        append_terrain(terrain, &mut bytes);
+    }
 
     let mut order: Vec<usize> = (0..mesh.points().len()).collect();
     order.sort_unstable_by_key(|&v| mesh.points()[v]);
@@ -183,7 +195,7 @@ pub(super) fn probe(bytes: &[u8], limits: &Limits) -> Result<MeshHeader, PmeshEr
 fn read_header<'a>(bytes: &'a [u8], limits: &Limits) -> Result<(Header, &'a [u8]), PmeshError> {
     let (fixed, mut rest) = bytes.split_at_checked(FIXED_BYTES).ok_or(PmeshError::Header)?;
     let (flags, precision, component_count) = (fixed[5], fixed[6], usize::from(fixed[7]));
-    if flags > 1 || !(1..=16).contains(&precision) || component_count == 0 {
+    if flags > FLAT | TERRAIN || !(1..=16).contains(&precision) || component_count == 0 {
         return Err(PmeshError::Header);
     }
     let mut number = || take(&mut rest, NUMBER_BYTES).ok_or(PmeshError::Header);
@@ -199,7 +211,12 @@ fn read_header<'a>(bytes: &'a [u8], limits: &Limits) -> Result<(Header, &'a [u8]
     };
     let steps = (0..component_count).map(|_| step()).collect::<Result<_, _>>()?;
     let shape = Shape { width, height, component_count, precision };
-    let header = MeshHeader { format: Format::Pmesh, shape, vertices: count, is_flat: flags == 1 };
+    let (terrain, rest) = match flags & TERRAIN {
+        0 => (None, rest),
+        _ => read_terrain(shape, rest).map(|(terrain, rest)| (Some(terrain), rest))?,
+    };
+    let (format, is_flat) = (Format::Pmesh, flags & FLAT != 0);
+    let header = MeshHeader { format, shape, vertices: count, is_flat, terrain };
     Ok((Header { header, steps }, rest))
 }
 

@@ -12,8 +12,11 @@ pub enum PmeshError {
     #[error("this is no pmesh: the header is wrong")]
     Header,
     /// A later version of the format.
-    #[error("pmesh version {0} is not supported: 1, 2 and 3 are")]
+    #[error("pmesh version {0} is not supported: 1 to 4 are")]
     Version(u8),
+    /// What the file says of an elevation model is damaged.
+    #[error("{0}")]
+    Terrain(String),
     /// The image is larger than the limits allow.
     #[error(transparent)]
     Size(#[from] DecodeError),

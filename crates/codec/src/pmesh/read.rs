@@ -4,7 +4,7 @@ use super::compact;
 use super::error::PmeshError;
 use super::{
     COMPACT_VERSION, FLAT_VERSION, HEADER_BYTES, MAGIC, NUMBER_BYTES, Predictor, RANK_BYTES,
-    VERSION, is_pmesh, mean_of_corners, ordered_faces, predicted,
+    TERRAIN_VERSION, VERSION, is_pmesh, mean_of_corners, ordered_faces, predicted, read_terrain,
 };
 use crate::leb128::{take, unfolded};
 use crate::limits::Limits;
@@ -159,17 +159,21 @@ fn read_header<'a>(
     if header[..4] != MAGIC {
         return Err(PmeshError::Header);
     }
-    let is_flat = header[4] == FLAT_VERSION;
-    if header[4] != VERSION && !is_flat {
-        return Err(PmeshError::Version(header[4]));
-    }
+    let (version, ordered) = (header[4], header[5]);
+    let is_flat = version == FLAT_VERSION;
+    let orders = match version {
+        VERSION => 0..=1,
+        FLAT_VERSION => 0..=0,
+        TERRAIN_VERSION => 1..=1,
+        _ => return Err(PmeshError::Version(version)),
+    };
     let number = |at: usize| {
         let bytes = [header[at], header[at + 1], header[at + 2], header[at + 3]];
         u32::from_le_bytes(bytes)
     };
     let (width, height) = limits.check(number(8).into(), number(12).into())?;
-    let (ordered, precision, component_count) = (header[5], header[6], usize::from(header[7]));
-    if ordered > u8::from(!is_flat) || !(1..=16).contains(&precision) || component_count == 0 {
+    let (precision, component_count) = (header[6], usize::from(header[7]));
+    if !orders.contains(&ordered) || !(1..=16).contains(&precision) || component_count == 0 {
         return Err(PmeshError::Header);
     }
     let shape = Shape { width, height, component_count, precision };
@@ -177,16 +181,22 @@ fn read_header<'a>(
     if !(4..=most).contains(&count) {
         return Err(PmeshError::VertexCount { count, most });
     }
-    let planes = planes_of(shape);
-    let ordering = if ordered == 1 { RANK_BYTES + NUMBER_BYTES } else { 0 };
+    let (terrain, deflated) = match version {
+        TERRAIN_VERSION => {
+            read_terrain(shape, deflated).map(|(terrain, rest)| (Some(terrain), rest))?
+        }
+        _ => (None, deflated),
+    };
+    let (planes, is_ordered) = (planes_of(shape), ordered == 1);
+    let ordering = if is_ordered { RANK_BYTES + NUMBER_BYTES } else { 0 };
     // A mesh has fewer than twice as many faces as vertices.
     let of_faces = if is_flat { 2 * planes } else { 0 };
     let length = number(20) as usize;
     if length > count * (GAP_BYTES + planes + ordering + of_faces) {
         return Err(PmeshError::Stream);
     }
-    let format = if ordered == 1 { Format::Progression } else { Format::Pmesh };
-    Ok((MeshHeader { format, shape, vertices: count, is_flat }, length, deflated))
+    let format = if is_ordered { Format::Progression } else { Format::Pmesh };
+    Ok((MeshHeader { format, shape, vertices: count, is_flat, terrain }, length, deflated))
 }
 
 /// Bytes of a vertex's samples.
@@ -196,7 +206,7 @@ fn planes_of(shape: Shape) -> usize {
 
 fn read(bytes: &[u8], limits: &Limits, wanted: &Wanted<'_>) -> Result<Contents, PmeshError> {
     let (header, length, deflated) = read_header(bytes, limits)?;
-    let MeshHeader { format, shape, vertices: count, is_flat } = header;
+    let MeshHeader { format, shape, vertices: count, is_flat, .. } = header;
     let stream = inflated(deflated, length, wanted)?;
     let (points, rest) = read_points(shape, count, &stream).ok_or(PmeshError::Stream)?;
     wanted()?;

@@ -1,9 +1,10 @@
 //! The pmesh writer.
 
 use super::compact;
-use super::{MAGIC, Predictor, RANK_BYTES, VERSION, predicted};
+use super::{MAGIC, Predictor, RANK_BYTES, TERRAIN_VERSION, VERSION, append_terrain, predicted};
 use crate::error::EncodeError;
 use crate::leb128::{append, folded};
+use crate::terrain::Terrain;
 use crate::wanted::{Wanted, While, always};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
@@ -22,19 +23,21 @@ const NAME: &str = "pmesh";
 /// triangulation; when it has more than 255 components or too many vertices; and whatever `out`
 /// fails with.
 pub fn write_pmesh(mesh: &Mesh, out: &mut impl Write) -> Result<(), EncodeError> {
-    write_pmesh_while(mesh, out, &always)
+    write_pmesh_while(mesh, None, out, &always)
 }
 
-/// Writes a mesh as [`write_pmesh`] does, for as long as it is wanted.
+/// Writes a mesh as [`write_pmesh`] does, with what the samples of an elevation model mean, for as long
+/// as it is wanted.
 ///
 /// # Errors
 /// As [`write_pmesh`], and [`EncodeError::Cancelled`] when it is no longer wanted.
 pub fn write_pmesh_while(
     mesh: &Mesh,
+    terrain: Option<&Terrain>,
     out: &mut impl Write,
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
-    write_rounded_pmesh_while(mesh, 1.0, out, wanted)
+    write_rounded_pmesh_while(mesh, 1.0, terrain, out, wanted)
 }
 
 /// Writes a mesh as [`write_pmesh`] does, its samples rounded to multiples of `step`, in sample values
@@ -62,12 +65,13 @@ pub fn write_rounded_pmesh(
     step: f64,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
-    write_rounded_pmesh_while(mesh, step, out, &always)
+    write_rounded_pmesh_while(mesh, step, None, out, &always)
 }
 
 fn write_rounded_pmesh_while(
     mesh: &Mesh,
     step: f64,
+    terrain: Option<&Terrain>,
     out: &mut impl Write,
     wanted: &Wanted<'_>,
 ) -> Result<(), EncodeError> {
@@ -76,7 +80,8 @@ fn write_rounded_pmesh_while(
     }
     let component_count = mesh.shape().component_count;
     components_of(component_count)?;
-    let bytes = compact::written(mesh, &compact::steps_of(step, component_count), wanted)?;
+    let steps = compact::steps_of(step, component_count);
+    let bytes = compact::written(mesh, &steps, terrain, wanted)?;
     Ok(out.write_all(&bytes)?)
 }
 
@@ -87,12 +92,13 @@ fn components_of(actual: usize) -> Result<u8, EncodeError> {
 }
 
 /// Writes a progression as pmesh, its order and squared errors kept: about seven bytes a vertex
-/// more, before deflation.
+/// more, before deflation. It keeps what the samples of an elevation model mean, too.
 ///
 /// # Errors
 /// When it has more than 255 components or too many vertices, and whatever `out` fails with.
 pub fn write_progression(
     progression: &Progression,
+    terrain: Option<&Terrain>,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let errors = progression.squared_errors();
@@ -102,7 +108,7 @@ pub fn write_progression(
         let largest = u16::MAX >> (16 - shape.precision);
         straighten_vectors(samples.to_mut(), shape.component_count, largest);
     }
-    write(shape, progression.points(), &samples, errors, out)
+    write(shape, progression.points(), &samples, errors, terrain, out)
 }
 
 /// Writes header and stream of points in any order.
@@ -111,6 +117,7 @@ fn write(
     points: &[Point],
     samples: &[u16],
     errors: &[u64],
+    terrain: Option<&Terrain>,
     out: &mut impl Write,
 ) -> Result<(), EncodeError> {
     let components = components_of(shape.component_count)?;
@@ -127,9 +134,13 @@ fn write(
         u32::try_from(number).map_err(|_| EncodeError::TooLarge { format: NAME, bytes, limit })
     };
     let mut header = MAGIC.to_vec();
-    header.extend([VERSION, 1, shape.precision, components]);
+    let version = if terrain.is_some() { TERRAIN_VERSION } else { VERSION };
+    header.extend([version, 1, shape.precision, components]);
     for number in [shape.width, shape.height, points.len(), stream.len()] {
         header.extend(fits(number)?.to_le_bytes());
+    }
+    if let Some(terrain) = terrain {
+        append_terrain(terrain, &mut header);
     }
     out.write_all(&header)?;
     let mut deflate = DeflateEncoder::new(out, Compression::best());

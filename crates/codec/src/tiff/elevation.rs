@@ -12,22 +12,44 @@ use crate::wanted::{Wanted, WantedBytes};
 use pixmesh_terrain::{Elevation, Heights, StepError, Steps, Wish, filled};
 use tiff::decoder::Decoder;
 
-/// The header of an elevation model, and the function that decodes it. The header counts an alpha
-/// where samples may be missing; the image has it where one is.
+/// The header of an elevation model, and the function that decodes it.
 pub(super) fn open<'a>(
     elevation: Elevation,
     bytes: &'a [u8],
     options: &'a DecodeOptions,
     wanted: &'a Wanted<'a>,
 ) -> Result<Opened<'a>, DecodeError> {
+    let header = header(&elevation, options)?;
+    Ok(Opened::new(header, move || decode(elevation, header, bytes, options, wanted)))
+}
+
+/// The header, which counts an alpha where samples may be missing; the image has it where one is.
+pub(super) fn header(
+    elevation: &Elevation,
+    options: &DecodeOptions,
+) -> Result<Header, DecodeError> {
     let limits = &options.limits;
     let (width, height) = limits.check(elevation.width as u64, elevation.height as u64)?;
     let may_miss = elevation.nodata.is_some() || elevation.is_float;
     let may_have_holes = may_miss && options.nodata == Nodata::Hole;
     let precision = if elevation.is_plain { elevation.bits } else { 16 };
     let component_count = component_count(may_have_holes);
-    let header = Header { format: PictureFormat::Tiff, width, height, component_count, precision };
-    Ok(Opened::new(header, move || decode(elevation, header, bytes, options, wanted)))
+    Ok(Header { format: PictureFormat::Tiff, width, height, component_count, precision })
+}
+
+/// The heights as the file has them.
+pub(super) fn heights(
+    elevation: Elevation,
+    header: Header,
+    bytes: &[u8],
+    wanted: &Wanted<'_>,
+) -> Result<Heights, DecodeError> {
+    let stored = header.width * header.height * usize::from(elevation.bits / 8);
+    let mut limits = tiff::decoder::Limits::default();
+    limits.decoding_buffer_size = stored;
+    limits.intermediate_buffer_size = bytes.len().max(stored);
+    let decoder = Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
+    elevation.heights(&mut decoder.with_limits(limits)).map_err(refusal)
 }
 
 fn decode(
@@ -37,12 +59,7 @@ fn decode(
     options: &DecodeOptions,
     wanted: &Wanted<'_>,
 ) -> Result<Canvas, DecodeError> {
-    let stored = header.width * header.height * usize::from(elevation.bits / 8);
-    let mut limits = tiff::decoder::Limits::default();
-    limits.decoding_buffer_size = stored;
-    limits.intermediate_buffer_size = bytes.len().max(stored);
-    let decoder = Decoder::new(WantedBytes::new(bytes, wanted)).map_err(refusal)?;
-    let heights = elevation.heights(&mut decoder.with_limits(limits)).map_err(refusal)?;
+    let heights = heights(elevation, header, bytes, wanted)?;
     let steps = heights.in_steps(Wish { step: options.step, bound: options.bound });
     let steps = steps.map_err(|error| match error {
         StepError::Empty => PictureFormat::Tiff.malformed(error.to_string()),
@@ -57,7 +74,7 @@ fn decode(
     let has_holes = is_missing && options.nodata == Nodata::Hole;
     let made = Header { component_count: component_count(has_holes), ..header };
     let mut canvas = Canvas::new(made, Orientation::NoTransforms, wanted)?;
-    canvas.terrain = Some(Terrain::new(heights.elevation(), steps, has_holes));
+    canvas.terrain = Some(Terrain::new(heights.elevation(), steps, options.bound, has_holes));
     if has_holes {
         let largest = u16::MAX >> (16 - header.precision);
         for (y, row) in rows().enumerate() {

@@ -12,6 +12,7 @@ mod pmesh;
 mod png;
 mod png_suite;
 mod pnm;
+mod quantized_mesh;
 mod readers;
 mod rendering;
 #[path = "../samples/mod.rs"]

@@ -65,7 +65,7 @@ proptest! {
         let progression =
             Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &()).unwrap();
         let mut bytes = Vec::new();
-        write_progression(&progression, &mut bytes).unwrap();
+        write_progression(&progression, None, &mut bytes).unwrap();
         prop_assert_eq!(read_progression(&bytes, &limits).unwrap(), progression);
         prop_assert_eq!(read_pmesh(&bytes, &limits).unwrap(), mesh);
     }
@@ -122,7 +122,7 @@ proptest! {
         let progression =
             Progression::new(&image, &mesh, &Method::Mgprfs.parameters(Target::Size(30)), &()).unwrap();
         if ordered {
-            write_progression(&progression, &mut bytes).unwrap();
+            write_progression(&progression, None, &mut bytes).unwrap();
         } else {
             bytes = pmesh(&mesh);
         }

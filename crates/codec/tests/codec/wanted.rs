@@ -191,7 +191,7 @@ fn a_pmesh_is_read_as_long_as_it_is_wanted() {
     let parameters = Method::Mgpr.parameters(Target::Size(mesh.points().len()));
     let progression = Progression::new(&image, &mesh, &parameters, &()).unwrap();
     let mut bytes = Vec::new();
-    write_progression(&progression, &mut bytes).unwrap();
+    write_progression(&progression, None, &mut bytes).unwrap();
     let read =
         |last| ask(last, |wanted| read_progression_while(&bytes, &Limits::default(), wanted));
     let (whole, questions) = read(usize::MAX);
@@ -209,7 +209,7 @@ fn a_pmesh_is_read_as_long_as_it_is_wanted() {
 #[test]
 fn a_pmesh_is_checked_as_long_as_it_is_wanted() {
     let (_, mesh) = large_mesh();
-    let write = |last| ask(last, |wanted| write_pmesh_while(&mesh, &mut Vec::new(), wanted));
+    let write = |last| ask(last, |wanted| write_pmesh_while(&mesh, None, &mut Vec::new(), wanted));
     let (whole, questions) = write(usize::MAX);
     whole.unwrap();
     assert!(questions >= 4 * mesh.faces().len() / (1 << 14), "{questions}");

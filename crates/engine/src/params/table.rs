@@ -461,6 +461,6 @@ pub static TABLE: [Parameter; 54] = [
         |options| Some(options.output.shading).filter(|kind| *kind != Shading::default()).map(|kind| kind.to_string())),
     word!(png_compression: PngCompression, "Whether a PNG is made fast, or small at many times the time. Default: fast.",
         |options| Some(options.output.png_compression).filter(|kind| *kind != PngCompression::default()).map(|kind| kind.to_string())),
-    word!(format: Format, "The format of the answer; wins over the Accept header. pmesh holds points and samples, compressed, and progression every smaller mesh with it. Default: model.",
+    word!(format: Format, "The format of the answer; wins over the Accept header. pmesh holds points and samples, compressed, and progression every smaller mesh with it; terrain is quantized-mesh 1.0 of an elevation model in EPSG:4326. Default: model.",
         |options| options.format.map(|format| format.name().to_owned())),
 ];

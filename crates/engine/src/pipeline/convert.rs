@@ -6,7 +6,7 @@ use crate::context::Context;
 use crate::error::EngineError;
 use crate::params::Output;
 use pixmesh_codec::{
-    Encodable, Format, Limits, MeshFileError, PmeshError, Texture, is_pmesh, probe_mesh,
+    Encodable, Format, Limits, MeshFileError, MeshHeader, PmeshError, Terrain, Texture, probe_mesh,
     read_mesh_while, read_progression_while,
 };
 use pixmesh_meshing::parameters::Reconstruction;
@@ -25,8 +25,8 @@ pub struct Conversion<B> {
     pub format: Format,
     /// How the mesh is written.
     pub output: Output,
-    /// How close the mesh of all vertices is to its image, where that is known.
-    pub fidelity: Option<Fidelity>,
+    /// The mean squared error of the mesh of all vertices, where that is known.
+    pub mse: Option<f64>,
 }
 
 /// A picture that glTF shows.
@@ -63,9 +63,9 @@ pub fn convert<B: AsRef<[u8]>>(
 ) -> Result<Converted, EngineError> {
     context.check()?;
     context.begin("decode");
-    let Conversion { file, shown, size, format, output, fidelity } = conversion;
-    let Source { mesh, progression, fidelity } =
-        read(file, size, format, fidelity, limits, context)?;
+    let Conversion { file, shown, size, format, output, mse } = conversion;
+    let Source { mesh, progression, fidelity, terrain } =
+        read(file, size, format, mse, limits, context)?;
     let shown = shown.filter(|_| output.shows_image(format));
     let texture = shown.map(|shown| shown.texture(mesh.shape(), limits, context)).transpose()?;
     let had_colors = mesh.face_samples().is_some();
@@ -76,7 +76,7 @@ pub fn convert<B: AsRef<[u8]>>(
         progression: progression.as_ref(),
         ..Encodable::new(&mesh)
     };
-    let bytes = encode(&source, format, &output.writing(texture.as_ref(), None), context)?;
+    let bytes = encode(&source, format, &output.writing(texture.as_ref(), terrain), context)?;
     let (vertices, faces) = (mesh.points().len(), mesh.faces().len());
     Ok(Converted { bytes, vertices, faces, fidelity })
 }
@@ -86,35 +86,38 @@ struct Source {
     mesh: Mesh,
     progression: Option<Progression>,
     fidelity: Option<Fidelity>,
+    terrain: Option<Terrain>,
 }
 
 fn read(
     file: impl AsRef<[u8]>,
     size: Option<usize>,
     format: Format,
-    fidelity: Option<Fidelity>,
+    mse: Option<f64>,
     limits: &Limits,
     context: &Context,
 ) -> Result<Source, EngineError> {
     let bytes = file.as_ref();
-    let keeps_order = is_pmesh(bytes)
-        && probe_mesh(bytes, limits).is_ok_and(|header| header.format == Format::Progression);
+    let MeshHeader { format: stored, vertices, terrain, .. } = probe_mesh(bytes, limits)?;
+    let keeps_order = stored == Format::Progression;
     if !keeps_order && (size.is_some() || format == Format::Progression) {
         return Err(MeshFileError::from(PmeshError::NoOrder).into());
     }
     if !keeps_order {
         let mesh = read_mesh_while(bytes, limits, &|| context.check())?;
-        return Ok(Source { mesh, progression: None, fidelity });
+        let fidelity = mse.map(|mse| Fidelity::of_mse(mse, mesh.shape()));
+        return Ok(Source { mesh, progression: None, fidelity, terrain });
     }
     let progression = read_progression_while(bytes, limits, &|| context.check());
     let progression = progression.map_err(MeshFileError::from)?;
     drop(file);
-    let size = size.unwrap_or(progression.points().len());
+    let size = size.unwrap_or(vertices);
+    let terrain = terrain.map(|terrain| terrain.of_size(size, vertices));
     let progression = progression.shortened(size)?;
     context.begin("triangulate");
     let mesh = progression.mesh(size, context)?;
     let fidelity = Some(progression.fidelity(size)?);
-    Ok(Source { mesh, progression: Some(progression), fidelity })
+    Ok(Source { mesh, progression: Some(progression), fidelity, terrain })
 }
 
 impl<B: AsRef<[u8]>> Shown<B> {

@@ -261,7 +261,7 @@ pub(super) fn of_conversion(header: &MeshHeader, file: u64, size: u64, format: F
 
 /// Bytes that reading a mesh file takes: as pmesh what is read of it, and the triangulation.
 fn read_mesh(header: &MeshHeader, file: u64, size: u64) -> u64 {
-    let MeshHeader { format, shape, vertices, is_flat } = *header;
+    let MeshHeader { format, shape, vertices, is_flat, .. } = *header;
     if format == Format::Model {
         return read_model_bytes(file);
     }

@@ -7,7 +7,7 @@ use pixmesh_engine::pipeline::{Conversion, Shown, convert, mesh_of_job};
 use pixmesh_engine::{
     Context, EngineError, Format, Limits, MeshOptions, ParameterSet, Weighed, mesh,
 };
-use pixmesh_meshing::{Fidelity, Method, Shape};
+use pixmesh_meshing::Method;
 
 const WIDTH: usize = 48;
 const HEIGHT: usize = 36;
@@ -28,13 +28,20 @@ fn options(query: &str) -> MeshOptions {
     ParameterSet::of_query(Some(query)).unwrap().finish().unwrap()
 }
 
-/// The bytes that a job's mesh has in a format.
-fn converted(options: &MeshOptions, format: Format) -> Result<Vec<u8>, EngineError> {
+/// The bytes that the mesh of a file has in a format, at once and from a job.
+fn both(file: &[u8], options: &MeshOptions, format: Format) -> [Result<Vec<u8>, String>; 2] {
     let (limits, context) = (Limits::default(), Context::default());
-    let source = Weighed::from(picture());
+    let at_once = mesh(file.to_vec().into(), options, format, &limits, &context);
+    let from_job = converted(file, options, format);
+    [at_once.map(|answer| answer.bytes), from_job].map(|made| made.map_err(|e| e.to_string()))
+}
+
+/// The bytes that a job's mesh has in a format.
+fn converted(file: &[u8], options: &MeshOptions, format: Format) -> Result<Vec<u8>, EngineError> {
+    let (limits, context) = (Limits::default(), Context::default());
+    let source = Weighed::from(file.to_vec());
     let keeps_progression = format == Format::Progression;
     let made = mesh_of_job(source, options, keeps_progression, &limits, &context)?;
-    let shape = Shape { width: WIDTH, height: HEIGHT, component_count: 3, precision: 8 };
     match format {
         Format::Model => Ok(made.answer.bytes),
         Format::Progression => Ok(made.progression.unwrap()),
@@ -45,7 +52,7 @@ fn converted(options: &MeshOptions, format: Format) -> Result<Vec<u8>, EngineErr
                 size: None,
                 format,
                 output: options.output,
-                fidelity: Some(Fidelity::of_mse(made.answer.mse, shape)),
+                mse: Some(made.answer.mse),
             };
             convert(conversion, &limits, &context).map(|converted| converted.bytes)
         }
@@ -60,13 +67,67 @@ fn every_method_and_format_gives_the_same_bytes_at_once_and_from_a_job() {
         {
             let name = method.replace('+', "%2B");
             let options = options(&format!("method={name}&size=60{choices}"));
-            for &format in Format::ALL {
-                let (limits, context) = (Limits::default(), Context::default());
-                let at_once = mesh(picture().into(), &options, format, &limits, &context);
-                let at_once = at_once.map(|answer| answer.bytes).map_err(|e| e.to_string());
-                let from_job = converted(&options, format).map_err(|e| e.to_string());
+            // A tile of terrain is for elevation models.
+            for &format in Format::ALL.iter().filter(|&&format| format != Format::Terrain) {
+                let [at_once, from_job] = both(&picture(), &options, format);
                 assert!(at_once == from_job, "{method}, {format}{choices}");
             }
         }
     }
+}
+
+macro_rules! model {
+    ($name:literal) => {
+        include_bytes!(concat!("../../../codec/tests/samples/elevation/", $name)).to_vec()
+    };
+}
+
+#[test]
+fn elevation_models_give_the_same_bytes_at_once_and_from_a_job() {
+    for (file, query) in [
+        // With holes, in degrees; once with a step of its own, and once filled.
+        (model!("f32_tiled.tif"), "max_error=4"),
+        (model!("f32_tiled.tif"), "max_error=4&step=0.5&connectivity=free"),
+        (model!("f32_tiled.tif"), "size=60&nodata=fill&center=true&color=hillshade"),
+        (model!("f32_nan.tif"), "max_error=10&method=preview&relief=c0&height=7"),
+        // Without holes, in metres; of whole numbers, and scaled.
+        (model!("f64_strips.tif"), "max_error=6.5&compression=meshopt"),
+        (model!("i16_strips.tif"), "max_error=12.5&pixel_size=2"),
+        (model!("u16_scaled.tif"), "max_error=6&z_scale=2"),
+    ] {
+        let options = options(query);
+        for &format in Format::ALL {
+            let [at_once, from_job] = both(&file, &options, format);
+            assert!(at_once == from_job, "{query}, {format}: {at_once:?}");
+        }
+        // Most formats can hold each of these meshes.
+        let glb = both(&file, &options, Format::Glb)[1].clone().unwrap();
+        assert!(glb.windows(11).any(|part| part == b"\"elevation\""), "{query}");
+    }
+}
+
+#[test]
+fn mesh_files_of_elevation_models_are_converted_with_their_place() {
+    let (file, options) = (model!("f32_tiled.tif"), options("max_error=4"));
+    let (limits, context) = (Limits::default(), Context::default());
+    let made = |format| both(&file, &options, format)[0].clone().unwrap();
+    let converted = |format, size, to| {
+        let (file, output) = (made(format), options.output);
+        let conversion = Conversion { file, shown: None, size, format: to, output, mse: None };
+        convert(conversion, &limits, &context).unwrap().bytes
+    };
+    for format in [Format::Model, Format::Pmesh, Format::Progression] {
+        for to in [Format::Model, Format::Pmesh] {
+            assert_eq!(
+                converted(format, None, to).len(),
+                converted(to, None, to).len(),
+                "{format} to {to}"
+            );
+        }
+        let glb = String::from_utf8_lossy(&converted(format, None, Format::Glb)).into_owned();
+        assert!(glb.contains("\"epsg\":4326") && glb.contains("\"max_error\":4.0"), "{format}");
+    }
+    // Of fewer vertices the bound does not hold.
+    let small = converted(Format::Progression, Some(30), Format::Glb);
+    assert!(String::from_utf8_lossy(&small).contains("\"max_error\":null"));
 }

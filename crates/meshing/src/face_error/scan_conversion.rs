@@ -296,6 +296,14 @@ impl Interpolant {
         self.double_area
     }
 
+    /// Its value, not rounded.
+    #[inline(always)]
+    pub(crate) fn at(&self, x: i32, y: i32) -> f64 {
+        let numerator =
+            self.at_origin + self.per_column * i64::from(x) + self.per_row * i64::from(y);
+        numerator as f64 / self.double_area as f64
+    }
+
     /// Its differences, not rounded, from the `samples` of row `y` from column `x` on, times twice
     /// the face's area.
     #[inline(always)]

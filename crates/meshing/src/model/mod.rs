@@ -7,3 +7,4 @@ pub(crate) mod outline;
 pub(crate) mod progression;
 pub(crate) mod rasterize;
 pub(crate) mod seen;
+pub(crate) mod surface;

@@ -1,0 +1,57 @@
+//! The surface that a mesh models, not rounded to whole samples.
+
+use crate::control::{Cancelled, Control, Poller, Stage};
+use crate::face_error::scan_conversion::{Interpolant, try_for_each_row};
+use crate::image::{Point, Shape};
+use crate::model::mesh::Mesh;
+
+/// Calls `visit(point, samples)` once for each lattice point of the mesh's image, face by face, with
+/// what the mesh models there: the linear interpolant of each component, or the face's samples where
+/// the faces have [samples](Mesh::face_samples).
+///
+/// # Errors
+/// When the control cancels.
+///
+/// ```
+/// use pixmesh_meshing::{Mesh, Point, Shape, visit_surface};
+///
+/// let shape = Shape { width: 4, height: 2, component_count: 1, precision: 8 };
+/// let corners = [(0, 0), (3, 0), (0, 1), (3, 1)].map(|(x, y)| Point::new(x, y));
+/// let faces = vec![[0, 1, 3], [0, 3, 2]];
+/// let mesh = Mesh::new(shape, corners.to_vec(), vec![0, 1, 0, 1], faces, &())?;
+/// let mut sum = 0.0;
+/// visit_surface(&mesh, &(), |_, samples| sum += samples[0])?;
+/// assert_eq!(sum, 2.0 * (1.0 / 3.0 + 2.0 / 3.0 + 1.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn visit_surface(
+    mesh: &Mesh,
+    control: &dyn Control,
+    mut visit: impl FnMut(Point, &[f64]),
+) -> Result<(), Cancelled> {
+    let Shape { component_count, .. } = mesh.shape();
+    let mut poller = Poller::new(control, Stage::Rasterize, 0, mesh.faces().len());
+    let mut samples = vec![0.0; component_count];
+    for (f, &face) in mesh.faces().iter().enumerate() {
+        let corners = mesh.corners(face);
+        let of_corners = |c| face.map(|v| mesh.vertex_samples(v as usize)[c]);
+        let interpolants = (0..component_count).map(|c| Interpolant::new(corners, of_corners(c)));
+        let interpolants: Vec<Interpolant> = interpolants.collect();
+        let own = mesh.face_samples().map(|samples| &samples[f * component_count..]);
+        poller.done = f;
+        try_for_each_row(corners, |y, first, end| {
+            poller.step((end - first) as usize)?;
+            for x in first..end {
+                for (c, sample) in samples.iter_mut().enumerate() {
+                    *sample = match own {
+                        Some(own) => own[c].into(),
+                        None => interpolants[c].at(x, y),
+                    };
+                }
+                visit(Point::new(x, y), &samples);
+            }
+            Ok(())
+        })?;
+    }
+    Ok(())
+}
