@@ -210,7 +210,7 @@ impl Figures {
         Self {
             width: header.width,
             height: header.height,
-            components: header.component_count,
+            components: if heights.is_some() { 1 } else { header.component_count },
             precision: header.precision,
             identical: mse == 0.0 && is_matched,
             mse,
