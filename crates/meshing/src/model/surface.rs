@@ -55,3 +55,48 @@ pub fn visit_surface(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::corner_points;
+    use crate::model::rasterize::rasterize;
+    use crate::triangulation::triangulate;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn each_point_is_visited_once_near_its_rebuilt_samples(
+            (width, height) in (2usize..40, 2usize..40),
+            positions in prop::collection::vec((0i32..40, 0i32..40), 0..30),
+            is_flat in any::<bool>(),
+        ) {
+            let inner = positions.iter().map(|&(x, y)| {
+                Point::new(x % width as i32, y % height as i32)
+            });
+            let mut points: Vec<Point> = inner.chain(corner_points(width, height)).collect();
+            points.sort_unstable();
+            points.dedup();
+            let sample = |i: usize| (i * 40_503 % (1 << 16)) as u16;
+            let samples = (0..3 * points.len()).map(sample).collect();
+            let shape = Shape { width, height, component_count: 3, precision: 16 };
+            let faces = triangulate(&points);
+            let of_faces = (0..3 * faces.len()).map(sample).collect();
+            let mut mesh = Mesh::new(shape, points, samples, faces, &()).unwrap();
+            if is_flat {
+                mesh = mesh.with_face_samples(of_faces).unwrap();
+            }
+            let image = rasterize(&mesh, &()).unwrap();
+            let mut visits = vec![0; width * height];
+            visit_surface(&mesh, &(), |point, samples| {
+                let (x, y) = (point.x as usize, point.y as usize);
+                visits[y * width + x] += 1;
+                for (c, sample) in samples.iter().enumerate() {
+                    let rebuilt = f64::from(image.row(c, y)[x]);
+                    assert!((sample - rebuilt).abs() <= 0.5 + 1e-9, "{sample} and {rebuilt}");
+                }
+            }).unwrap();
+            prop_assert!(visits.iter().all(|&count| count == 1));
+        }
+    }
+}
