@@ -1,8 +1,6 @@
 // pmesh: a mesh or a whole progression of meshes in one small file. The service's documentation of
 // the format is that of its reader; this one reads the same bytes.
 
-import { readCompact } from "./compact.js";
-
 /**
  * Points of a picture by row, then column, with their samples, vertex by vertex. Rows count from
  * the bottom. The rank of a vertex is its place in the order of importance: the vertices of ranks
@@ -37,7 +35,11 @@ const LEAST_STRIP = 4;
 export async function readPmesh(buffer) {
   const header = new DataView(buffer);
   const isPmesh = header.getUint32(0) === 0x504d5348, version = header.getUint8(4), kept = header.getUint8(5);
-  if (isPmesh && version === COMPACT_VERSION) return readCompact(buffer, MOST_PIXELS);
+  if (isPmesh && version === COMPACT_VERSION) {
+    // With the first such mesh: a visit begins with a progression.
+    const { readCompact } = await import("./compact.js");
+    return readCompact(buffer, MOST_PIXELS);
+  }
   if (!isPmesh || (version !== 1 && version !== TERRAIN_VERSION) || kept > 1) {
     throw new Error("The service sent a mesh that this page cannot read.");
   }

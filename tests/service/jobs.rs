@@ -42,7 +42,8 @@ fn a_job_ends_with_the_same_mesh_as_a_request_in_every_format() {
         assert!(document[moment].as_str().unwrap().ends_with('Z'), "{document}");
     }
     let mesh = document["links"]["mesh"].as_str().unwrap();
-    for format in Format::NAMES {
+    // Quantized-mesh is for elevation models alone: `terrain.rs`.
+    for format in Format::NAMES.iter().filter(|name| **name != "terrain") {
         let direct = server.mesh(&format!("size=100&format={format}"), &[], &image);
         let stored = server.get(&format!("{mesh}?format={format}"));
         assert_eq!(stored.status, 200, "{}", stored.text());
@@ -80,6 +81,9 @@ fn faces_of_a_flat_mesh_have_the_same_colors_in_every_answer() {
         if *format == "progression" {
             direct.problem(422, "format-not-possible");
             stored.problem(409, "job-without-order");
+        } else if *format == "terrain" {
+            direct.problem(422, "format-not-possible");
+            stored.problem(422, "format-not-possible");
         } else {
             assert_eq!(stored.status, 200, "{format}: {}", stored.text());
             assert!(stored.body == direct.body, "{format}");
