@@ -229,7 +229,7 @@ fn parameters_page() -> String {
          `mgprfs`;\nwhere there is none, the parameter is not set.\n\n\
          | parameter | values | default | what |\n|---|---|---|---|\n",
     );
-    for row in TABLE.iter() {
+    for row in &TABLE {
         let values = match row.takes {
             Takes::Decimal { least, most } => format!("{least} to {most}"),
             Takes::Whole { least, most } => format!("{least} to {most}, whole"),

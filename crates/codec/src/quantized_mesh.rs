@@ -163,7 +163,7 @@ fn indices(mesh: &Shown<'_>, corner: Point) -> Vec<u8> {
         put(next - index, &mut bytes);
         next += u32::from(index == next);
     }
-    let borders: [(fn(Point) -> i32, i32, fn(Point) -> i32); 4] = [
+    let borders: [(Coordinate, i32, Coordinate); 4] = [
         (|p| p.x, 0, |p| p.y),
         (|p| p.y, 0, |p| p.x),
         (|p| p.x, corner.x, |p| p.y),
@@ -178,6 +178,9 @@ fn indices(mesh: &Shown<'_>, corner: Point) -> Vec<u8> {
     }
     bytes
 }
+
+/// The column or the row of a point.
+type Coordinate = fn(Point) -> i32;
 
 /// The unit normal of each vertex: the mean of its triangles', weighted by area.
 fn normals(positions: &[[f64; 3]], faces: &[Face]) -> Vec<[f64; 3]> {

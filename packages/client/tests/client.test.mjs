@@ -24,11 +24,11 @@ test("a pmesh gives the points and faces of the MODEL", async () => {
   assert.deepEqual(triangles(facesOf(points)), triangles(model.faces));
 });
 
-test("a pmesh of an elevation model has a text behind its header", async () => {
-  const bytes = new Uint8Array((await client.mesh(picture, { ...size, format: "pmesh" })).bytes);
+test("a progression of an elevation model has a text behind its header", async () => {
+  const bytes = new Uint8Array((await client.mesh(picture, { ...size, format: "progression" })).bytes);
   const text = new TextEncoder().encode("elevation model: base 0 step 1 rounding 0 unit 1");
   const model = Uint8Array.from([...bytes.subarray(0, 24), text.length, 0, ...text, ...bytes.subarray(24)]);
-  model[4] = 3;
+  model[4] = 4;
   assert.deepEqual(await readPmesh(model.buffer), await readPmesh(bytes.buffer));
 });
 
