@@ -3,9 +3,9 @@
 //! The connectivity is that of the preferred-directions Delaunay triangulation, which the points
 //! alone determine, so only points and samples are kept. A mesh is written as version 3, which
 //! `compact` codes and docs/pmesh.md specifies, a progression as version 1, or 4 for an elevation model.
-//! Versions 1 and 2 are read.
+//! All versions are read.
 //!
-//! These have a header of 24 bytes, numbers little-endian:
+//! Versions 1, 2 and 4 have a header of 24 bytes, numbers little-endian:
 //!
 //! | bytes | what |
 //! |---|---|
@@ -33,7 +33,7 @@
 //! lowers that sum, as 2d or -2d - 1 as above. From these and the number of pixels, components and bits
 //! follows the PSNR of every size.
 //!
-//! Where faces have colours, then come the samples of the faces, like those of the vertices, component by component:
+//! Version 2 then has the samples of the faces, like those of the vertices, component by component:
 //! how each differs from the mean of the face's vertices, rounded down. Each face begins with its
 //! first vertex, by row, then column, and the faces ascend.
 //!

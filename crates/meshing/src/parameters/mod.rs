@@ -85,8 +85,8 @@ pub enum ParameterError {
     WeightsSize { actual: (usize, usize), expected: (usize, usize) },
     /// Holes without a bound that keeps their borders, or with vertices that move.
     #[error(
-        "holes need max_error, and method, effort, values and meshed that move no vertices: give max_error \
-        without effort and fitted values, or fill the holes"
+        "a mesh with holes needs max_error, and its vertices may not move: give max_error and leave out \
+        effort, values and meshed, or fill the holes with nodata=fill"
     )]
     HolesNeedBound,
     /// The image itself cannot be meshed.
